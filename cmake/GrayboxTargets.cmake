@@ -1,0 +1,59 @@
+# Helpers every folder uses to declare its library, so that warnings, include paths and export
+# names are the same everywhere.
+
+# Headers are included as <graybox/problems/...> in the source tree, in the build tree and after
+# installation. A folder of links in the build tree makes that spelling work before installation.
+function(graybox_link_include_tree)
+  set(root "${CMAKE_BINARY_DIR}/include/graybox")
+  file(MAKE_DIRECTORY "${root}")
+  foreach(folder problems solvers diagnosis bench)
+    if(EXISTS "${CMAKE_SOURCE_DIR}/${folder}")
+      file(CREATE_LINK "${CMAKE_SOURCE_DIR}/${folder}" "${root}/${folder}" SYMBOLIC)
+    endif()
+  endforeach()
+endfunction()
+
+function(graybox_compile_options target)
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion
+    -Wnon-virtual-dtor -Woverloaded-virtual)
+  if(GRAYBOX_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(GRAYBOX_NATIVE)
+    target_compile_options(${target} PRIVATE -march=native)
+  endif()
+  if(GRAYBOX_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${GRAYBOX_SANITIZE} -fno-omit-frame-pointer)
+    target_link_options(${target} PRIVATE -fsanitize=${GRAYBOX_SANITIZE})
+  endif()
+  if(GRAYBOX_COVERAGE)
+    target_compile_options(${target} PRIVATE --coverage)
+    target_link_options(${target} PRIVATE --coverage)
+  endif()
+endfunction()
+
+# graybox_library(name SOURCES a.cpp b.cpp PUBLIC libs... PRIVATE libs...)
+# makes the target graybox_<name> with the alias graybox::<name>.
+function(graybox_library name)
+  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  set(target graybox_${name})
+  add_library(${target} STATIC ${arg_SOURCES})
+  add_library(graybox::${name} ALIAS ${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(${target} PUBLIC
+    $<BUILD_INTERFACE:${CMAKE_BINARY_DIR}/include>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  target_link_libraries(${target} PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+  graybox_compile_options(${target})
+  set_property(GLOBAL APPEND PROPERTY GRAYBOX_LIBRARIES ${target})
+endfunction()
+
+# graybox_executable(name SOURCES ... LINK ...)
+function(graybox_executable name)
+  cmake_parse_arguments(arg "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE ${arg_LINK})
+  graybox_compile_options(${name})
+endfunction()

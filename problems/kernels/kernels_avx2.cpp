@@ -1,0 +1,18 @@
+// Kernels for avx2: 4 doubles a vector. The compiler flags of this file alone are in
+// problems/CMakeLists.txt.
+#include <cstddef>
+
+#include "graybox/problems/kernels/kernels.hpp"
+
+namespace graybox::kernels_avx2 {
+namespace {
+
+constexpr int kLanes = 4;
+#include "graybox/problems/kernels/kernels_body.inc"
+
+}  // namespace
+
+extern const Kernels kTable;
+const Kernels kTable = {"avx2", &price, &accumulate, &sum};
+
+}  // namespace graybox::kernels_avx2

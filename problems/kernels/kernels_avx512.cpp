@@ -1,0 +1,18 @@
+// Kernels for avx512: 8 doubles a vector. The compiler flags of this file alone are in
+// problems/CMakeLists.txt.
+#include <cstddef>
+
+#include "graybox/problems/kernels/kernels.hpp"
+
+namespace graybox::kernels_avx512 {
+namespace {
+
+constexpr int kLanes = 8;
+#include "graybox/problems/kernels/kernels_body.inc"
+
+}  // namespace
+
+extern const Kernels kTable;
+const Kernels kTable = {"avx512", &price, &accumulate, &sum};
+
+}  // namespace graybox::kernels_avx512

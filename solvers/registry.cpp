@@ -1,0 +1,68 @@
+#include "graybox/solvers/registry.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i);
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t substitute = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, substitute}));
+    }
+  }
+  return row[b.size()];
+}
+
+}  // namespace
+
+void SolverRegistry::add(std::unique_ptr<Solver> solver) {
+  const std::string name(solver->name());
+  const auto same = [&](const Entry& entry) { return entry.name == name; };
+  if (std::ranges::any_of(entries_, same)) {
+    throw InputError(fmt::format("solver {} is registered already", name));
+  }
+  std::string description(solver->description());
+  entries_.push_back({name, std::move(description), std::move(solver), ""});
+}
+
+void SolverRegistry::add_unavailable(std::string name, std::string description,
+                                     std::string reason) {
+  entries_.push_back({std::move(name), std::move(description), nullptr, std::move(reason)});
+}
+
+const Solver& SolverRegistry::at(std::string_view name) const {
+  const Entry* nearest = nullptr;
+  std::size_t nearest_distance = name.size();
+  for (const Entry& entry : entries_) {
+    if (entry.name == name) {
+      if (entry.solver != nullptr) return *entry.solver;
+      throw InputError(fmt::format("solver {} is not available: {}", name, entry.unavailable_because));
+    }
+    const std::size_t distance = edit_distance(entry.name, name);
+    if (distance < nearest_distance) {
+      nearest = &entry;
+      nearest_distance = distance;
+    }
+  }
+  throw InputError(fmt::format("unknown solver '{}'{}; 'graybox solvers' lists all", name,
+                               nearest == nullptr ? std::string()
+                                                  : fmt::format(", did you mean {}?", nearest->name)));
+}
+
+SolverRegistry make_registry() {
+  SolverRegistry registry;
+  return registry;
+}
+
+}  // namespace graybox

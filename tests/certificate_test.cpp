@@ -1,0 +1,101 @@
+#include "graybox/solvers/certificate.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/random.hpp"
+#include "graybox/solvers/sensitivity.hpp"
+
+namespace graybox {
+namespace {
+
+InformationSet make_set(std::size_t dimension, const std::vector<double>& values) {
+  AlignedArray information(values.size());
+  std::ranges::copy(values, information.begin());
+  return InformationSet(dimension, std::move(information));
+}
+
+InformationSet random_set(std::size_t d, std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  AlignedArray information(count * packed_size(d));
+  std::vector<double> g(d * d), full(d * d);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (double& x : g) x = random.normal();
+    for (std::size_t r = 0; r < d; ++r) {
+      for (std::size_t c = 0; c < d; ++c) {
+        full[r * d + c] = 0.0;
+        for (std::size_t k = 0; k < d; ++k) full[r * d + c] += g[r * d + k] * g[c * d + k];
+      }
+    }
+    pack(full.data(), d, information.data() + i * packed_size(d));
+  }
+  return InformationSet(d, std::move(information));
+}
+
+TEST(Certificate, OrthogonalCandidatesAreOptimalWithEqualWeights) {
+  const InformationSet set = make_set(2, {1, 0, 0, 0, 0, 4});
+  const Certificate best = certify(set, {{0.5, 0.5}});
+  EXPECT_EQ(best.status, CertificateStatus::kCertified);
+  EXPECT_LE(std::abs(best.duality_gap), best.rounding_bound);
+  EXPECT_LT(best.rounding_bound, 1e-15);
+  EXPECT_NEAR(best.log_det, std::log(0.5 * 2.0), 1e-15);
+  // w_1 = 1/0.25 = 4, so the gap is 4/2 - 1.
+  EXPECT_NEAR(certify(set, {{0.25, 0.75}}).duality_gap, 1.0, 1e-15);
+}
+
+TEST(Certificate, RefusesWhatIsNoDesign) {
+  const InformationSet set = make_set(2, {1, 0, 0, 0, 0, 4});
+  EXPECT_EQ(certify(set, {{0.5}}).status, CertificateStatus::kNotADesign);
+  EXPECT_EQ(certify(set, {{0.5, 0.6}}).status, CertificateStatus::kNotADesign);
+  EXPECT_EQ(certify(set, {{1.1, -0.1}}).status, CertificateStatus::kNotADesign);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(certify(set, {{nan, 0.5}}).status, CertificateStatus::kNotADesign);
+  EXPECT_EQ(certify(set, {{1.0, 0.0}}).status, CertificateStatus::kSingular);
+  EXPECT_TRUE(std::isinf(certify(set, {{1.0, 0.0}}).duality_gap));
+}
+
+TEST(Certificate, ClipsAndRenormalisesRoundingAndSaysHowMuch) {
+  const InformationSet set = make_set(2, {1, 0, 0, 0, 0, 4, 1, 0, 1});
+  const Certificate certificate = certify(set, {{0.5, 0.5 + 1e-10, -1e-13}});
+  EXPECT_EQ(certificate.status, CertificateStatus::kCertified);
+  EXPECT_NEAR(certificate.clipped, 1e-13, 1e-20);
+  EXPECT_NEAR(certificate.renormalised, 1e-10, 1e-12);
+  EXPECT_EQ(certificate.support_size, 2U);
+}
+
+TEST(Certificate, RoundingBoundCoversThePlainDoublePass) {
+  for (std::size_t d : {1UL, 2UL, 5UL, 12UL, 40UL}) {
+    const InformationSet set = random_set(d, 60, d);
+    Design design{std::vector<double>(60, 1.0 / 60)};
+    const Certificate certificate = certify(set, design);
+    ASSERT_EQ(certificate.status, CertificateStatus::kCertified);
+    EXPECT_NEAR(certificate.duality_gap, duality_gap(set, design.weights), 1e-12);
+    EXPECT_LT(certificate.rounding_bound, 1e-12);
+  }
+}
+
+TEST(Certificate, InvariantUnderReparametrisationOverManyDecades) {
+  const std::size_t d = 6;
+  const InformationSet set = random_set(d, 30, 5);
+  AlignedArray scaled(30 * packed_size(d));
+  for (std::size_t i = 0; i < 30; ++i) {
+    for (std::size_t r = 0; r < d; ++r) {
+      for (std::size_t c = 0; c <= r; ++c) {
+        const double factor = std::exp2(10.0 * static_cast<double>(r)) * std::exp2(10.0 * static_cast<double>(c));
+        scaled[i * packed_size(d) + packed_index(r, c)] = factor * set.information(i)[packed_index(r, c)];
+      }
+    }
+  }
+  Design design{std::vector<double>(30, 1.0 / 30)};
+  const Certificate a = certify(set, design);
+  const Certificate b = certify(InformationSet(d, std::move(scaled)), design);
+  EXPECT_NEAR(a.duality_gap, b.duality_gap, a.rounding_bound + b.rounding_bound);
+}
+
+}  // namespace
+}  // namespace graybox
