@@ -1,13 +1,12 @@
 #include "graybox/problems/kernels/kernels.hpp"
 
-#include <cstdlib>
-#include <string_view>
+#include "graybox/problems/kernels/vector_width.hpp"
 
 namespace graybox {
 namespace kernels_generic {
 extern const Kernels kTable;
 }
-#ifdef GRAYBOX_X86_64
+#if defined(__x86_64__)
 namespace kernels_avx2 {
 extern const Kernels kTable;
 }
@@ -16,27 +15,17 @@ extern const Kernels kTable;
 }
 #endif
 
-namespace {
-
-const Kernels& choose() {
-#ifdef GRAYBOX_X86_64
-  const char* wish = std::getenv("GRAYBOX_KERNELS");
-  const std::string_view wanted = wish == nullptr ? "" : wish;
-  __builtin_cpu_init();
-  const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  const bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq");
-  if (wanted == "generic") return kernels_generic::kTable;
-  if (avx512 && wanted != "avx2") return kernels_avx512::kTable;
-  if (avx2) return kernels_avx2::kTable;
-#endif
-  return kernels_generic::kTable;
-}
-
-}  // namespace
-
 const Kernels& kernels() {
-  static const Kernels& chosen = choose();
-  return chosen;
+  switch (vector_width()) {
+#if defined(__x86_64__)
+    case VectorWidth::kAvx512:
+      return kernels_avx512::kTable;
+    case VectorWidth::kAvx2:
+      return kernels_avx2::kTable;
+#endif
+    default:
+      return kernels_generic::kTable;
+  }
 }
 
 }  // namespace graybox
