@@ -9,7 +9,7 @@ foreach(folder problems solvers)
     FILES_MATCHING PATTERN "*.hpp")
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/problems/robot/
-  DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot)
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot OPTIONAL)
 install(EXPORT graybox-targets NAMESPACE graybox::
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)
 configure_package_config_file(${CMAKE_SOURCE_DIR}/cmake/graybox-config.cmake.in
