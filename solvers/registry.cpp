@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/solvers/column_generation.hpp"
 
 namespace graybox {
 namespace {
@@ -62,6 +63,7 @@ const Solver& SolverRegistry::at(std::string_view name) const {
 
 SolverRegistry make_registry() {
   SolverRegistry registry;
+  registry.add(std::make_unique<ColumnGeneration>());
   return registry;
 }
 

@@ -1,0 +1,351 @@
+#include "graybox/solvers/column_generation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/random.hpp"
+#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "graybox/solvers/screening.hpp"
+#include "graybox/solvers/tracer.hpp"
+#include "graybox/solvers/working_set.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A pool of candidates with their sensitivities at the last pricing. An empty list of indices
+// stands for the whole set.
+struct Pool {
+  std::vector<std::size_t> indices;
+  AlignedArray sensitivity;
+  std::size_t count = 0;
+  std::size_t best = 0;  // position of the largest sensitivity
+
+  [[nodiscard]] bool whole() const { return indices.empty(); }
+  [[nodiscard]] std::size_t candidate(std::size_t k) const { return whole() ? k : indices[k]; }
+};
+
+enum class Rounds { kConverged, kStopped, kOutOfTime, kSingular };
+
+class ColumnGenerationRun {
+ public:
+  ColumnGenerationRun(const InformationSet& set, const SolveOptions& options,
+                      SolveObserver* observer)
+      : set_(set),
+        options_(options),
+        tracer_(set, options, observer),
+        working_(set),
+        random_(options.seed),
+        dimension_(static_cast<double>(set.dimension())) {}
+
+  Solution run();
+
+ private:
+  [[nodiscard]] Pool sample_pool(std::size_t count);
+  [[nodiscard]] bool start(const Pool& pool);
+  [[nodiscard]] bool start_from(const std::vector<std::size_t>& candidates, bool equalise);
+  double price(Pool& pool);
+  std::size_t add_violators(const Pool& pool);
+  Rounds solve_pool(Pool& pool, double tolerance, int round_limit);
+  [[nodiscard]] Pool short_list(const Pool& all);
+  [[nodiscard]] Pool above(const Pool& all, double threshold) const;
+  void apply_frobenius_rule(Pool& list, double max_sensitivity);
+  Solution finish(SolveStatus status, std::string message = {});
+  void keep_if_better(double gap);
+
+  const InformationSet& set_;
+  const SolveOptions& options_;
+  Tracer tracer_;
+  WorkingSet working_;
+  Random random_;
+  double dimension_;
+  std::int64_t rounds_ = 0;
+  double best_gap_ = kInfinity;  // of a pass over the whole set
+  std::vector<std::pair<std::size_t, double>> best_design_;
+  std::vector<std::pair<double, std::size_t>> violators_;
+};
+
+// `count` candidates, one drawn at random from each of as many equal strata of the order.
+Pool ColumnGenerationRun::sample_pool(std::size_t count) {
+  const std::size_t total = set_.candidate_count();
+  Pool pool;
+  if (count < total) {
+    pool.indices.resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t from = total * k / count;
+      const std::size_t to = total * (k + 1) / count;
+      pool.indices[k] = from + random_.below(to - from);
+    }
+  }
+  pool.count = count;
+  pool.sensitivity = AlignedArray(count);
+  return pool;
+}
+
+// First working set: a dozen multiplicative steps on the pool from equal weights, then the heaviest
+// few. Where the pool sees too few directions (candidates that inform about one parameter each) the
+// whole set is tried, and last with weights that give each candidate's matrix the same size.
+bool ColumnGenerationRun::start(const Pool& pool) {
+  std::vector<std::size_t> candidates(pool.count);
+  for (std::size_t k = 0; k < pool.count; ++k) candidates[k] = pool.candidate(k);
+  if (start_from(candidates, false)) return true;
+  candidates.resize(set_.candidate_count());
+  std::iota(candidates.begin(), candidates.end(), std::size_t{0});
+  return start_from(candidates, false) || start_from(candidates, true);
+}
+
+bool ColumnGenerationRun::start_from(const std::vector<std::size_t>& candidates, bool equalise) {
+  constexpr int kSteps = 4;
+  const std::size_t p = set_.packed_size();
+  const std::size_t d = set_.dimension();
+  const std::size_t count = candidates.size();
+  AlignedArray rows(count * p);
+  std::vector<double> weights(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto row = set_.information(candidates[k]);
+    std::ranges::copy(row, rows.begin() + k * p);
+    double size = 0.0;
+    for (std::size_t j = 0; equalise && j < d; ++j) size += row[packed_index(j, j)];
+    // Random factors break ties between candidates that are images of one another.
+    weights[k] = (0.9 + 0.2 * random_.uniform()) / (size > 0.0 ? size : 1.0);
+  }
+  tracer_.count_candidates(count);
+  std::vector<double> matrix(p, 0.0);
+  kernels().accumulate(rows.data(), count, p, weights.data(), matrix.data());
+  InverseCholesky inverse(d);
+  for (int step = 0; step < kSteps; ++step) {
+    if (!inverse.factor(matrix)) return false;
+    std::ranges::fill(matrix, 0.0);
+    dense_kernels().reweigh(rows.data(), count, p, inverse.trace_dual().data(), 1.0 / dimension_,
+                            weights.data(), matrix.data());
+    tracer_.count_candidates(count);
+  }
+  // The heaviest few; more of them while their matrix alone is singular.
+  std::vector<std::size_t> order(count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  for (std::size_t wanted = 3 * d;; wanted *= 2) {
+    const std::size_t kept = std::min(wanted, count);
+    std::ranges::nth_element(order, order.begin() + static_cast<std::ptrdiff_t>(kept - 1),
+                             [&](std::size_t a, std::size_t b) { return weights[a] > weights[b]; });
+    working_.clear();
+    for (std::size_t k = 0; k < kept; ++k) working_.add(candidates[order[k]], weights[order[k]]);
+    if (working_.refresh()) return true;
+    if (kept == count) return false;
+  }
+}
+
+// w_i for the pool; returns the largest.
+double ColumnGenerationRun::price(Pool& pool) {
+  const double* dual = working_.inverse().trace_dual().data();
+  const std::size_t p = set_.packed_size();
+  constexpr std::size_t kBlock = 4096;
+  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
+  const int threads = blocks < 8 ? 1 : options_.threads;
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
+  for (std::ptrdiff_t b = 0; b < blocks; ++b) {
+    const std::size_t from = static_cast<std::size_t>(b) * kBlock;
+    const std::size_t count = std::min(kBlock, pool.count - from);
+    double* out = pool.sensitivity.data() + from;
+    if (pool.whole()) {
+      kernels().price(set_.data() + from * p, count, p, dual, out);
+    } else {
+      dense_kernels().price_indexed(set_.data(), pool.indices.data() + from, count, p, dual, out);
+    }
+  }
+  tracer_.count_candidates(pool.count);
+  pool.best = static_cast<std::size_t>(
+      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
+      pool.sensitivity.begin());
+  return pool.sensitivity[pool.best];
+}
+
+// Adds the largest sensitivity of each of a few dozen stretches of the pool, the best 2 d of them.
+// The stretches are shifted at random from round to round.
+std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
+  const std::size_t stretches = std::min(pool.count, 4 * set_.dimension());
+  const std::size_t length = (pool.count + stretches - 1) / stretches;
+  const std::size_t shift = random_.below(length);
+  violators_.clear();
+  for (std::size_t from = 0; from < pool.count;) {
+    const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
+    const double* first = pool.sensitivity.data() + from;
+    const double* best = std::max_element(first, pool.sensitivity.data() + to);
+    if (*best > dimension_) violators_.emplace_back(*best, from + static_cast<std::size_t>(best - first));
+    from = to;
+  }
+  const std::size_t wanted = std::min(violators_.size(), 2 * set_.dimension());
+  std::ranges::partial_sort(violators_, violators_.begin() + static_cast<std::ptrdiff_t>(wanted),
+                            std::greater<>());
+  std::size_t added = 0;
+  for (std::size_t k = 0; k < wanted; ++k) {
+    added += working_.add(pool.candidate(violators_[k].second), 0.0) ? 1U : 0U;
+  }
+  return added;
+}
+
+// Rounds of price, add, solve on one pool until its gap is at most `tolerance`. The working set is
+// solved a few times more precisely than the pool's last gap, since more would be lost at the next
+// addition. The pool is expected to be priced already if `priced`.
+Rounds ColumnGenerationRun::solve_pool(Pool& pool, double tolerance, int round_limit) {
+  for (int round = 0;; ++round) {
+    const double gap = price(pool) / dimension_ - 1.0;
+    if (gap <= tolerance) return Rounds::kConverged;
+    if (round == round_limit) return Rounds::kStopped;
+    if (tracer_.out_of_time()) return Rounds::kOutOfTime;
+    const std::size_t added = add_violators(pool);
+    const double inner = std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap));
+    const WorkingSetStatus status = working_.optimise(inner, 30);
+    ++rounds_;
+    if (status == WorkingSetStatus::kSingular) return Rounds::kSingular;
+    working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + gap)));
+    if (added == 0 && status == WorkingSetStatus::kNoProgress) return Rounds::kStopped;
+  }
+}
+
+Solution ColumnGenerationRun::run() {
+  const std::size_t total = set_.candidate_count();
+  const std::size_t first = total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
+  {
+    Pool pool = sample_pool(first);
+    if (!start(pool)) {
+      return finish(SolveStatus::kUnsupported,
+                    "the sum of all information matrices is singular in double precision");
+    }
+    working_.optimise(0.05, 4);
+    if (first < total) {
+      solve_pool(pool, 0.03, 4);
+    }
+  }
+  for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
+    Pool pool = sample_pool(size);
+    solve_pool(pool, 0.03, 3);
+  }
+
+  Pool all = sample_pool(total);
+  int without_progress = 0;
+  for (std::int64_t pass = 0;; ++pass) {
+    const double gap = price(all) / dimension_ - 1.0;
+    tracer_.record(gap, rounds_);
+    without_progress = gap < 0.9 * best_gap_ ? 0 : without_progress + 1;
+    keep_if_better(gap);
+    if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
+    if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
+    if (options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit) {
+      return finish(SolveStatus::kIterationLimit);
+    }
+    if (without_progress > 8) {
+      return finish(SolveStatus::kNumericalFailure,
+                    fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
+    }
+    Pool list = short_list(all);  // before the working set moves: the rules hold for this design
+    add_violators(all);
+    working_.optimise(std::max(0.3 * options_.duality_gap, std::min(0.1 * gap, gap * gap)), 30);
+    ++rounds_;
+    solve_pool(list, 0.5 * options_.duality_gap, 30);
+  }
+}
+
+// The candidates on which to go on after a pass over the whole set. Where the safe rules leave few
+// enough, those: they hold every support point, so that the next pass over the set is the last.
+// Otherwise about as many as are wanted of the largest sensitivities, a guess that the next pass
+// corrects; its threshold is a quantile of a sample.
+Pool ColumnGenerationRun::short_list(const Pool& all) {
+  const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
+  if (all.count <= 2 * wanted) return above(all, -kInfinity);
+  constexpr std::size_t kSample = 512;
+  std::vector<double> sample(kSample);
+  for (std::size_t k = 0; k < kSample; ++k) sample[k] = all.sensitivity[all.count * k / kSample];
+  const auto quantile = [&](std::size_t rank) {
+    std::ranges::nth_element(sample, sample.begin() + static_cast<std::ptrdiff_t>(rank),
+                             std::greater<>());
+    return sample[rank];
+  };
+  const double largest = all.sensitivity[all.best];
+  const double safe = harman_pronzato_threshold(largest, set_.dimension());
+  const std::size_t rank = std::max<std::size_t>(1, kSample * wanted / all.count);
+  const double guess = quantile(rank);
+  if (safe >= guess) return above(all, safe);
+  if (safe < quantile(4 * rank)) return above(all, guess);
+  Pool list = above(all, safe);
+  apply_frobenius_rule(list, largest);
+  return list;
+}
+
+// The candidates with a sensitivity of at least `threshold`, with their sensitivities.
+Pool ColumnGenerationRun::above(const Pool& all, double threshold) const {
+  Pool list;
+  for (std::size_t k = 0; k < all.count; ++k) {
+    if (all.sensitivity[k] >= threshold) list.indices.push_back(k);
+  }
+  list.count = list.indices.size();
+  list.sensitivity = AlignedArray(list.count);
+  for (std::size_t k = 0; k < list.count; ++k) {
+    list.sensitivity[k] = all.sensitivity[list.indices[k]];
+  }
+  return list;
+}
+
+// Keeps the candidates that formula (6) of screening.hpp can't exclude from every optimal support.
+void ColumnGenerationRun::apply_frobenius_rule(Pool& list, double max_sensitivity) {
+  constexpr std::size_t kBatch = 64;
+  const FrobeniusRule rule(max_sensitivity, set_.dimension());
+  const std::size_t stride = (set_.packed_size() + 7) / 8 * 8;
+  const std::size_t d = set_.dimension();
+  std::vector<double> whitened(kBatch * stride), scratch(8 * d * (d + 1)), traces(kBatch);
+  std::size_t kept = 0;
+  for (std::size_t from = 0; from < list.count; from += kBatch) {
+    const std::size_t count = std::min(kBatch, list.count - from);
+    dense_kernels().whiten(set_.data(), list.indices.data() + from, count, d,
+                           working_.inverse().inverse_factor().data(), whitened.data(), stride,
+                           traces.data(), scratch.data());
+    for (std::size_t k = 0; k < count; ++k) {
+      const double* row = whitened.data() + k * stride;
+      const double squared_norm = std::inner_product(row, row + stride, row, 0.0);
+      if (rule.deletable(traces[k], squared_norm)) continue;
+      list.indices[kept] = list.indices[from + k];
+      list.sensitivity[kept] = list.sensitivity[from + k];
+      ++kept;
+    }
+  }
+  tracer_.count_candidates(list.count);
+  list.indices.resize(kept);
+  list.count = kept;
+}
+
+void ColumnGenerationRun::keep_if_better(double gap) {
+  if (!(gap < best_gap_)) return;
+  best_gap_ = gap;
+  best_design_.clear();
+  for (std::size_t k = 0; k < working_.size(); ++k) {
+    if (working_.weights()[k] > 0.0) {
+      best_design_.emplace_back(working_.indices()[k], working_.weights()[k]);
+    }
+  }
+}
+
+Solution ColumnGenerationRun::finish(SolveStatus status, std::string message) {
+  Design design;
+  if (status != SolveStatus::kUnsupported) {
+    design.weights.assign(set_.candidate_count(), 0.0);
+    for (const auto& [candidate, weight] : best_design_) design.weights[candidate] = weight;
+  }
+  return tracer_.finish(std::move(design), status, rounds_, std::move(message));
+}
+
+}  // namespace
+
+Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
+                                 SolveObserver* observer) const {
+  return ColumnGenerationRun(set, options, observer).run();
+}
+
+}  // namespace graybox

@@ -1,0 +1,274 @@
+#include "graybox/solvers/working_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numeric>
+
+#include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/kernels/dense_kernels.hpp"
+
+namespace graybox {
+
+InverseCholesky::InverseCholesky(std::size_t dimension)
+    : dimension_(dimension),
+      factor_(packed_size(dimension)),
+      inverse_(packed_size(dimension)),
+      dual_(packed_size(dimension)) {}
+
+bool InverseCholesky::cholesky(std::span<const double> packed, double& log_det) {
+  // A pivot this much smaller than its diagonal entry is rounding.
+  const double smallest = 4.0 * static_cast<double>(dimension_) * std::numeric_limits<double>::epsilon();
+  double product = 1.0;  // of pivots, flushed into log_det before it can overflow
+  log_det = 0.0;
+  for (std::size_t i = 0; i < dimension_; ++i) {
+    double* row = factor_.data() + i * (i + 1) / 2;
+    const double* source = packed.data() + i * (i + 1) / 2;
+    double pivot = source[i];
+    for (std::size_t j = 0; j < i; ++j) {
+      const double* other = factor_.data() + j * (j + 1) / 2;
+      double value = source[j];
+      for (std::size_t k = 0; k < j; ++k) value -= row[k] * other[k];
+      row[j] = value * other[j];  // the diagonal holds reciprocals
+      pivot -= row[j] * row[j];
+    }
+    if (!(pivot > smallest * source[i]) || !(pivot > 0.0)) return false;
+    row[i] = 1.0 / std::sqrt(pivot);
+    product *= pivot;
+    if (product > 1e200 || product < 1e-200) {
+      log_det += std::log(product);
+      product = 1.0;
+    }
+  }
+  log_det += std::log(product);
+  return std::isfinite(log_det);
+}
+
+double InverseCholesky::log_det_of(std::span<const double> packed) {
+  double log_det = 0.0;
+  return cholesky(packed, log_det) ? log_det : -std::numeric_limits<double>::infinity();
+}
+
+bool InverseCholesky::factor(std::span<const double> packed) {
+  if (!cholesky(packed, log_det_)) return false;
+  const std::size_t d = dimension_;
+  // Rows of X = L^-1: X_i = (e_i - sum_{k<i} L_ik X_k) / L_ii.
+  for (std::size_t i = 0; i < d; ++i) {
+    const double* l = factor_.data() + i * (i + 1) / 2;
+    double* x = inverse_.data() + i * (i + 1) / 2;
+    std::fill(x, x + i, 0.0);
+    for (std::size_t k = 0; k < i; ++k) {
+      const double* xk = inverse_.data() + k * (k + 1) / 2;
+      const double c = l[k];
+      for (std::size_t j = 0; j <= k; ++j) x[j] -= c * xk[j];
+    }
+    for (std::size_t j = 0; j < i; ++j) x[j] *= l[i];
+    x[i] = l[i];
+  }
+  // W = X^T X, off-diagonal entries doubled.
+  std::ranges::fill(dual_, 0.0);
+  for (std::size_t k = 0; k < d; ++k) {
+    const double* x = inverse_.data() + k * (k + 1) / 2;
+    for (std::size_t i = 0; i <= k; ++i) {
+      double* w = dual_.data() + i * (i + 1) / 2;
+      const double c = 2.0 * x[i];
+      for (std::size_t j = 0; j < i; ++j) w[j] += c * x[j];
+      w[i] += x[i] * x[i];
+    }
+  }
+  return true;
+}
+
+WorkingSet::WorkingSet(const InformationSet& set)
+    : set_(set),
+      dimension_(set.dimension()),
+      packed_size_(set.packed_size()),
+      stride_((set.packed_size() + 7) / 8 * 8),
+      scratch_(set.dimension() * (set.dimension() + 1) * 8),
+      matrix_(set.packed_size()),
+      target_matrix_(set.packed_size()),
+      trial_matrix_(set.packed_size()),
+      inverse_(set.dimension()),
+      trial_(set.dimension()) {
+  reserve(8 * dimension_);
+}
+
+void WorkingSet::reserve(std::size_t members) {
+  if (whitened_rows_ >= members) return;
+  indices_.reserve(members);
+  weights_.reserve(members);
+  rows_.reserve(members * packed_size_);
+  whitened_ = AlignedArray(members * stride_);
+  whitened_rows_ = members;
+  sensitivity_.resize(members);
+  active_.reserve(members);
+  active_sensitivity_.resize(members);
+  hessian_.resize(members * members);
+  linear_.resize(members);
+  target_.resize(members);
+  quadratic_.reserve(members);
+}
+
+void WorkingSet::clear() {
+  indices_.clear();
+  weights_.clear();
+  rows_.clear();
+}
+
+bool WorkingSet::contains(std::size_t candidate) const {
+  return std::ranges::find(indices_, candidate) != indices_.end();
+}
+
+bool WorkingSet::add(std::size_t candidate, double weight) {
+  const double* row = set_.information(candidate).data();
+  const std::size_t bytes = packed_size_ * sizeof(double);
+  for (std::size_t k = 0; k < size(); ++k) {
+    if (indices_[k] == candidate ||
+        std::memcmp(rows_.data() + k * packed_size_, row, bytes) == 0) {
+      weights_[k] += weight;
+      return false;
+    }
+  }
+  if (size() == whitened_rows_) reserve(2 * size());
+  indices_.push_back(candidate);
+  weights_.push_back(weight);
+  rows_.insert(rows_.end(), row, row + packed_size_);
+  return true;
+}
+
+void WorkingSet::drop_below(double sensitivity) {
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < size(); ++k) {
+    if (weights_[k] == 0.0 && sensitivity_[k] < sensitivity) continue;
+    if (kept != k) {
+      indices_[kept] = indices_[k];
+      weights_[kept] = weights_[k];
+      sensitivity_[kept] = sensitivity_[k];
+      std::copy_n(rows_.begin() + static_cast<std::ptrdiff_t>(k * packed_size_), packed_size_,
+                  rows_.begin() + static_cast<std::ptrdiff_t>(kept * packed_size_));
+    }
+    ++kept;
+  }
+  indices_.resize(kept);
+  weights_.resize(kept);
+  rows_.resize(kept * packed_size_);
+}
+
+void WorkingSet::information(std::span<const double> weights, std::span<double> packed) const {
+  std::ranges::fill(packed, 0.0);
+  kernels().accumulate(rows_.data(), size(), packed_size_, weights.data(), packed.data());
+}
+
+void WorkingSet::normalise() {
+  const double sum = std::accumulate(weights_.begin(), weights_.end(), 0.0);
+  for (double& weight : weights_) weight /= sum;
+}
+
+bool WorkingSet::refresh() {
+  normalise();
+  information(weights_, matrix_);
+  return inverse_.factor(matrix_);
+}
+
+void WorkingSet::choose_active() {
+  active_.clear();
+  const auto d = static_cast<double>(dimension_);
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (weights_[i] > 0.0 || sensitivity_[i] > d) active_.push_back(i);
+  }
+}
+
+// The minimiser mu of the quadratic model over the active members, in target_.
+bool WorkingSet::newton_target() {
+  const std::size_t n = active_.size();
+  const auto d = static_cast<double>(dimension_);
+  dense_kernels().whiten(rows_.data(), active_.data(), n, dimension_,
+                         inverse_.inverse_factor().data(), whitened_.data(), stride_,
+                         active_sensitivity_.data(), scratch_.data());
+  dense_kernels().gram(whitened_.data(), n, stride_, hessian_.data());
+  double trace = 0.0;
+  for (std::size_t i = 0; i < n; ++i) trace += hessian_[i * n + i];
+  const std::span<double> target(target_.data(), n);
+  double added = 0.0;
+  for (double proximal = 1e-6 * trace / static_cast<double>(n); proximal <= 1e-2 * trace;
+       proximal *= 1e3) {
+    for (std::size_t i = 0; i < n; ++i) {
+      hessian_[i * n + i] += proximal - added;
+      linear_[i] = 2.0 * active_sensitivity_[i] - d + proximal * weights_[active_[i]];
+      target[i] = 1.0;  // guess: all are free
+    }
+    added = proximal;
+    if (quadratic_.solve({hessian_.data(), n * n}, {linear_.data(), n}, target)) return true;
+  }
+  return false;
+}
+
+// Moves from the weights towards the target as far as f increases enough (Armijo's rule on the
+// scale-free objective); false where no step does.
+bool WorkingSet::search_line() {
+  const auto d = static_cast<double>(dimension_);
+  double slope = 0.0, target_sum = 0.0;
+  trial_weights_.assign(size(), 0.0);
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    slope += (active_sensitivity_[k] - d) * (target_[k] - weights_[active_[k]]);
+    target_sum += target_[k];
+    trial_weights_[active_[k]] = target_[k];
+  }
+  if (!(slope > 0.0) || !(target_sum > 0.0)) return false;
+  double step = 1.0;
+  if (slope > 1e-2) {  // below that the quadratic model is exact enough to take the full step
+    information(trial_weights_, target_matrix_);
+    const double value = inverse_.log_det() - d;  // the weights sum to one
+    for (; step > 1e-6; step *= 0.4) {
+      for (std::size_t k = 0; k < packed_size_; ++k) {
+        trial_matrix_[k] = matrix_[k] + step * (target_matrix_[k] - matrix_[k]);
+      }
+      const double trial = trial_.log_det_of(trial_matrix_) - d * (1.0 + step * (target_sum - 1.0));
+      if (trial >= value + 0.1 * step * slope) break;
+    }
+    if (step <= 1e-6) return false;
+  }
+  for (std::size_t i = 0; i < size(); ++i) {
+    weights_[i] = step == 1.0 ? trial_weights_[i]
+                              : weights_[i] + step * (trial_weights_[i] - weights_[i]);
+  }
+  return true;
+}
+
+// Monotone whatever the state; used where Newton's step finds no increase.
+bool WorkingSet::multiplicative_steps(int count) {
+  for (int k = 0; k < count; ++k) {
+    std::ranges::fill(matrix_, 0.0);
+    dense_kernels().reweigh(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
+                            1.0 / static_cast<double>(dimension_), weights_.data(), matrix_.data());
+    if (!refresh()) return false;
+  }
+  return true;
+}
+
+WorkingSetStatus WorkingSet::optimise(double tolerance, int step_limit) {
+  const auto d = static_cast<double>(dimension_);
+  double best_gap = std::numeric_limits<double>::infinity();
+  int stalled = 0;
+  for (int step = 0;; ++step) {
+    if (!refresh()) return WorkingSetStatus::kSingular;
+    kernels().price(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
+                    sensitivity_.data());
+    gap_ = *std::max_element(sensitivity_.begin(),
+                             sensitivity_.begin() + static_cast<std::ptrdiff_t>(size())) / d - 1.0;
+    if (gap_ <= tolerance) return WorkingSetStatus::kConverged;
+    if (step == step_limit) return WorkingSetStatus::kStopped;
+    stalled = gap_ < 0.9 * best_gap ? 0 : stalled + 1;
+    best_gap = std::min(best_gap, gap_);
+    if (stalled > 12) return WorkingSetStatus::kNoProgress;
+    ++newton_steps_;
+    choose_active();
+    if (!newton_target() || !search_line()) {
+      if (!multiplicative_steps(10)) return WorkingSetStatus::kSingular;
+    }
+  }
+}
+
+}  // namespace graybox
