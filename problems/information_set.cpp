@@ -69,8 +69,8 @@ InformationSet::InformationSet(std::size_t dimension, AlignedArray information,
                                  candidates_.names.size()));
   }
   if (!parameters_.empty() && parameters_.size() != dimension_) {
-    throw InputError(fmt::format("{}: parameters: {} names, but d = {}", who, parameters_.size(),
-                                 dimension_));
+    throw InputError(
+        fmt::format("{}: parameters: {} names, but d = {}", who, parameters_.size(), dimension_));
   }
 }
 
@@ -120,18 +120,21 @@ void InformationSet::validate() const {
     const auto packed = this->information(i);
     const auto bad = std::ranges::find_if_not(packed, [](double x) { return std::isfinite(x); });
     if (bad != packed.end()) {
-      throw InputError(fmt::format("{}: candidate {}: entry {} of the packed matrix is {}; remove "
-                                   "or repair that candidate",
-                                   who, i, bad - packed.begin(), *bad));
+      throw InputError(
+          fmt::format("{}: candidate {}: entry {} of the packed matrix is {}; remove "
+                      "or repair that candidate",
+                      who, i, bad - packed.begin(), *bad));
     }
     if (!is_positive_semidefinite(full_matrix(packed, dimension_))) {
-      throw InputError(fmt::format("{}: candidate {}: the information matrix is not positive "
-                                   "semidefinite; check how it was formed",
-                                   who, i));
+      throw InputError(
+          fmt::format("{}: candidate {}: the information matrix is not positive "
+                      "semidefinite; check how it was formed",
+                      who, i));
     }
     // Normalised, so that a few huge candidates can't hide the directions the others see.
     double scale = 0.0;
-    for (std::size_t j = 0; j < dimension_; ++j) scale = std::max(scale, packed[packed_index(j, j)]);
+    for (std::size_t j = 0; j < dimension_; ++j)
+      scale = std::max(scale, packed[packed_index(j, j)]);
     if (scale == 0.0) continue;
     for (std::size_t k = 0; k < packed_size_; ++k) sum[k] += packed[k] / scale;
   }
@@ -140,9 +143,10 @@ void InformationSet::validate() const {
   Eigen::VectorXd diagonal = total.diagonal();
   for (Eigen::Index j = 0; j < diagonal.size(); ++j) {
     if (diagonal(j) <= 0.0) {
-      throw InputError(fmt::format("{}: the sum of all information matrices is singular: no "
-                                   "candidate informs about parameter {}",
-                                   who, parameters_.empty() ? std::to_string(j) : parameters_[static_cast<std::size_t>(j)]));
+      throw InputError(fmt::format(
+          "{}: the sum of all information matrices is singular: no "
+          "candidate informs about parameter {}",
+          who, parameters_.empty() ? std::to_string(j) : parameters_[static_cast<std::size_t>(j)]));
     }
   }
   const Eigen::VectorXd inverse_root = diagonal.cwiseSqrt().cwiseInverse();
@@ -156,13 +160,15 @@ void InformationSet::validate() const {
         "{}: the sum of all information matrices is singular (reciprocal condition {:.1e}): a "
         "combination of parameters with most weight on {} can't be estimated by any design",
         who, values(0) / values(values.size() - 1),
-        parameters_.empty() ? "parameter " + std::to_string(worst) : parameters_[static_cast<std::size_t>(worst)]));
+        parameters_.empty() ? "parameter " + std::to_string(worst)
+                            : parameters_[static_cast<std::size_t>(worst)]));
   }
 }
 
 std::vector<std::size_t> nested_subset(std::size_t total, std::size_t count, std::uint64_t seed) {
   if (count > total) {
-    throw InputError(fmt::format("a subset of {} candidates was asked of a set of {}", count, total));
+    throw InputError(
+        fmt::format("a subset of {} candidates was asked of a set of {}", count, total));
   }
   std::vector<std::size_t> order(total);
   std::iota(order.begin(), order.end(), std::size_t{0});

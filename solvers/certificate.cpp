@@ -45,7 +45,8 @@ bool read_weights(const InformationSet& set, const Design& design, Certificate& 
   }
   certificate.renormalised = static_cast<double>(raw_sum - 1);
   if (std::abs(raw_sum - 1) > Real{1e-9}) {
-    certificate.message = fmt::format("the weights sum to {:.12g}, not 1", static_cast<double>(raw_sum));
+    certificate.message =
+        fmt::format("the weights sum to {:.12g}, not 1", static_cast<double>(raw_sum));
     return false;
   }
   weights.resize(count);
@@ -183,9 +184,9 @@ void price(const InformationSet& set, const Matrix& dual, Real delta, Certificat
   const auto h = set.information(certificate.worst_candidate);
   for (std::size_t k = 0; k < p; ++k) magnitude_of_largest += std::abs(dual[k] * h[k]);
   certificate.duality_gap = static_cast<double>(largest / d - 1);
-  certificate.rounding_bound = static_cast<double>(
-      (largest * delta / (1 - delta) + chain * magnitude_of_largest) / d +
-      std::numeric_limits<double>::epsilon() * std::abs(largest / d - 1));
+  certificate.rounding_bound =
+      static_cast<double>((largest * delta / (1 - delta) + chain * magnitude_of_largest) / d +
+                          std::numeric_limits<double>::epsilon() * std::abs(largest / d - 1));
 }
 
 }  // namespace
@@ -228,8 +229,9 @@ Certificate certify(const InformationSet& set, const Design& design) {
   }
   if (!(delta < Real{0.1})) {
     certificate.status = CertificateStatus::kSingular;
-    certificate.message = "the design's information matrix is singular: it can't estimate all "
-                          "parameters";
+    certificate.message =
+        "the design's information matrix is singular: it can't estimate all "
+        "parameters";
     return certificate;
   }
   certificate.status = CertificateStatus::kCertified;

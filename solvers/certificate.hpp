@@ -8,9 +8,9 @@
 //
 //   0 <= log det M* - log det M <= d log(1 + duality_gap),   D-efficiency >= 1 / (1 + duality_gap).
 //
-// Arithmetic: sums in extended precision (64-bit significand), and `rounding_bound`, an a-posteriori
-// bound on the error of duality_gap, see certificate.cpp. Cost O(Q d^2 + d^3), one pass over the
-// set.
+// Arithmetic: sums in extended precision (64-bit significand), and `rounding_bound`, an
+// a-posteriori bound on the error of duality_gap, see certificate.cpp. Cost O(Q d^2 + d^3), one
+// pass over the set.
 #pragma once
 
 #include <cstddef>
@@ -23,9 +23,9 @@
 namespace graybox {
 
 enum class CertificateStatus {
-  kCertified,    // the figures below hold
-  kSingular,     // M is not numerically positive definite: gap and log det are infinite
-  kNotADesign,   // wrong length, a NaN, a weight below -1e-12, or |sum - 1| > 1e-9
+  kCertified,   // the figures below hold
+  kSingular,    // M is not numerically positive definite: gap and log det are infinite
+  kNotADesign,  // wrong length, a NaN, a weight below -1e-12, or |sum - 1| > 1e-9
 };
 [[nodiscard]] std::string_view to_string(CertificateStatus status);
 

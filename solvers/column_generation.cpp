@@ -34,8 +34,6 @@ struct Pool {
   [[nodiscard]] std::size_t candidate(std::size_t k) const { return whole() ? k : indices[k]; }
 };
 
-enum class Rounds { kConverged, kStopped, kOutOfTime, kSingular };
-
 class ColumnGenerationRun {
  public:
   ColumnGenerationRun(const InformationSet& set, const SolveOptions& options,
@@ -55,7 +53,9 @@ class ColumnGenerationRun {
   [[nodiscard]] bool start_from(const std::vector<std::size_t>& candidates, bool equalise);
   double price(Pool& pool);
   std::size_t add_violators(const Pool& pool);
-  Rounds solve_pool(Pool& pool, double tolerance, int round_limit);
+  void solve_pool(Pool& pool, double tolerance, int round_limit);
+  bool improve(double gap, double tolerance);
+  [[nodiscard]] bool warm_up();
   [[nodiscard]] Pool short_list(const Pool& all);
   [[nodiscard]] Pool above(const Pool& all, double threshold) const;
   void apply_frobenius_rule(Pool& list, double max_sensitivity);
@@ -179,7 +179,8 @@ std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
     const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
     const double* first = pool.sensitivity.data() + from;
     const double* best = std::max_element(first, pool.sensitivity.data() + to);
-    if (*best > dimension_) violators_.emplace_back(*best, from + static_cast<std::size_t>(best - first));
+    if (*best > dimension_)
+      violators_.emplace_back(*best, from + static_cast<std::size_t>(best - first));
     from = to;
   }
   const std::size_t wanted = std::min(violators_.size(), 2 * set_.dimension());
@@ -192,64 +193,67 @@ std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
   return added;
 }
 
-// Rounds of price, add, solve on one pool until its gap is at most `tolerance`. The working set is
-// solved a few times more precisely than the pool's last gap, since more would be lost at the next
-// addition. The pool is expected to be priced already if `priced`.
-Rounds ColumnGenerationRun::solve_pool(Pool& pool, double tolerance, int round_limit) {
-  for (int round = 0;; ++round) {
+// Newton on the working set after a pass with the given gap; a good deal more precisely than that
+// gap, but no more than the next pass can use. False where no further step is possible.
+bool ColumnGenerationRun::improve(double gap, double tolerance) {
+  ++rounds_;
+  const double target = std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap));
+  const WorkingSetStatus status = working_.optimise(target, 30);
+  // Members that have left the support and would not come back at the next addition.
+  working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + gap)));
+  return status == WorkingSetStatus::kConverged || status == WorkingSetStatus::kStopped;
+}
+
+// Rounds of price, add, solve on one pool until its gap is at most `tolerance`.
+void ColumnGenerationRun::solve_pool(Pool& pool, double tolerance, int round_limit) {
+  for (int round = 0; round < round_limit && !tracer_.out_of_time(); ++round) {
     const double gap = price(pool) / dimension_ - 1.0;
-    if (gap <= tolerance) return Rounds::kConverged;
-    if (round == round_limit) return Rounds::kStopped;
-    if (tracer_.out_of_time()) return Rounds::kOutOfTime;
+    if (gap <= tolerance) return;
     const std::size_t added = add_violators(pool);
-    const double inner = std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap));
-    const WorkingSetStatus status = working_.optimise(inner, 30);
-    ++rounds_;
-    if (status == WorkingSetStatus::kSingular) return Rounds::kSingular;
-    working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + gap)));
-    if (added == 0 && status == WorkingSetStatus::kNoProgress) return Rounds::kStopped;
+    if (!improve(gap, tolerance) && added == 0) return;
   }
 }
 
-Solution ColumnGenerationRun::run() {
+// A rough design from a sample, and for large sets from a larger sample after it.
+bool ColumnGenerationRun::warm_up() {
+  constexpr double kRoughGap = 0.03;
   const std::size_t total = set_.candidate_count();
-  const std::size_t first = total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
-  {
-    Pool pool = sample_pool(first);
-    if (!start(pool)) {
-      return finish(SolveStatus::kUnsupported,
-                    "the sum of all information matrices is singular in double precision");
-    }
-    working_.optimise(0.05, 4);
-    if (first < total) {
-      solve_pool(pool, 0.03, 4);
-    }
-  }
+  const std::size_t first =
+      total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
+  Pool sample = sample_pool(first);
+  if (!start(sample)) return false;
+  working_.optimise(kRoughGap, 4);
+  if (first < total) solve_pool(sample, kRoughGap, 4);
   for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
-    Pool pool = sample_pool(size);
-    solve_pool(pool, 0.03, 3);
+    sample = sample_pool(size);
+    solve_pool(sample, kRoughGap, 3);
   }
+  return true;
+}
 
-  Pool all = sample_pool(total);
-  int without_progress = 0;
-  for (std::int64_t pass = 0;; ++pass) {
+Solution ColumnGenerationRun::run() {
+  if (!warm_up()) {
+    return finish(SolveStatus::kUnsupported,
+                  "the sum of all information matrices is singular in double precision");
+  }
+  Pool all = sample_pool(set_.candidate_count());
+  for (int passes_without_progress = 0;;) {
     const double gap = price(all) / dimension_ - 1.0;
     tracer_.record(gap, rounds_);
-    without_progress = gap < 0.9 * best_gap_ ? 0 : without_progress + 1;
+    passes_without_progress = gap < 0.9 * best_gap_ ? 0 : passes_without_progress + 1;
     keep_if_better(gap);
     if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit) {
       return finish(SolveStatus::kIterationLimit);
     }
-    if (without_progress > 8) {
+    if (passes_without_progress > 8) {
       return finish(SolveStatus::kNumericalFailure,
                     fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
     }
     Pool list = short_list(all);  // before the working set moves: the rules hold for this design
     add_violators(all);
-    working_.optimise(std::max(0.3 * options_.duality_gap, std::min(0.1 * gap, gap * gap)), 30);
-    ++rounds_;
+    improve(gap, options_.duality_gap);
     solve_pool(list, 0.5 * options_.duality_gap, 30);
   }
 }

@@ -9,10 +9,10 @@
 //
 // over growing pools: a stratified sample (solved roughly, from a few multiplicative steps), for
 // large sets a larger sample, and then the whole set. Each pass over the whole set yields the gap
-// max_i w_i / d - 1 of a design, upper bounds that remove candidates for good (screening.hpp), and a
-// short list of those with the largest sensitivities, on which the next rounds run to full precision
-// before the set is read again. It stops on a pass over ALL candidates in double precision whose gap
-// is at most the one asked for, so its claim is the certificate's.
+// max_i w_i / d - 1 of a design, upper bounds that remove candidates for good (screening.hpp), and
+// a short list of those with the largest sensitivities, on which the next rounds run to full
+// precision before the set is read again. It stops on a pass over ALL candidates in double
+// precision whose gap is at most the one asked for, so its claim is the certificate's.
 //
 // Ties and duplicates: the first working set comes from multiplicative steps with random positive
 // weights on a sample, never from the largest sensitivities, which may all point the same way; a

@@ -48,7 +48,8 @@ const Solver& SolverRegistry::at(std::string_view name) const {
   for (const Entry& entry : entries_) {
     if (entry.name == name) {
       if (entry.solver != nullptr) return *entry.solver;
-      throw InputError(fmt::format("solver {} is not available: {}", name, entry.unavailable_because));
+      throw InputError(
+          fmt::format("solver {} is not available: {}", name, entry.unavailable_because));
     }
     const std::size_t distance = edit_distance(entry.name, name);
     if (distance < nearest_distance) {
@@ -56,9 +57,9 @@ const Solver& SolverRegistry::at(std::string_view name) const {
       nearest_distance = distance;
     }
   }
-  throw InputError(fmt::format("unknown solver '{}'{}; 'graybox solvers' lists all", name,
-                               nearest == nullptr ? std::string()
-                                                  : fmt::format(", did you mean {}?", nearest->name)));
+  throw InputError(fmt::format(
+      "unknown solver '{}'{}; 'graybox solvers' lists all", name,
+      nearest == nullptr ? std::string() : fmt::format(", did you mean {}?", nearest->name)));
 }
 
 SolverRegistry make_registry() {

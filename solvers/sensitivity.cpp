@@ -45,7 +45,8 @@ bool invert(std::span<const double> packed, std::size_t dimension, InverseFactor
   const Eigen::LLT<Eigen::MatrixXd> cholesky(matrix);
   if (cholesky.info() != Eigen::Success) return false;
   const double smallest = cholesky.matrixLLT().diagonal().minCoeff();
-  if (!(smallest * smallest > 4.0 * static_cast<double>(d) * std::numeric_limits<double>::epsilon())) {
+  if (!(smallest * smallest >
+        4.0 * static_cast<double>(d) * std::numeric_limits<double>::epsilon())) {
     return false;
   }
   factor.log_det += 2.0 * cholesky.matrixLLT().diagonal().array().log().sum();

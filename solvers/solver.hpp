@@ -40,8 +40,9 @@ enum class SolveStatus : std::int8_t {
 
 struct SolveOptions {
   double duality_gap = 1e-6;  // stop at max_i tr(M^-1 H_i)/d - 1 <= duality_gap; > 0
-  double time_limit = std::numeric_limits<double>::infinity();  // wall seconds, checked each iteration
-  std::int64_t iteration_limit = 0;                             // 0: the solver's own default
+  double time_limit =
+      std::numeric_limits<double>::infinity();  // wall seconds, checked each iteration
+  std::int64_t iteration_limit = 0;             // 0: the solver's own default
   std::uint64_t seed = 1;  // of the randomised methods; equal seeds give equal answers
   int threads = 1;         // the answer does not depend on it
 };

@@ -24,7 +24,8 @@ namespace graybox {
 
 class Tracer {
  public:
-  // Starts the clock. Throws InputError for options out of range. Keeps references to its arguments.
+  // Starts the clock. Throws InputError for options out of range. Keeps references to its
+  // arguments.
   Tracer(const InformationSet& set, const SolveOptions& options, SolveObserver* observer);
 
   [[nodiscard]] double seconds() const;

@@ -20,7 +20,8 @@ InverseCholesky::InverseCholesky(std::size_t dimension)
 
 bool InverseCholesky::cholesky(std::span<const double> packed, double& log_det) {
   // A pivot this much smaller than its diagonal entry is rounding.
-  const double smallest = 4.0 * static_cast<double>(dimension_) * std::numeric_limits<double>::epsilon();
+  const double smallest =
+      4.0 * static_cast<double>(dimension_) * std::numeric_limits<double>::epsilon();
   double product = 1.0;  // of pivots, flushed into log_det before it can overflow
   log_det = 0.0;
   for (std::size_t i = 0; i < dimension_; ++i) {
@@ -125,8 +126,7 @@ bool WorkingSet::add(std::size_t candidate, double weight) {
   const double* row = set_.information(candidate).data();
   const std::size_t bytes = packed_size_ * sizeof(double);
   for (std::size_t k = 0; k < size(); ++k) {
-    if (indices_[k] == candidate ||
-        std::memcmp(rows_.data() + k * packed_size_, row, bytes) == 0) {
+    if (indices_[k] == candidate || std::memcmp(rows_.data() + k * packed_size_, row, bytes) == 0) {
       weights_[k] += weight;
       return false;
     }
@@ -231,8 +231,8 @@ bool WorkingSet::search_line() {
     if (step <= 1e-6) return false;
   }
   for (std::size_t i = 0; i < size(); ++i) {
-    weights_[i] = step == 1.0 ? trial_weights_[i]
-                              : weights_[i] + step * (trial_weights_[i] - weights_[i]);
+    weights_[i] =
+        step == 1.0 ? trial_weights_[i] : weights_[i] + step * (trial_weights_[i] - weights_[i]);
   }
   return true;
 }
@@ -253,11 +253,18 @@ WorkingSetStatus WorkingSet::optimise(double tolerance, int step_limit) {
   double best_gap = std::numeric_limits<double>::infinity();
   int stalled = 0;
   for (int step = 0;; ++step) {
-    if (!refresh()) return WorkingSetStatus::kSingular;
+    if (!refresh()) {
+      if (step == 0) return WorkingSetStatus::kSingular;
+      weights_ = regular_weights_;  // the step lost rank: back to where M had it
+      return refresh() ? WorkingSetStatus::kNoProgress : WorkingSetStatus::kSingular;
+    }
+    regular_weights_ = weights_;
     kernels().price(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
                     sensitivity_.data());
     gap_ = *std::max_element(sensitivity_.begin(),
-                             sensitivity_.begin() + static_cast<std::ptrdiff_t>(size())) / d - 1.0;
+                             sensitivity_.begin() + static_cast<std::ptrdiff_t>(size())) /
+               d -
+           1.0;
     if (gap_ <= tolerance) return WorkingSetStatus::kConverged;
     if (step == step_limit) return WorkingSetStatus::kStopped;
     stalled = gap_ < 0.9 * best_gap ? 0 : stalled + 1;

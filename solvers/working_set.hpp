@@ -59,10 +59,10 @@ class InverseCholesky {
 };
 
 enum class WorkingSetStatus {
-  kConverged,    // max w_i / d - 1 over the working set is at most the tolerance
-  kStopped,      // the step limit came first
-  kNoProgress,   // rounding: no step increases log det any more
-  kSingular,     // M is singular on this working set
+  kConverged,   // max w_i / d - 1 over the working set is at most the tolerance
+  kStopped,     // the step limit came first
+  kNoProgress,  // rounding: no step increases log det any more
+  kSingular,    // M is singular on this working set
 };
 
 class WorkingSet {
@@ -104,18 +104,19 @@ class WorkingSet {
   std::size_t stride_;  // row length of whitened_, a multiple of 8
   std::vector<std::size_t> indices_;
   std::vector<double> weights_;
-  std::vector<double> rows_;         // copies of the members' packed matrices
-  AlignedArray whitened_;            // B_i, scaled so that rows multiply to tr(B_i B_j)
+  std::vector<double> rows_;  // copies of the members' packed matrices
+  AlignedArray whitened_;     // B_i, scaled so that rows multiply to tr(B_i B_j)
   std::size_t whitened_rows_ = 0;
   std::vector<double> sensitivity_;  // w_i of all members
   std::vector<std::size_t> active_;  // members with weight, or that want to enter
   std::vector<double> active_sensitivity_;
-  std::vector<double> hessian_;      // S, lower triangle, column-major
+  std::vector<double> hessian_;  // S, lower triangle, column-major
   std::vector<double> linear_;
-  std::vector<double> target_;       // mu
+  std::vector<double> target_;  // mu
   std::vector<double> trial_weights_;
+  std::vector<double> regular_weights_;  // the last for which M was regular
   std::vector<double> scratch_;
-  std::vector<double> matrix_;       // M, packed
+  std::vector<double> matrix_;  // M, packed
   std::vector<double> target_matrix_;
   std::vector<double> trial_matrix_;
   InverseCholesky inverse_;

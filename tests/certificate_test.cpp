@@ -86,8 +86,10 @@ TEST(Certificate, InvariantUnderReparametrisationOverManyDecades) {
   for (std::size_t i = 0; i < 30; ++i) {
     for (std::size_t r = 0; r < d; ++r) {
       for (std::size_t c = 0; c <= r; ++c) {
-        const double factor = std::exp2(10.0 * static_cast<double>(r)) * std::exp2(10.0 * static_cast<double>(c));
-        scaled[i * packed_size(d) + packed_index(r, c)] = factor * set.information(i)[packed_index(r, c)];
+        const double factor =
+            std::exp2(10.0 * static_cast<double>(r)) * std::exp2(10.0 * static_cast<double>(c));
+        scaled[i * packed_size(d) + packed_index(r, c)] =
+            factor * set.information(i)[packed_index(r, c)];
       }
     }
   }

@@ -44,8 +44,9 @@ TEST(InformationSet, NamesTheCandidateThatIsNotFinite) {
 }
 
 TEST(InformationSet, NamesTheCandidateThatIsIndefinite) {
-  EXPECT_NE(error_of(make_set(2, {1, 0, 1, 1, 2, 1})).find("candidate 1: the information matrix is"),
-            std::string::npos);
+  EXPECT_NE(
+      error_of(make_set(2, {1, 0, 1, 1, 2, 1})).find("candidate 1: the information matrix is"),
+      std::string::npos);
   EXPECT_NE(error_of(make_set(2, {-1, 0, 1})).find("candidate 0"), std::string::npos);
 }
 

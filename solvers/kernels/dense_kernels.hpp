@@ -21,8 +21,9 @@ struct DenseKernels {
 
   // B_k = X H_i X^T, i = members_k, for packed lower triangular X (d x d) and packed matrices in
   // `rows`, each as a row of `out` (stride doubles apart) in packed order with entries off the
-  // diagonal multiplied by sqrt(2), so that out_k . out_l = tr(B_k B_l); traces_k = tr B_k. The tail
-  // of each row up to `stride` is zeroed. scratch: 8 d (d + 1) doubles. 2 d^3 / 3 multiply-adds.
+  // diagonal multiplied by sqrt(2), so that out_k . out_l = tr(B_k B_l); traces_k = tr B_k. The
+  // tail of each row up to `stride` is zeroed. scratch: 8 d (d + 1) doubles. 2 d^3 / 3
+  // multiply-adds.
   void (*whiten)(const double* rows, const std::size_t* members, std::size_t count,
                  std::size_t dimension, const double* x, double* out, std::size_t stride,
                  double* traces, double* scratch);

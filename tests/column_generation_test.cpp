@@ -1,0 +1,263 @@
+#include "graybox/solvers/column_generation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/random.hpp"
+#include "graybox/solvers/certificate.hpp"
+#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "graybox/solvers/nonnegative_quadratic.hpp"
+#include "graybox/solvers/working_set.hpp"
+
+namespace graybox {
+namespace {
+
+// Wishart matrices G G^T of the given rank, times exp(spread * normal).
+InformationSet wishart_set(std::size_t d, std::size_t count, std::size_t rank, double spread,
+                           std::uint64_t seed) {
+  Random random(seed);
+  AlignedArray information(count * packed_size(d));
+  std::vector<double> g(d * rank);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double scale = std::exp(spread * random.normal());
+    for (double& x : g) x = random.normal();
+    for (std::size_t r = 0, k = 0; r < d; ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++k) {
+        double sum = 0.0;
+        for (std::size_t j = 0; j < rank; ++j) sum += g[r * rank + j] * g[c * rank + j];
+        information[i * packed_size(d) + k] = scale * sum;
+      }
+    }
+  }
+  return InformationSet(d, std::move(information));
+}
+
+// 3^factors grid with the model 1, x_k, x_k^2: massive ties, optimum not unique.
+InformationSet cube_set(std::size_t factors) {
+  const std::size_t d = 1 + 2 * factors;
+  std::size_t count = 1;
+  for (std::size_t k = 0; k < factors; ++k) count *= 3;
+  AlignedArray information(count * packed_size(d));
+  std::vector<double> f(d, 1.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t k = 0, code = i; k < factors; ++k, code /= 3) {
+      f[1 + k] = static_cast<double>(code % 3) - 1.0;
+      f[1 + factors + k] = f[1 + k] * f[1 + k];
+    }
+    for (std::size_t r = 0, k = 0; r < d; ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++k) information[i * packed_size(d) + k] = f[r] * f[c];
+    }
+  }
+  return InformationSet(d, std::move(information));
+}
+
+void expect_certified(const InformationSet& set, double gap, std::uint64_t seed = 1) {
+  const Solution solution = ColumnGeneration().solve(set, {.duality_gap = gap, .seed = seed});
+  EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+  const Certificate certificate = certify(set, solution.design);
+  ASSERT_EQ(certificate.status, CertificateStatus::kCertified) << certificate.message;
+  EXPECT_LE(certificate.duality_gap, gap + certificate.rounding_bound + 1e-12);
+}
+
+TEST(DenseKernels, WhitenAndGramAgreeWithPlainLoops) {
+  Random random(1);
+  for (const std::size_t d : {1UL, 2UL, 5UL, 12UL, 19UL}) {
+    const std::size_t p = packed_size(d);
+    const std::size_t stride = (p + 7) / 8 * 8;
+    const InformationSet set = wishart_set(d, 11, d, 0.5, d);
+    std::vector<double> x(p), out(11 * stride, -1.0), traces(11), scratch(8 * d * (d + 1));
+    for (double& value : x) value = random.normal();
+    const std::vector<std::size_t> members = {10, 0, 3, 3, 7, 1, 2};
+    dense_kernels().whiten(set.data(), members.data(), members.size(), d, x.data(), out.data(),
+                           stride, traces.data(), scratch.data());
+    for (std::size_t k = 0; k < members.size(); ++k) {
+      double trace = 0.0;
+      for (std::size_t r = 0; r < d; ++r) {
+        for (std::size_t c = 0; c <= r; ++c) {
+          double sum = 0.0;
+          for (std::size_t a = 0; a <= r; ++a) {
+            for (std::size_t b = 0; b <= c; ++b) {
+              sum += x[packed_index(r, a)] * set.information(members[k])[packed_index(a, b)] *
+                     x[packed_index(c, b)];
+            }
+          }
+          trace += r == c ? sum : 0.0;
+          const double factor = r == c ? 1.0 : std::sqrt(2.0);
+          const double scale = 1.0 + std::abs(sum);
+          EXPECT_NEAR(out[k * stride + packed_index(r, c)], factor * sum,
+                      1e-11 * scale * static_cast<double>(d));
+        }
+      }
+      EXPECT_NEAR(traces[k], trace, 1e-10 * (1.0 + std::abs(trace)));
+      for (std::size_t j = p; j < stride; ++j) EXPECT_EQ(out[k * stride + j], 0.0);
+    }
+    const std::size_t n = members.size();
+    std::vector<double> gram(n * n);
+    dense_kernels().gram(out.data(), n, stride, gram.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j <= i; ++j) {
+        double expected = 0.0;
+        for (std::size_t k = 0; k < p; ++k) expected += out[i * stride + k] * out[j * stride + k];
+        EXPECT_NEAR(gram[j * n + i], expected, 1e-11 * (1.0 + std::abs(expected)));
+      }
+    }
+  }
+}
+
+TEST(DenseKernels, CholeskySolvesAndRefusesIndefiniteMatrices) {
+  Random random(2);
+  for (std::size_t n = 1; n <= 40; ++n) {
+    std::vector<double> g(n * n), a(n * n, 0.0), x(n), b(n, 0.0);
+    for (double& value : g) value = random.normal();
+    for (double& value : x) value = random.normal();
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        for (std::size_t k = 0; k < n; ++k) a[j * n + i] += g[i * n + k] * g[j * n + k];
+        a[j * n + i] += i == j ? 1.0 : 0.0;
+        b[i] += a[j * n + i] * x[j];
+      }
+    }
+    std::vector<double> factor = a;
+    ASSERT_TRUE(dense_kernels().cholesky(factor.data(), n, 0.0));
+    dense_kernels().cholesky_solve(factor.data(), n, b.data());
+    for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(b[i], x[i], 1e-8);
+    a[(n - 1) * n + n - 1] = -1.0;
+    EXPECT_FALSE(dense_kernels().cholesky(a.data(), n, 0.0));
+  }
+}
+
+TEST(NonnegativeQuadratic, SatisfiesTheOptimalityConditions) {
+  Random random(3);
+  NonnegativeQuadratic quadratic;
+  for (int trial = 0; trial < 300; ++trial) {
+    const std::size_t n = 1 + random.below(30);
+    std::vector<double> g(n * n), a(n * n, 0.0), r(n), mu(n);
+    for (double& value : g) value = random.normal();
+    for (double& value : r) value = random.normal();
+    for (double& value : mu) value = random.uniform() < 0.5 ? 0.0 : 1.0;
+    for (std::size_t j = 0; j < n; ++j) {
+      for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t k = 0; k < n; ++k) a[j * n + i] += g[i * n + k] * g[j * n + k];
+      }
+      a[j * n + j] += 1e-3;
+    }
+    ASSERT_TRUE(quadratic.solve(a, r, mu));
+    for (std::size_t i = 0; i < n; ++i) {
+      double gradient = -r[i];
+      for (std::size_t j = 0; j < n; ++j) gradient += a[j * n + i] * mu[j];
+      EXPECT_GE(mu[i], 0.0);
+      EXPECT_GE(gradient, -1e-8);
+      EXPECT_NEAR(mu[i] * gradient, 0.0, 1e-7);
+    }
+  }
+}
+
+TEST(WorkingSet, ReachesTheOptimumOfItsMembers) {
+  const InformationSet set = wishart_set(6, 40, 6, 1.0, 4);
+  WorkingSet working(set);
+  for (std::size_t i = 0; i < 40; ++i) EXPECT_TRUE(working.add(i, 1.0));
+  EXPECT_FALSE(working.add(7, 0.5));
+  EXPECT_EQ(working.optimise(1e-11, 100), WorkingSetStatus::kConverged);
+  Design design{std::vector<double>(40, 0.0)};
+  for (std::size_t k = 0; k < working.size(); ++k)
+    design.weights[working.indices()[k]] = working.weights()[k];
+  EXPECT_LE(certify(set, design).duality_gap, 1e-10);
+}
+
+TEST(WorkingSet, MergesExactDuplicates) {
+  const InformationSet set = wishart_set(3, 5, 3, 0.0, 5);
+  const std::vector<std::size_t> twice = {0, 1, 2, 3, 4, 0, 1, 2, 3, 4};
+  const InformationSet doubled = set.subset(twice);
+  WorkingSet working(doubled);
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(working.add(i, 0.1), i < 5);
+  EXPECT_EQ(working.size(), 5U);
+}
+
+TEST(WorkingSet, SaysWhenItsMatrixIsSingular) {
+  const InformationSet set = wishart_set(4, 5, 1, 0.0, 6);
+  WorkingSet working(set);
+  for (std::size_t i = 0; i < 3; ++i) working.add(i, 1.0);
+  EXPECT_EQ(working.optimise(1e-8, 10), WorkingSetStatus::kSingular);
+}
+
+class ColumnGenerationFamilies : public testing::TestWithParam<int> {};
+
+TEST_P(ColumnGenerationFamilies, CertifiedOnEveryShape) {
+  const auto seed = static_cast<std::uint64_t>(GetParam());
+  Random random(seed);
+  const std::size_t d = 1 + random.below(16);
+  const std::size_t rank = 1 + random.below(d);
+  const std::size_t needed = (d + rank - 1) / rank;
+  const std::size_t count = needed + 2 + random.below(3000);
+  const double spread = 3.0 * random.uniform();
+  expect_certified(wishart_set(d, count, rank, spread, seed), 1e-9, seed);
+}
+
+INSTANTIATE_TEST_SUITE_P(RandomShapes, ColumnGenerationFamilies, testing::Range(1, 61));
+
+TEST(ColumnGeneration, SurvivesTiesAndDuplicates) {
+  expect_certified(cube_set(4), 1e-9);
+  expect_certified(cube_set(6), 1e-9);
+  const InformationSet set = wishart_set(8, 300, 8, 1.0, 9);
+  std::vector<std::size_t> indices;
+  for (std::size_t i = 0; i < 3000; ++i) indices.push_back(i % 300);
+  expect_certified(set.subset(indices), 1e-9);
+  const std::vector<std::size_t> same(50, 0);
+  expect_certified(wishart_set(3, 1, 3, 0.0, 1).subset(same), 1e-9);
+}
+
+TEST(ColumnGeneration, CandidatesThatInformAboutOneParameterEach) {
+  // Only every thousandth candidate informs about the last parameter: a sample sees none of them.
+  const std::size_t d = 5, count = 6000;
+  AlignedArray information(count * packed_size(d), 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t j = i % 1000 == 17 ? d - 1 : i % (d - 1);
+    information[i * packed_size(d) + packed_index(j, j)] = 1.0 + static_cast<double>(i % 7);
+  }
+  const InformationSet set(d, std::move(information));
+  const Solution solution = ColumnGeneration().solve(set, {.duality_gap = 1e-10});
+  const Certificate certificate = certify(set, solution.design);
+  EXPECT_LE(certificate.duality_gap, 2e-10);
+  // Equal weights 1/d on the largest candidate of each parameter.
+  EXPECT_NEAR(certificate.log_det, 4 * std::log(7.0 / 5) + std::log(7.0 / 5), 1e-8);
+}
+
+TEST(ColumnGeneration, SameAnswerForEveryThreadCountAndSeedRepeats) {
+  const InformationSet set = wishart_set(4, 50000, 2, 0.5, 11);
+  const Solution one = ColumnGeneration().solve(set, {.duality_gap = 1e-9, .threads = 1});
+  const Solution two = ColumnGeneration().solve(set, {.duality_gap = 1e-9, .threads = 2});
+  EXPECT_EQ(one.design.weights, two.design.weights);
+  EXPECT_EQ(one.counters.passes, two.counters.passes);
+}
+
+TEST(ColumnGeneration, NeedsFewPassesAndHasASmallSupport) {
+  for (const std::size_t rank : {1UL, 6UL, 12UL}) {
+    const InformationSet set = wishart_set(12, 7920, rank, 0.0, rank);
+    const Solution solution = ColumnGeneration().solve(set, {.duality_gap = 1e-9});
+    EXPECT_EQ(solution.status, SolveStatus::kSolved);
+    EXPECT_LE(solution.counters.passes, 6.0);
+    const auto support =
+        std::ranges::count_if(solution.design.weights, [](double w) { return w > 0; });
+    EXPECT_LE(support, 78);
+  }
+}
+
+TEST(ColumnGeneration, RoundingLimitIsAnHonestStatus) {
+  const InformationSet set = wishart_set(12, 500, 1, 1.0, 13);
+  const Solution solution = ColumnGeneration().solve(set, {.duality_gap = 1e-18});
+  EXPECT_NE(solution.status, SolveStatus::kUnsupported);
+  EXPECT_LE(certify(set, solution.design).duality_gap, 1e-9);
+  if (solution.status != SolveStatus::kSolved) {
+    EXPECT_EQ(solution.status, SolveStatus::kNumericalFailure);
+    EXPECT_FALSE(solution.message.empty());
+  }
+}
+
+}  // namespace
+}  // namespace graybox
