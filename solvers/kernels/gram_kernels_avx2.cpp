@@ -1,0 +1,19 @@
+// Gram kernels for avx2: 4 doubles a vector. The compiler flags of this file alone are in
+// cmake/GrayboxKernels.cmake.
+#include <cstddef>
+
+#include "graybox/solvers/kernels/gram_kernels.hpp"
+
+namespace graybox::gram_kernels_avx2 {
+namespace {
+
+constexpr std::size_t kLanes = 4;
+constexpr std::size_t kTileRows = 6;  // 2 x 6 accumulators, and what they need, fill the registers
+#include "graybox/solvers/kernels/gram_kernels_body.inc"
+
+}  // namespace
+
+extern const GramKernels kTable;
+const GramKernels kTable = {&gram, &congruence};
+
+}  // namespace graybox::gram_kernels_avx2

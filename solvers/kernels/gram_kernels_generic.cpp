@@ -1,0 +1,19 @@
+// Gram kernels for generic: 2 doubles a vector. The compiler flags of this file alone are in
+// cmake/GrayboxKernels.cmake.
+#include <cstddef>
+
+#include "graybox/solvers/kernels/gram_kernels.hpp"
+
+namespace graybox::gram_kernels_generic {
+namespace {
+
+constexpr std::size_t kLanes = 2;
+constexpr std::size_t kTileRows = 4;  // 2 x 4 accumulators, and what they need, fill the registers
+#include "graybox/solvers/kernels/gram_kernels_body.inc"
+
+}  // namespace
+
+extern const GramKernels kTable;
+const GramKernels kTable = {&gram, &congruence};
+
+}  // namespace graybox::gram_kernels_generic
