@@ -41,7 +41,7 @@ class ColumnGenerationRun {
       : set_(set),
         options_(options),
         tracer_(set, options, observer),
-        working_(set),
+        working_(set.dimension()),
         random_(options.seed),
         dimension_(static_cast<double>(set.dimension())) {}
 
@@ -137,7 +137,10 @@ bool ColumnGenerationRun::start_from(const std::vector<std::size_t>& candidates,
     std::ranges::nth_element(order, order.begin() + static_cast<std::ptrdiff_t>(kept - 1),
                              [&](std::size_t a, std::size_t b) { return weights[a] > weights[b]; });
     working_.clear();
-    for (std::size_t k = 0; k < kept; ++k) working_.add(candidates[order[k]], weights[order[k]]);
+    for (std::size_t k = 0; k < kept; ++k) {
+      const std::size_t i = candidates[order[k]];
+      working_.add(i, set_.information(i).data(), weights[order[k]]);
+    }
     if (working_.refresh()) return true;
     if (kept == count) return false;
   }
@@ -188,7 +191,8 @@ std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
                             std::greater<>());
   std::size_t added = 0;
   for (std::size_t k = 0; k < wanted; ++k) {
-    added += working_.add(pool.candidate(violators_[k].second), 0.0) ? 1U : 0U;
+    const std::size_t i = pool.candidate(violators_[k].second);
+    added += working_.add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
   }
   return added;
 }

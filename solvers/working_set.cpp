@@ -82,17 +82,16 @@ bool InverseCholesky::factor(std::span<const double> packed) {
   return true;
 }
 
-WorkingSet::WorkingSet(const InformationSet& set)
-    : set_(set),
-      dimension_(set.dimension()),
-      packed_size_(set.packed_size()),
-      stride_((set.packed_size() + 7) / 8 * 8),
-      scratch_(set.dimension() * (set.dimension() + 1) * 8),
-      matrix_(set.packed_size()),
-      target_matrix_(set.packed_size()),
-      trial_matrix_(set.packed_size()),
-      inverse_(set.dimension()),
-      trial_(set.dimension()) {
+WorkingSet::WorkingSet(std::size_t dimension)
+    : dimension_(dimension),
+      packed_size_(graybox::packed_size(dimension)),
+      stride_((packed_size_ + 7) / 8 * 8),
+      scratch_(dimension * (dimension + 1) * 8),
+      matrix_(packed_size_),
+      target_matrix_(packed_size_),
+      trial_matrix_(packed_size_),
+      inverse_(dimension),
+      trial_(dimension) {
   reserve(8 * dimension_);
 }
 
@@ -118,15 +117,11 @@ void WorkingSet::clear() {
   rows_.clear();
 }
 
-bool WorkingSet::contains(std::size_t candidate) const {
-  return std::ranges::find(indices_, candidate) != indices_.end();
-}
-
-bool WorkingSet::add(std::size_t candidate, double weight) {
-  const double* row = set_.information(candidate).data();
+bool WorkingSet::add(std::size_t candidate, const double* information, double weight) {
   const std::size_t bytes = packed_size_ * sizeof(double);
   for (std::size_t k = 0; k < size(); ++k) {
-    if (indices_[k] == candidate || std::memcmp(rows_.data() + k * packed_size_, row, bytes) == 0) {
+    if (indices_[k] == candidate ||
+        std::memcmp(rows_.data() + k * packed_size_, information, bytes) == 0) {
       weights_[k] += weight;
       return false;
     }
@@ -134,7 +129,7 @@ bool WorkingSet::add(std::size_t candidate, double weight) {
   if (size() == whitened_rows_) reserve(2 * size());
   indices_.push_back(candidate);
   weights_.push_back(weight);
-  rows_.insert(rows_.end(), row, row + packed_size_);
+  rows_.insert(rows_.end(), information, information + packed_size_);
   return true;
 }
 

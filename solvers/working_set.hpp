@@ -31,7 +31,6 @@
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/nonnegative_quadratic.hpp"
 
 namespace graybox {
@@ -67,13 +66,13 @@ enum class WorkingSetStatus {
 
 class WorkingSet {
  public:
-  explicit WorkingSet(const InformationSet& set);
+  explicit WorkingSet(std::size_t dimension);
 
   void clear();
-  [[nodiscard]] bool contains(std::size_t candidate) const;
-  // Adds a candidate. One that is there already, or whose matrix equals a member's to the last bit,
-  // only has its weight added to that member's. Returns true if it is new.
-  bool add(std::size_t candidate, double weight);
+  // Adds a candidate with its packed matrix, which is copied. One that is there already, or whose
+  // matrix equals a member's to the last bit, only has its weight added to that member's. Returns
+  // true if it is new.
+  bool add(std::size_t candidate, const double* information, double weight);
   // Drops members of zero weight whose sensitivity is below `sensitivity`.
   void drop_below(double sensitivity);
 
@@ -98,7 +97,6 @@ class WorkingSet {
   bool multiplicative_steps(int count);
   bool search_line();
 
-  const InformationSet& set_;
   std::size_t dimension_;
   std::size_t packed_size_;
   std::size_t stride_;  // row length of whitened_, a multiple of 8

@@ -160,9 +160,9 @@ TEST(NonnegativeQuadratic, SatisfiesTheOptimalityConditions) {
 
 TEST(WorkingSet, ReachesTheOptimumOfItsMembers) {
   const InformationSet set = wishart_set(6, 40, 6, 1.0, 4);
-  WorkingSet working(set);
-  for (std::size_t i = 0; i < 40; ++i) EXPECT_TRUE(working.add(i, 1.0));
-  EXPECT_FALSE(working.add(7, 0.5));
+  WorkingSet working(set.dimension());
+  for (std::size_t i = 0; i < 40; ++i) EXPECT_TRUE(working.add(i, set.information(i).data(), 1.0));
+  EXPECT_FALSE(working.add(7, set.information(7).data(), 0.5));
   EXPECT_EQ(working.optimise(1e-11, 100), WorkingSetStatus::kConverged);
   Design design{std::vector<double>(40, 0.0)};
   for (std::size_t k = 0; k < working.size(); ++k)
@@ -174,15 +174,16 @@ TEST(WorkingSet, MergesExactDuplicates) {
   const InformationSet set = wishart_set(3, 5, 3, 0.0, 5);
   const std::vector<std::size_t> twice = {0, 1, 2, 3, 4, 0, 1, 2, 3, 4};
   const InformationSet doubled = set.subset(twice);
-  WorkingSet working(doubled);
-  for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(working.add(i, 0.1), i < 5);
+  WorkingSet working(doubled.dimension());
+  for (std::size_t i = 0; i < 10; ++i)
+    EXPECT_EQ(working.add(i, doubled.information(i).data(), 0.1), i < 5);
   EXPECT_EQ(working.size(), 5U);
 }
 
 TEST(WorkingSet, SaysWhenItsMatrixIsSingular) {
   const InformationSet set = wishart_set(4, 5, 1, 0.0, 6);
-  WorkingSet working(set);
-  for (std::size_t i = 0; i < 3; ++i) working.add(i, 1.0);
+  WorkingSet working(set.dimension());
+  for (std::size_t i = 0; i < 3; ++i) working.add(i, set.information(i).data(), 1.0);
   EXPECT_EQ(working.optimise(1e-8, 10), WorkingSetStatus::kSingular);
 }
 

@@ -1,0 +1,13 @@
+// A complete back-end, as small as they come: the multiplicative algorithm (Silvey, Titterington
+// and Torsney 1978). The README shows it; tests/readme_test.cpp runs it.
+#pragma once
+
+#include "graybox/solvers/solver.hpp"
+
+class TorsneySolver : public graybox::Solver {
+ public:
+  std::string_view name() const override { return "torsney"; }
+  std::string_view description() const override { return "weights times w_i/d, again and again"; }
+  graybox::Solution solve(const graybox::InformationSet& set, const graybox::SolveOptions& options,
+                          graybox::SolveObserver* observer) const override;
+};

@@ -1,0 +1,89 @@
+// Run under mpirun with any number of processes: the distributed solver must agree with the one
+// that holds the whole set, and its claim must stand before the checker. Exit code 1 names what
+// failed.
+#include <mpi.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <vector>
+
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/random.hpp"
+#include "graybox/solvers/certificate.hpp"
+#include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/distributed/distributed_column_generation.hpp"
+
+namespace {
+
+using namespace graybox;
+
+InformationSet wishart_set(std::size_t d, std::size_t count, std::size_t rank, std::uint64_t seed) {
+  Random random(seed);
+  AlignedArray information(count * packed_size(d));
+  std::vector<double> g(d * rank);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (double& x : g) x = random.normal();
+    for (std::size_t r = 0, k = 0; r < d; ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++k) {
+        information[i * packed_size(d) + k] =
+            std::inner_product(g.begin() + static_cast<std::ptrdiff_t>(r * rank),
+                               g.begin() + static_cast<std::ptrdiff_t>((r + 1) * rank),
+                               g.begin() + static_cast<std::ptrdiff_t>(c * rank), 0.0);
+      }
+    }
+  }
+  return InformationSet(d, std::move(information));
+}
+
+// Each candidate informs about one parameter; only the very last one about the last.
+InformationSet needle_set(std::size_t d, std::size_t count) {
+  AlignedArray information(count * packed_size(d), 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t j = i + 1 == count ? d - 1 : i % (d - 1);
+    information[i * packed_size(d) + packed_index(j, j)] = 1.0;
+  }
+  return InformationSet(d, std::move(information));
+}
+
+bool agrees(const InformationSet& whole, const char* what) {
+  int rank = 0, processes = 1;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  MPI_Comm_size(MPI_COMM_WORLD, &processes);
+  const std::size_t from = whole.candidate_count() * static_cast<std::size_t>(rank) /
+                           static_cast<std::size_t>(processes);
+  const std::size_t to = whole.candidate_count() * static_cast<std::size_t>(rank + 1) /
+                         static_cast<std::size_t>(processes);
+  std::vector<std::size_t> mine(to - from);
+  std::iota(mine.begin(), mine.end(), from);
+  const DistributedDesign answer =
+      solve_distributed(MPI_COMM_WORLD, whole.subset(mine), from, {.duality_gap = 1e-9});
+  Design design{std::vector<double>(whole.candidate_count(), 0.0)};
+  for (const auto& [index, weight] : answer.support) design.weights[index] = weight;
+  const Certificate proof = certify(whole, design);
+  const Certificate local =
+      certify(whole, ColumnGeneration().solve(whole, {.duality_gap = 1e-9}).design);
+  const bool good =
+      answer.status == SolveStatus::kSolved && proof.duality_gap <= 1e-9 + 1e-12 &&
+      std::abs(proof.log_det - local.log_det) <= proof.log_det_gap + local.log_det_gap + 1e-10 &&
+      std::abs(answer.log_det - proof.log_det) < 1e-8;
+  if (!good) {
+    std::printf("process %d of %d: %s: status %d, gap %.3e, log det %.12g against %.12g\n", rank,
+                processes, what, static_cast<int>(answer.status), proof.duality_gap, proof.log_det,
+                local.log_det);
+  }
+  return good;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  MPI_Init(&argc, &argv);
+  bool good = agrees(wishart_set(6, 5000, 6, 1), "full rank");
+  good &= agrees(wishart_set(8, 3000, 1, 2), "rank one");
+  good &= agrees(wishart_set(1, 7, 1, 3), "one parameter");
+  good &= agrees(needle_set(4, 20000), "a needle");
+  MPI_Finalize();
+  return good ? 0 : 1;
+}
