@@ -1,0 +1,79 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "commands.hpp"
+#include "console.hpp"
+#include "graybox/problems/formats/information_set_file.hpp"
+#include "graybox/solvers/design_file.hpp"
+#include "graybox/solvers/solve_report.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct CheckArguments {
+  std::string set;
+  std::string variable;
+  std::string design;
+  std::optional<double> gap;
+  bool json = false;
+};
+
+// What the file's author claimed; a file that claims nothing is only measured against the gap.
+SolveStatus claimed_status(const std::string& status) {
+  for (const SolveStatus known : {SolveStatus::kSolved, SolveStatus::kIterationLimit,
+                                  SolveStatus::kTimeLimit, SolveStatus::kNumericalFailure}) {
+    if (status == to_string(known)) return known;
+  }
+  return SolveStatus::kSolved;
+}
+
+int check(const CheckArguments& arguments) {
+  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
+  set.validate();
+  const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
+  SolveOptions options;
+  options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
+  const Solution claim{.design = file.design,
+                       .status = claimed_status(file.status),
+                       .trace = {},
+                       .counters = file.counters,
+                       .message = {}};
+  SolveReport report = judge(set, file.solver, options, claim);
+  report.problem_hash = set.content_hash();
+  if (arguments.json) {
+    fmt::print("{}\n", to_json(report).dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), describe(report),
+               describe_support(set, file.design));
+    if (file.problem_hash.empty())
+      fmt::print("note: the design does not say which set it is for\n");
+  }
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("check", "Certify a design, whoever made it");
+  auto arguments = std::make_shared<CheckArguments>();
+  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
+      ->required();
+  command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
+  command->add_option("--gap", arguments->gap,
+                      "duality gap to hold it to (default: the one the design was asked for)");
+  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Exit code 0 if the checked duality gap is at most the gap asked, else 1. Seconds, passes\n"
+      "and iterations are those the design states.\n"
+      "Examples:\n"
+      "  graybox check set.h5 design.json\n"
+      "  graybox check set.h5 design.json --gap 1e-6 --json");
+  command->callback([arguments, &invocation] { invocation.exit_code = check(*arguments); });
+}
+
+}  // namespace graybox::cli

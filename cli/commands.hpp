@@ -1,0 +1,24 @@
+// The subcommands of `graybox`, one file each. add_x_command() declares its options on `app` and
+// hangs on a callback that does the work; the callback reports through Invocation::exit_code and
+// throws InputError for bad input (main.cpp prints it and exits with 2).
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace graybox::cli {
+
+inline constexpr int kDone = 0;
+inline constexpr int kShort = 1;     // a numerical outcome short of what was asked
+inline constexpr int kBadInput = 2;  // bad input or usage
+
+struct Invocation {
+  char** arguments = nullptr;  // argv of main
+  int exit_code = kDone;
+};
+
+void add_problem_command(CLI::App& app, Invocation& invocation);
+void add_solvers_command(CLI::App& app, Invocation& invocation);
+void add_solve_command(CLI::App& app, Invocation& invocation);
+void add_check_command(CLI::App& app, Invocation& invocation);
+
+}  // namespace graybox::cli

@@ -1,0 +1,38 @@
+// What the commands print for people.
+#pragma once
+
+#include <chrono>
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/design.hpp"
+#include "graybox/solvers/solve_report.hpp"
+#include "graybox/solvers/solver.hpp"
+
+namespace graybox::cli {
+
+// "7920 candidates, 12 parameters, 4.9 MB".
+[[nodiscard]] std::string describe(const InformationSet& set);
+
+// The verdict, a few lines, and the heaviest support points with their coordinates.
+[[nodiscard]] std::string describe(const SolveReport& report);
+[[nodiscard]] std::string describe_support(const InformationSet& set, const Design& design);
+
+// One line on stderr, rewritten a few times a second; silent unless stderr is a terminal. Stops the
+// solver once the user has asked to (interrupt.hpp).
+class Progress : public SolveObserver {
+ public:
+  explicit Progress(std::string solver);
+  ~Progress() override;
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  bool on_progress(const TracePoint& point) override;
+
+ private:
+  std::string solver_;
+  bool terminal_;
+  bool written_ = false;
+  std::chrono::steady_clock::time_point next_{};
+};
+
+}  // namespace graybox::cli

@@ -1,0 +1,54 @@
+// graybox: the command. Parses, calls the libraries, prints.
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string>
+
+#include "commands.hpp"
+#include "graybox/problems/error.hpp"
+
+namespace {
+
+// The subcommand that was being parsed, for the hint at its --help.
+std::string command_name(const CLI::App& app) {
+  const auto chosen = app.get_subcommands();
+  return chosen.empty() ? app.get_name() : app.get_name() + " " + command_name(*chosen.front());
+}
+
+int complain(const std::string& line) {
+  std::fprintf(stderr, "graybox: %s\n", line.substr(0, line.find('\n')).c_str());
+  return graybox::cli::kBadInput;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Optimal experiment design for gray-box models, with a certificate.", "graybox");
+  app.require_subcommand(1);
+  app.footer(
+      "Exit codes: 0 done, 1 a numerical outcome short of what was asked, 2 bad input or usage.\n"
+      "Examples:\n"
+      "  graybox problem random --family wis --candidates 7920 --dimension 12 -o set.h5\n"
+      "  graybox solve set.h5 --solver column_generation --gap 1e-9 -o design.json\n"
+      "  graybox check set.h5 design.json");
+  graybox::cli::Invocation invocation{argv};
+  graybox::cli::add_problem_command(app, invocation);
+  graybox::cli::add_solvers_command(app, invocation);
+  graybox::cli::add_solve_command(app, invocation);
+  graybox::cli::add_check_command(app, invocation);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help
+    return complain(std::string(error.what()) + "; see " + command_name(app) + " --help");
+  } catch (const graybox::InputError& error) {
+    return complain(error.what());
+  } catch (const std::bad_alloc&) {
+    complain("not enough memory for this problem");
+    return graybox::cli::kShort;
+  } catch (const std::exception& error) {
+    complain(std::string("internal error: ") + error.what());
+    return graybox::cli::kShort;
+  }
+  return invocation.exit_code;
+}

@@ -1,0 +1,115 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <iterator>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "commands.hpp"
+#include "console.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/formats/information_set_file.hpp"
+#include "graybox/solvers/design_file.hpp"
+#include "graybox/solvers/registry.hpp"
+#include "graybox/solvers/solve_report.hpp"
+#include "interrupt.hpp"
+#include "pin_threads.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct SolveArguments {
+  std::string set;
+  std::string variable;
+  std::string solver = "column_generation";
+  SolveOptions options;
+  std::string trace;
+  std::string output;
+  bool json = false;
+};
+
+void write_trace(const std::string& path, const std::vector<TracePoint>& trace) {
+  std::string lines;
+  for (const TracePoint& point : trace) {
+    const nlohmann::ordered_json line{{"seconds", point.seconds},
+                                      {"passes", point.passes},
+                                      {"duality_gap", point.duality_gap},
+                                      {"iteration", point.iteration}};
+    lines += line.dump() + "\n";
+  }
+  write_text_file(path, lines);
+}
+
+Solution run(const Solver& solver, const InformationSet& set, const SolveOptions& options) {
+  Progress progress{std::string(solver.name())};
+  catch_interrupts();
+  Solution solution = solver.solve(set, options, &progress);
+  if (interrupted() && solution.status == SolveStatus::kTimeLimit) {
+    solution.message = "interrupted; this is the best design so far";
+  }
+  return solution;
+}
+
+void print(const SolveArguments& arguments, const InformationSet& set, const Solution& solution,
+           const SolveReport& report) {
+  if (arguments.json) {
+    fmt::print("{}\n", to_json(report).dump());
+    return;
+  }
+  fmt::print("{}: {}\n{}", set.name(), describe(set), describe(report));
+  if (!solution.design.weights.empty()) fmt::print("{}", describe_support(set, solution.design));
+  if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+}
+
+int solve(const SolveArguments& arguments, Invocation& invocation) {
+  const SolverRegistry registry = make_registry();
+  const Solver& solver = registry.at(arguments.solver);
+  pin_threads(arguments.options.threads, invocation.arguments);
+  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
+  set.validate();
+  const Solution solution = run(solver, set, arguments.options);
+  SolveReport report = judge(set, solver.name(), arguments.options, solution);
+  report.problem_hash = set.content_hash();
+  if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
+  if (!arguments.output.empty() && solution.status != SolveStatus::kUnsupported) {
+    write_design(arguments.output, set, solution.design, report);
+  }
+  print(arguments, set, solution, report);
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+}  // namespace
+
+void add_solve_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("solve", "Find a D-optimal design and certify it");
+  auto arguments = std::make_shared<SolveArguments>();
+  SolveOptions& options = arguments->options;
+  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
+      ->required();
+  command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
+      ->capture_default_str();
+  command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
+  command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
+  command->add_option("--iteration-limit", options.iteration_limit,
+                      "iterations (default: the solver's own)");
+  command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
+  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
+  command->add_option("--trace", arguments->trace, "write the history of the run as JSON lines");
+  command->add_option("-o,--output", arguments->output, "write the design as JSON");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "The checker decides: status solved (exit code 0) means that the gap it computed is at most\n"
+      "the gap asked. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "Examples:\n"
+      "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
+      "  graybox solve covdata.mat --variable Hi --solver dual_interior_point --json\n"
+      "  graybox solve set.h5 --solver multiplicative --time-limit 10 --trace trace.jsonl");
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });
+}
+
+}  // namespace graybox::cli

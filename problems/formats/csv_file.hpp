@@ -1,0 +1,22 @@
+// Information sets as text: one packed lower triangle (packed_matrix.hpp) a line, p numbers
+// separated by commas, semicolons, tabs or blanks. A first line that is not numbers is taken as a
+// header; empty lines and lines that begin with # are skipped.
+//
+//   H_1_1,H_2_1,H_2_2
+//   1,0,0.5
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+// Throws InputError naming line and field. Two passes over the file, none over a copy in memory.
+[[nodiscard]] InformationSet read_csv(const std::string& path);
+
+// Writes a header and the shortest decimals that read back exactly. Coordinates and names of
+// parameters are not kept.
+void write_csv(const std::string& path, const InformationSet& set);
+
+}  // namespace graybox

@@ -1,0 +1,27 @@
+// Information sets as HDF5, the format graybox writes by default:
+//
+//   /                 attributes  format = "graybox-information-set/1"
+//                                 sha256 = InformationSet::content_hash(), hexadecimal
+//   /information      float64 [Q x p]: packed lower triangles, the bytes of the array in memory
+//   /candidates       float64 [Q x n], attributes `names` and `units` (n strings each); absent if
+//                     the candidates have no coordinates
+//   /parameters       d strings; absent if the parameters have no names
+//
+// Reading is lenient where no doubt arises: `information` may also be [Q x d x d], 32-bit or
+// chunked; sha256 and units may be missing. A hash that is there must match. Contiguous float64
+// [Q x p] goes from the file straight into the set's own array.
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+// Throws InputError for a file that is no such set.
+[[nodiscard]] InformationSet read_hdf5(const std::string& path);
+
+// Writes the file in full or not at all. Throws InputError if it can't be written.
+void write_hdf5(const std::string& path, const InformationSet& set);
+
+}  // namespace graybox

@@ -1,0 +1,33 @@
+// InputFile: a file open for reading whose every failure is an InputError with one clear line.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace graybox {
+
+class InputFile {
+ public:
+  // Throws InputError if the file is missing, a folder, unreadable or empty.
+  explicit InputFile(std::string path);
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+  ~InputFile();
+
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+
+  // Reads exactly `count` bytes at `offset`. Throws InputError if the file ends before.
+  void read(std::uint64_t offset, void* bytes, std::size_t count) const;
+
+  // The first bytes, at most `count`.
+  [[nodiscard]] std::string head(std::size_t count) const;
+
+ private:
+  std::string path_;
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+}  // namespace graybox

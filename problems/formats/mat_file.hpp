@@ -1,0 +1,21 @@
+// Information sets as MATLAB files (versions 5, 7 and 7.3): a cell array of Q equal symmetric
+// matrices, such as the authors' own covdata.mat with its cell Hi, or a numeric array d x d x Q.
+// Full real double or single matrices.
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+// `variable` names the variable to read; if empty, the only one that can be an information set is
+// taken. Throws InputError if there is none or several (naming them), and for matrices that are
+// unequal, not square or not symmetric.
+[[nodiscard]] InformationSet read_mat(const std::string& path, const std::string& variable = {});
+
+// Writes the cell Hi [1 x Q], version 5, uncompressed; coordinates and names are not kept. Throws
+// InputError above the format's limit of 2^31 bytes (version 5).
+void write_mat(const std::string& path, const InformationSet& set);
+
+}  // namespace graybox

@@ -1,0 +1,239 @@
+#include "graybox/problems/formats/npy_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdint>
+#include <fstream>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/formats/input_file.hpp"
+#include "graybox/problems/formats/symmetric_packer.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::string_view kMagic = "\x93NUMPY";
+constexpr std::size_t kBufferNumbers = std::size_t{1} << 18;
+
+struct Layout {
+  std::vector<std::size_t> shape;
+  bool fortran_order = false;
+  std::size_t item_bytes = 8;  // 8: float64, 4: float32
+  std::uint64_t data_offset = 0;
+};
+
+// The text after 'key': in the header's Python dictionary.
+std::string_view value_of(const std::string& path, std::string_view header, std::string_view key) {
+  const std::size_t at = header.find(fmt::format("'{}':", key));
+  if (at == std::string_view::npos) {
+    throw InputError(
+        fmt::format("{}: header: key {} is missing; write it with numpy.save", path, key));
+  }
+  std::string_view value = header.substr(at + key.size() + 3);
+  value.remove_prefix(std::min(value.find_first_not_of(' '), value.size()));
+  return value;
+}
+
+std::size_t item_bytes_of(const std::string& path, std::string_view value) {
+  for (const auto& [type, bytes] :
+       {std::pair{"'<f8'", std::size_t{8}}, {"'<f4'", std::size_t{4}}}) {
+    if (value.starts_with(type)) return bytes;
+  }
+  throw InputError(
+      fmt::format("{}: dtype {}: expected little-endian float64 or float32; save "
+                  "array.astype('<f8')",
+                  path, value.substr(0, value.find(','))));
+}
+
+std::vector<std::size_t> shape_of(const std::string& path, std::string_view value) {
+  const auto fail = [&] {
+    throw InputError(
+        fmt::format("{}: header: shape can't be read; write it with numpy.save", path));
+  };
+  const std::size_t end = value.find(')');
+  if (!value.starts_with('(') || end == std::string_view::npos) fail();
+  std::string_view list = value.substr(1, end - 1);
+  std::vector<std::size_t> shape;
+  while (true) {
+    list.remove_prefix(std::min(list.find_first_not_of(", "), list.size()));
+    if (list.empty()) return shape;
+    std::size_t extent = 0;
+    const auto [rest, error] = std::from_chars(list.data(), list.data() + list.size(), extent);
+    if (error != std::errc()) fail();
+    shape.push_back(extent);
+    list.remove_prefix(static_cast<std::size_t>(rest - list.data()));
+  }
+}
+
+Layout read_layout(const InputFile& file) {
+  const std::string start = file.head(12);
+  if (!start.starts_with(kMagic) || start.size() < 12) {
+    throw InputError(fmt::format("{}: no NumPy file (wrong first bytes); write it with numpy.save",
+                                 file.path()));
+  }
+  const auto byte = [&](std::size_t i) {
+    return static_cast<std::uint32_t>(static_cast<unsigned char>(start[i]));
+  };
+  const std::uint32_t version = byte(6);
+  if (version < 1 || version > 3) {
+    throw InputError(
+        fmt::format("{}: NumPy format version {} is not known; write it with numpy.save",
+                    file.path(), version));
+  }
+  const std::uint32_t length = version == 1
+                                   ? byte(8) + (byte(9) << 8)
+                                   : byte(8) + (byte(9) << 8) + (byte(10) << 16) + (byte(11) << 24);
+  const std::uint64_t header_offset = version == 1 ? 10 : 12;
+  if (header_offset + length > file.size()) {
+    throw InputError(fmt::format("{}: truncated in its header; copy it again", file.path()));
+  }
+  std::string header(length, '\0');
+  file.read(header_offset, header.data(), header.size());
+  Layout layout;
+  layout.item_bytes = item_bytes_of(file.path(), value_of(file.path(), header, "descr"));
+  layout.fortran_order = value_of(file.path(), header, "fortran_order").starts_with("True");
+  layout.shape = shape_of(file.path(), value_of(file.path(), header, "shape"));
+  layout.data_offset = header_offset + length;
+  return layout;
+}
+
+// d, or an InputError naming what is wrong with the shape.
+std::size_t dimension_of(const std::string& path, const Layout& layout) {
+  const auto& shape = layout.shape;
+  const auto fail = [&](std::string_view problem) {
+    throw InputError(fmt::format("{}: shape ({}): {}; expected [Q x d x d] or packed [Q x p]", path,
+                                 fmt::join(shape, ", "), problem));
+  };
+  if (shape.size() != 2 && shape.size() != 3) fail("wrong number of axes");
+  if (std::ranges::count(shape, std::size_t{0}) > 0) fail("there are no candidates");
+  if (shape.size() == 3) {
+    if (shape[1] != shape[2]) fail("the matrices are not square");
+    return shape[1];
+  }
+  const std::size_t dimension = dimension_from_packed_size(shape[1]);
+  if (dimension == 0) fail(fmt::format("{} is no packed size d(d+1)/2", shape[1]));
+  return dimension;
+}
+
+void require_size(const InputFile& file, const Layout& layout) {
+  // Extended: the product of a damaged header's extents may not fit 64 bits.
+  long double bytes = static_cast<long double>(layout.item_bytes);
+  for (const std::size_t extent : layout.shape) bytes *= static_cast<long double>(extent);
+  const auto present = static_cast<long double>(file.size() - layout.data_offset);
+  if (bytes <= present) return;
+  throw InputError(
+      fmt::format("{}: truncated: shape ({}) needs {:.0f} bytes, {:.0f} are there; copy "
+                  "it again",
+                  file.path(), fmt::join(layout.shape, ", "), bytes, present));
+}
+
+// Reads `count` consecutive numbers at position `first` of the file's data, as float64.
+class NumberReader {
+ public:
+  NumberReader(const InputFile& file, const Layout& layout) : file_(file), layout_(layout) {}
+
+  void read(std::size_t first, std::size_t count, double* out) {
+    const std::uint64_t offset = layout_.data_offset + first * layout_.item_bytes;
+    if (layout_.item_bytes == 8) {
+      file_.read(offset, out, count * sizeof(double));
+      return;
+    }
+    singles_.resize(count);
+    file_.read(offset, singles_.data(), count * sizeof(float));
+    std::ranges::copy(singles_, out);
+  }
+
+ private:
+  const InputFile& file_;
+  const Layout& layout_;
+  std::vector<float> singles_;
+};
+
+// Candidates first .. first + count - 1, each `width` numbers, contiguous whatever the file's
+// order.
+void read_rows(NumberReader& reader, const Layout& layout, std::size_t first, std::size_t count,
+               std::size_t width, std::vector<double>& column, double* rows) {
+  if (!layout.fortran_order) {
+    reader.read(first * width, count * width, rows);
+    return;
+  }
+  // Fortran order: entry k of all candidates is contiguous.
+  column.resize(count);
+  for (std::size_t k = 0; k < width; ++k) {
+    reader.read(k * layout.shape[0] + first, count, column.data());
+    for (std::size_t i = 0; i < count; ++i) rows[i * width + k] = column[i];
+  }
+}
+
+AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_t dimension) {
+  const bool full = layout.shape.size() == 3;
+  const std::size_t count = layout.shape[0];
+  const std::size_t width = full ? dimension * dimension : packed_size(dimension);
+  NumberReader reader(file, layout);
+  std::vector<double> column;
+  if (!full && !layout.fortran_order && layout.item_bytes == 8) {
+    AlignedArray packed(count * width);
+    reader.read(0, packed.size(), packed.data());
+    return packed;
+  }
+  const std::size_t block = std::max<std::size_t>(1, kBufferNumbers / width);
+  if (!full) {
+    AlignedArray packed(count * width);
+    for (std::size_t first = 0; first < count; first += block) {
+      read_rows(reader, layout, first, std::min(block, count - first), width, column,
+                packed.data() + first * width);
+    }
+    return packed;
+  }
+  SymmetricPacker packer(file.path(), dimension, count,
+                         layout.item_bytes == 8 ? kSymmetryTolerance : kSingleSymmetryTolerance);
+  std::vector<double> rows(block * width);
+  for (std::size_t first = 0; first < count; first += block) {
+    const std::size_t here = std::min(block, count - first);
+    read_rows(reader, layout, first, here, width, column, rows.data());
+    packer.add(rows.data(), here);
+  }
+  return packer.take();
+}
+
+}  // namespace
+
+InformationSet read_npy(const std::string& path) {
+  const InputFile file(path);
+  const Layout layout = read_layout(file);
+  const std::size_t dimension = dimension_of(path, layout);
+  require_size(file, layout);
+  AlignedArray information = read_values(file, layout, dimension);
+  require_finite(path, information, dimension);
+  return InformationSet(dimension, std::move(information), {}, {}, path);
+}
+
+void write_npy(const std::string& path, const InformationSet& set) {
+  std::string header =
+      fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}",
+                  set.candidate_count(), set.packed_size());
+  // The data start at a multiple of 64 bytes; the header ends with a newline.
+  const std::size_t unpadded = 10 + header.size() + 1;
+  header.append((64 - unpadded % 64) % 64, ' ');
+  header += '\n';
+  AtomicFile target(path);
+  {
+    std::ofstream stream(target.temporary(), std::ios::binary);
+    stream << kMagic << '\x01' << '\0' << static_cast<char>(header.size() & 0xFF)
+           << static_cast<char>(header.size() >> 8) << header;
+    stream.write(reinterpret_cast<const char*>(set.data()),
+                 static_cast<std::streamsize>(set.bytes()));
+    stream.close();
+    if (!stream) throw InputError(fmt::format("{}: can't be written: disk full?", path));
+  }
+  target.commit();
+}
+
+}  // namespace graybox

@@ -1,0 +1,21 @@
+// Information sets as NumPy arrays (numpy.save): [Q x d x d] full symmetric matrices, or [Q x p]
+// packed lower triangles (packed_matrix.hpp). C and Fortran order, little-endian float64 and
+// float32. C-ordered float64 [Q x p] goes from the file straight into the set's own array; other
+// layouts pass through a buffer of at most a few megabytes.
+//
+// Format: numpy.lib.format, versions 1.0 to 3.0.
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+// Throws InputError for a file that is no such array.
+[[nodiscard]] InformationSet read_npy(const std::string& path);
+
+// Writes [Q x p], C order, float64. Coordinates and names are not kept.
+void write_npy(const std::string& path, const InformationSet& set);
+
+}  // namespace graybox

@@ -1,0 +1,60 @@
+// Designs as JSON, format graybox-design/1:
+//
+//   {
+//     "format": "graybox-design/1",
+//     "problem": "set.h5", "problem_hash": "ab34...", "candidates": 7920, "dimension": 12,
+//     "solver": "column_generation",
+//     "options": {"duality_gap": 1e-09, "time_limit": null, "iteration_limit": 0, "seed": 1,
+//                 "threads": 1},
+//     "status": "solved", "message": "",
+//     "support": [{"index": 41, "weight": 0.25, "candidate": {"q2": -45.0, ...}}, ...],
+//     "certificate": {"status": "certified", "duality_gap": ..., "rounding_bound": ...,
+//                     "log_det": ..., "log_det_gap": ..., "efficiency": ..., "worst_candidate":
+//                     ..., "clipped": ..., "renormalised": ...},
+//     "log_det": ..., "counters": {"iterations": ..., "passes": ..., "seconds": ...}
+//   }
+//
+// Only candidates of non-zero weight are listed; indices count from zero; "candidate" holds the
+// coordinates where the set has some. Numbers are written with as many digits as read back exactly
+// (up to 17); infinite ones are null. A program that writes designs for graybox needs "format" and
+// "support" with "index" and "weight"; all else is optional on reading.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/design.hpp"
+#include "graybox/solvers/solve_report.hpp"
+#include "graybox/solvers/solver.hpp"
+
+namespace graybox {
+
+// What a file says. Its certificate is not read: certify() is the one to ask.
+struct DesignFile {
+  Design design;             // one weight for each candidate of the set
+  std::string solver;        // empty if not stated; likewise:
+  std::string problem_hash;  //
+  std::string status;        //
+  std::string message;       //
+  std::optional<double> asked_gap;
+  SolveCounters counters;
+};
+
+enum class WeightCheck {
+  kStrict,      // weights must form a design: each at least -1e-12, their sum within 1e-9 of 1
+  kForChecker,  // any finite weights: the caller hands them to certify()
+};
+
+// Writes the file in full or not at all. report.problem_hash must be set. Throws InputError if the
+// file can't be written.
+void write_design(const std::string& path, const InformationSet& set, const Design& design,
+                  const SolveReport& report);
+
+// Throws InputError, naming file, field and fix, for anything that is no design of this set: not
+// JSON, another format, the hash of another problem, an index out of range or twice, weights that
+// are no numbers or (strict) no design. Cost: one SHA-256 pass over the set if the file has a hash.
+[[nodiscard]] DesignFile read_design(const std::string& path, const InformationSet& set,
+                                     WeightCheck check = WeightCheck::kStrict);
+
+}  // namespace graybox
