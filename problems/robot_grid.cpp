@@ -1,0 +1,160 @@
+#include "graybox/problems/robot_grid.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::size_t kAxes = 5;
+constexpr std::size_t kJoints = 6;
+constexpr std::uint64_t kThinningSeed = 1;
+
+struct Range {
+  double from, to;  // degrees
+  std::size_t intervals;
+};
+constexpr std::array<Range, kAxes> kPaperRanges = {
+    {{0, 90, 2}, {-60, 90, 10}, {-165, 60, 15}, {0, 90, 2}, {-90, 90, 4}}};
+
+using Intervals = std::array<std::size_t, kAxes>;
+
+Intervals paper_intervals() {
+  Intervals result{};
+  for (std::size_t a = 0; a < kAxes; ++a) result[a] = kPaperRanges[a].intervals;
+  return result;
+}
+
+std::size_t grid_size(const Intervals& intervals) {
+  std::size_t size = 1;
+  for (const std::size_t n : intervals) size *= n + 1;
+  return size;
+}
+
+// Adds intervals one by one to the axis that has the smallest factor more than the paper's.
+Intervals refine(std::size_t count) {
+  Intervals intervals = paper_intervals();
+  while (grid_size(intervals) < count) {
+    std::size_t coarsest = 0;
+    for (std::size_t a = 1; a < kAxes; ++a) {
+      if (intervals[a] * kPaperRanges[coarsest].intervals <
+          intervals[coarsest] * kPaperRanges[a].intervals) {
+        coarsest = a;
+      }
+    }
+    ++intervals[coarsest];
+  }
+  return intervals;
+}
+
+PositionTable full_grid(const Intervals& intervals) {
+  const std::size_t size = grid_size(intervals);
+  PositionTable table{kJoints, std::vector<double>(size * kJoints, 0.0)};
+  for (std::size_t i = 0; i < size; ++i) {
+    std::size_t rest = i;
+    for (std::size_t a = kAxes; a-- > 0;) {  // the last axis runs fastest
+      const std::size_t step = rest % (intervals[a] + 1);
+      rest /= intervals[a] + 1;
+      const Range& range = kPaperRanges[a];
+      table.degrees[i * kJoints + a] = range.from + (range.to - range.from) *
+                                                        static_cast<double>(step) /
+                                                        static_cast<double>(intervals[a]);
+    }
+  }
+  return table;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+std::optional<double> parse_number(std::string_view text) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+std::vector<std::string_view> split(std::string_view line) {
+  std::vector<std::string_view> cells;
+  for (;;) {
+    const auto comma = line.find(',');
+    cells.push_back(trimmed(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return cells;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+}  // namespace
+
+PositionTable PositionTable::subset(std::span<const std::size_t> indices) const {
+  PositionTable result{joint_count, {}};
+  result.degrees.reserve(indices.size() * joint_count);
+  for (const std::size_t i : indices) {
+    if (i >= count()) {
+      throw InputError(fmt::format("positions: index {} of {} positions", i, count()));
+    }
+    const auto row = position(i);
+    result.degrees.insert(result.degrees.end(), row.begin(), row.end());
+  }
+  return result;
+}
+
+PositionTable paper_grid() { return full_grid(paper_intervals()); }
+
+PositionTable robot_grid(std::size_t count) {
+  if (count == 0) throw InputError("grid: at least one position is needed");
+  const PositionTable grid = full_grid(refine(count));
+  if (grid.count() == count) return grid;
+  return grid.subset(nested_subset(grid.count(), count, kThinningSeed));
+}
+
+PositionTable read_positions(const std::filesystem::path& file, std::size_t joint_count) {
+  std::ifstream stream(file);
+  if (!std::filesystem::is_regular_file(file) || !stream) {
+    throw InputError(fmt::format("{}: no such file", file.string()));
+  }
+  PositionTable table{joint_count, {}};
+  std::string line;
+  bool header_allowed = true;
+  for (std::size_t number = 1; std::getline(stream, line); ++number) {
+    const std::string_view text = trimmed(line);
+    if (text.empty() || text.front() == '#') continue;
+    const std::vector<std::string_view> cells = split(text);
+    const bool is_header = std::ranges::none_of(
+        cells, [](std::string_view cell) { return parse_number(cell).has_value(); });
+    if (std::exchange(header_allowed, false) && is_header) continue;
+    if (cells.size() != joint_count) {
+      throw InputError(fmt::format("{}:{}: a position has {} angles in degrees, this line has {}",
+                                   file.string(), number, joint_count, cells.size()));
+    }
+    for (const std::string_view cell : cells) {
+      const std::optional<double> value = parse_number(cell);
+      if (!value || !std::isfinite(*value)) {
+        throw InputError(
+            fmt::format("{}:{}: '{}' is not a finite number", file.string(), number, cell));
+      }
+      table.degrees.push_back(*value);
+    }
+  }
+  if (table.degrees.empty()) {
+    throw InputError(fmt::format("{}: holds no position", file.string()));
+  }
+  return table;
+}
+
+}  // namespace graybox
