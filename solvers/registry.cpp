@@ -8,6 +8,12 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/cocktail.hpp"
+#include "graybox/solvers/fedorov_wynn.hpp"
+#include "graybox/solvers/multiplicative.hpp"
+#include "graybox/solvers/multiplicative_accelerated.hpp"
+#include "graybox/solvers/randomized_exchange.hpp"
+#include "graybox/solvers/vertex_exchange.hpp"
 
 namespace graybox {
 namespace {
@@ -65,6 +71,12 @@ const Solver& SolverRegistry::at(std::string_view name) const {
 SolverRegistry make_registry() {
   SolverRegistry registry;
   registry.add(std::make_unique<ColumnGeneration>());
+  registry.add(std::make_unique<Multiplicative>());
+  registry.add(std::make_unique<MultiplicativeAccelerated>());
+  registry.add(std::make_unique<FedorovWynn>());
+  registry.add(std::make_unique<VertexExchange>());
+  registry.add(std::make_unique<RandomizedExchange>());
+  registry.add(std::make_unique<Cocktail>());
   return registry;
 }
 

@@ -8,6 +8,9 @@
 
 namespace graybox {
 
+// Weights that shrink geometrically stop here, far above the slow denormal numbers.
+inline constexpr double kSmallestWeight = 1e-200;
+
 struct Kernels {
   const char* name;  // "generic", "avx2", "avx512"
 
@@ -18,6 +21,11 @@ struct Kernels {
   // sum_k += sum_i weights_i data_ik.
   void (*accumulate)(const double* data, std::size_t count, std::size_t packed_size,
                      const double* weights, double* sum);
+
+  // Pricing, a multiplicative step and the new sum in one read of the data: with s_i = tr(W H_i),
+  //   out_i = s_i,   weights_i <- max(weights_i s_i factor, kSmallestWeight),   sum += weights_i H_i.
+  void (*reweigh)(const double* data, std::size_t count, std::size_t packed_size,
+                  const double* dual, double factor, double* weights, double* out, double* sum);
 
   // Plain sum of an array: the reference for memory speed (stream_read in the benchmarks).
   double (*sum)(const double* data, std::size_t size);

@@ -13,6 +13,6 @@ constexpr int kLanes = 4;
 }  // namespace
 
 extern const Kernels kTable;
-const Kernels kTable = {"avx2", &price, &accumulate, &sum};
+const Kernels kTable = {"avx2", &price, &accumulate, &reweigh, &sum};
 
 }  // namespace graybox::kernels_avx2

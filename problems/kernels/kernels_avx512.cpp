@@ -13,6 +13,6 @@ constexpr int kLanes = 8;
 }  // namespace
 
 extern const Kernels kTable;
-const Kernels kTable = {"avx512", &price, &accumulate, &sum};
+const Kernels kTable = {"avx512", &price, &accumulate, &reweigh, &sum};
 
 }  // namespace graybox::kernels_avx512

@@ -13,6 +13,6 @@ constexpr int kLanes = 2;
 }  // namespace
 
 extern const Kernels kTable;
-const Kernels kTable = {"generic", &price, &accumulate, &sum};
+const Kernels kTable = {"generic", &price, &accumulate, &reweigh, &sum};
 
 }  // namespace graybox::kernels_generic

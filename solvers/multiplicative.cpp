@@ -1,0 +1,71 @@
+#include "graybox/solvers/multiplicative.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/reweigh_pass.hpp"
+#include "graybox/solvers/scaled_factor.hpp"
+#include "graybox/solvers/tracer.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::int64_t kDefaultIterationLimit = 10'000'000;
+constexpr double kNegligibleShare = 1e-17;
+
+// lambda_i H_i <= lambda_i w_i M: a weight with a negligible bound does not show in M.
+Design without_negligible_weights(std::vector<double> weights, std::span<const double> w) {
+  double total = 0.0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    if (!(weights[i] * std::max(w[i], 1.0) > kNegligibleShare)) weights[i] = 0.0;
+    total += weights[i];
+  }
+  for (double& weight : weights) weight /= total;
+  return {std::move(weights)};
+}
+
+}  // namespace
+
+Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& options,
+                               SolveObserver* observer) const {
+  Tracer tracer(set, options, observer);
+  const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
+  const std::size_t count = set.candidate_count();
+  const double d = static_cast<double>(set.dimension());
+  const std::int64_t limit =
+      options.iteration_limit > 0 ? options.iteration_limit : kDefaultIterationLimit;
+
+  std::vector<double> weights(count, 1.0 / static_cast<double>(count));
+  std::vector<double> former(weights), w(count, 0.0);
+  std::vector<double> information(conditioned.uniform_information().begin(),
+                                  conditioned.uniform_information().end());
+  ScaledFactor factor(set.dimension());
+  ReweighPass pass(set.dimension(), options.threads);
+  std::int64_t iteration = 0;
+  // The sensitivities belong to the weights before the step: those are the answer.
+  const auto finish = [&](SolveStatus status, std::string message = {}) {
+    return tracer.finish(without_negligible_weights(std::move(former), w), status, iteration,
+                         std::move(message));
+  };
+  while (true) {
+    if (!factor.factorise(information)) {
+      return finish(SolveStatus::kNumericalFailure, "the information matrix became singular");
+    }
+    std::ranges::copy(weights, former.begin());
+    pass.run(conditioned.set().data(), factor.trace_dual(), weights, w, information);
+    tracer.count_passes(1.0);
+    const double gap = *std::ranges::max_element(w) / d - 1.0;
+    tracer.record(gap, iteration);
+    if (gap <= options.duality_gap) return finish(SolveStatus::kSolved);
+    if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
+    if (iteration == limit) return finish(SolveStatus::kIterationLimit);
+    ++iteration;
+  }
+}
+
+}  // namespace graybox
