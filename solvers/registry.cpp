@@ -7,9 +7,12 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
-#include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/cocktail.hpp"
+#include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/fedorov_wynn.hpp"
+#include "graybox/solvers/ipopt/ipopt_dual.hpp"
+#include "graybox/solvers/ipopt/ipopt_lifted.hpp"
+#include "graybox/solvers/ipopt/ipopt_primal.hpp"
 #include "graybox/solvers/multiplicative.hpp"
 #include "graybox/solvers/multiplicative_accelerated.hpp"
 #include "graybox/solvers/randomized_exchange.hpp"
@@ -29,6 +32,20 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     }
   }
   return row[b.size()];
+}
+
+constexpr bool kWithIpopt = GRAYBOX_REGISTRY_WITH_IPOPT;
+
+// Back-ends on an optional library, listed with the reason where the library was not built in.
+template <bool kBuilt, typename... BackEnds>
+void add_optional(SolverRegistry& registry, const char* unavailable_because) {
+  if constexpr (kBuilt) {
+    (registry.add(std::make_unique<BackEnds>()), ...);
+  } else {
+    (registry.add_unavailable(std::string(BackEnds::kName), std::string(BackEnds::kDescription),
+                              unavailable_because),
+     ...);
+  }
 }
 
 }  // namespace
@@ -77,6 +94,8 @@ SolverRegistry make_registry() {
   registry.add(std::make_unique<VertexExchange>());
   registry.add(std::make_unique<RandomizedExchange>());
   registry.add(std::make_unique<Cocktail>());
+  add_optional<kWithIpopt, IpoptPrimal, IpoptLifted, IpoptDual>(
+      registry, "built without Ipopt (GRAYBOX_WITH_IPOPT)");
   return registry;
 }
 
