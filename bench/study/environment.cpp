@@ -1,0 +1,136 @@
+#include "graybox/bench/study/environment.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <openssl/evp.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "graybox/problems/kernels/kernels.hpp"
+
+namespace graybox::bench {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+std::string first_line(const fs::path& file) {
+  std::ifstream stream(file);
+  std::string line;
+  std::getline(stream, line);
+  return line;
+}
+
+// The value of the first line "key<separator>value" of a file such as /proc/cpuinfo.
+std::string field(const fs::path& file, std::string_view key, char separator) {
+  std::ifstream stream(file);
+  for (std::string line; std::getline(stream, line);) {
+    if (!line.starts_with(key)) continue;
+    const std::size_t at = line.find(separator);
+    if (at == std::string::npos) continue;
+    const std::size_t from = line.find_first_not_of(" \t\"", at + 1);
+    if (from == std::string::npos) continue;
+    return line.substr(from, line.find_last_not_of("\" \t") + 1 - from);
+  }
+  return {};
+}
+
+std::string command_output(const char* command) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command, "r"), &pclose);
+  if (!pipe) return {};
+  std::array<char, 256> buffer{};
+  std::string text;
+  while (std::fgets(buffer.data(), static_cast<int>(buffer.size()), pipe.get()) != nullptr) {
+    text += buffer.data();
+  }
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text;
+}
+
+json caches() {
+  json list = json::array();
+  const fs::path folder = "/sys/devices/system/cpu/cpu0/cache";
+  std::error_code error;
+  std::vector<fs::path> entries;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().filename().string().starts_with("index")) entries.push_back(entry.path());
+  }
+  std::ranges::sort(entries);
+  for (const fs::path& entry : entries) {
+    const std::string type = first_line(entry / "type");
+    if (type == "Instruction") continue;
+    list.push_back(fmt::format("L{} {}", first_line(entry / "level"), first_line(entry / "size")));
+  }
+  return list;
+}
+
+// The commit of the working folder; "+" marks changes that are not committed.
+std::string commit() {
+  const std::string hash = command_output("git rev-parse HEAD 2>/dev/null");
+  if (hash.empty()) return {};
+  const std::string changes =
+      command_output("git status --porcelain --untracked-files=no -- ':!results' 2>/dev/null");
+  return changes.empty() ? hash : hash + "+";
+}
+
+}  // namespace
+
+double load_average() {
+  double load = 0.0;
+  return getloadavg(&load, 1) == 1 ? load : 0.0;
+}
+
+std::string utc_now() {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+std::string program_hash() {
+  std::ifstream stream("/proc/self/exe", std::ios::binary);
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
+                                                                        &EVP_MD_CTX_free);
+  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  std::vector<char> buffer(1 << 16);
+  while (stream.read(buffer.data(), static_cast<std::streamsize>(buffer.size())),
+         stream.gcount() > 0) {
+    EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(stream.gcount()));
+  }
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  EVP_DigestFinal_ex(context.get(), digest.data(), nullptr);
+  std::string text;
+  for (std::size_t k = 0; k < 6; ++k) text += fmt::format("{:02x}", digest[k]);
+  return text;
+}
+
+json describe_environment() {
+  utsname system{};
+  uname(&system);
+  return {{"kind", "environment"},
+          {"date", utc_now()},
+          {"commit", commit()},
+          {"binary", program_hash()},
+          {"processor", field("/proc/cpuinfo", "model name", ':')},
+          {"cores", sysconf(_SC_NPROCESSORS_ONLN)},
+          {"caches", caches()},
+          {"memory", field("/proc/meminfo", "MemTotal", ':')},
+          {"system", field("/etc/os-release", "PRETTY_NAME", '=')},
+          {"kernel", fmt::format("{} {}", system.sysname, system.release)},
+          {"compiler", GRAYBOX_COMPILER},
+          {"flags", GRAYBOX_COMPILE_FLAGS},
+          {"libraries", GRAYBOX_LIBRARY_VERSIONS},
+          {"kernels", kernels().name},
+          {"load", load_average()}};
+}
+
+}  // namespace graybox::bench

@@ -1,0 +1,19 @@
+// Where and with what a study ran: recorded once a session, at the head of its rows.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+namespace graybox::bench {
+
+// Processor, caches, memory, system, compiler, flags, library versions, vector width of the
+// kernels, commit, load, date. Whatever can't be found out is an empty string.
+[[nodiscard]] nlohmann::json describe_environment();
+
+// SHA-256 of the running program, shortened: two runs are comparable only if it is the same.
+[[nodiscard]] std::string program_hash();
+
+[[nodiscard]] double load_average();  // over one minute; 0 where unknown
+[[nodiscard]] std::string utc_now();  // "2026-01-31T12:00:00Z"
+
+}  // namespace graybox::bench

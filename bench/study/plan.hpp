@@ -1,0 +1,76 @@
+// What a study runs: points (experiment, family, Q, solver, gap) in the order in which they are
+// first visited, with the limits each is given.
+//
+// Three experiments:
+//   scaling        the robot set's nested subsets, every solver, at one gap: time against Q
+//   families       every family at full size, every solver, at gap 1e-9: passes and time to gaps
+//   normalisation  the dual interior point with and without scaling on the raw `rob` subsets
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "graybox/solvers/registry.hpp"
+
+namespace graybox::bench {
+
+inline constexpr std::size_t kFullSize = 7920;          // the paper's grid
+inline constexpr std::uint64_t kSubsetSeed = 20070101;  // of the nested subsets, for every set
+inline constexpr double kFamilyGap = 1e-9;
+
+enum class StudyMode { kQuick, kStandard, kFull };
+
+struct StudyOptions {
+  std::filesystem::path output = "results/latest";
+  std::vector<std::string> solvers;  // empty: all that were built
+  std::size_t max_candidates = kFullSize;
+  StudyMode mode = StudyMode::kStandard;
+  double duality_gap = 1e-6;                // of the scaling experiment
+  std::optional<double> time_limit;         // seconds a run; otherwise by mode
+  std::optional<std::size_t> memory_limit;  // bytes a run; otherwise by mode
+  int threads = 1;
+  std::uint64_t seed = 1;
+  bool resume = false;
+  bool families = true;  // false: the scaling experiment alone
+};
+
+// Limits that follow from the mode (or were given).
+struct StudyLimits {
+  double run_seconds = 0.0;         // the scaling experiment, a run
+  double family_run_seconds = 0.0;  // the other experiments, a run
+  std::size_t memory_bytes = 0;     // a run
+  int repetitions = 1;              // at most, a point
+  double point_seconds = 0.0;       // repetitions stop when a point has used as much
+  double budget_seconds = 0.0;      // the whole study; infinite in full
+};
+[[nodiscard]] StudyLimits limits_of(const StudyOptions& options);
+
+// A run is killed this long after its own limit, which it should have kept by itself.
+[[nodiscard]] double kill_after(double time_limit);
+
+struct StudyPoint {
+  std::string experiment;
+  std::string family;
+  std::size_t candidates = 0;
+  std::string solver;
+  double duality_gap = 0.0;
+  double time_limit = 0.0;
+  bool repeated = true;
+  std::string skipped_because;  // not empty: known beforehand not to be run
+};
+
+// Q of the scaling experiment: 50, 100, 200, 500, 1000, 2000, 4000, 7920, up to the maximum.
+[[nodiscard]] std::vector<std::size_t> study_sizes(std::size_t max_candidates);
+
+// Throws InputError for an unknown or unavailable solver, and for limits out of range. `families`
+// names the families besides the robot.
+[[nodiscard]] std::vector<StudyPoint> make_plan(const StudyOptions& options,
+                                                const SolverRegistry& registry,
+                                                const std::vector<std::string>& families);
+
+}  // namespace graybox::bench

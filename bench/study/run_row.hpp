@@ -1,0 +1,153 @@
+// One run of one solver on one set, as the study records it: a line of rows.jsonl.
+//
+// What happened is decided here, by classify(), from the process's ending, the solver's claim and
+// the checker's certificate of the design it handed back. The claim alone never counts:
+//
+//   solved             the checked gap is at most the gap asked for (up to the checker's rounding,
+//                      at most 1 % of it)
+//   inaccurate         claimed solved; the checked gap misses, by a factor of at most 10
+//   claimed_but_wrong  claimed solved; the checked gap misses by more, or the answer is no design
+//   iteration_limit, time_limit, numerical_failure, unsupported   the solver's own word, or for
+//                      time_limit the clock of the study, which kills
+//   crashed            ended by a signal, or without an answer
+//   out_of_memory      above the memory limit, or an allocation failed
+//
+// Every status but solved is charged the time limit wherever times are compared.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graybox/bench/study/process.hpp"
+#include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/certificate.hpp"
+#include "graybox/solvers/solver.hpp"
+
+namespace graybox::bench {
+
+enum class RunStatus {
+  kSolved,
+  kInaccurate,
+  kClaimedButWrong,
+  kIterationLimit,
+  kTimeLimit,
+  kNumericalFailure,
+  kUnsupported,
+  kCrashed,
+  kOutOfMemory,
+};
+[[nodiscard]] std::string_view to_string(RunStatus status);
+[[nodiscard]] RunStatus run_status_from(std::string_view text);  // throws InputError if unknown
+
+// What makes two runs the same run: a resumed study skips the runs it finds done.
+struct RunKey {
+  std::string experiment;  // "scaling", "families", "normalisation"
+  std::string problem;     // content hash of the set
+  std::string solver;
+  double duality_gap = 0.0;
+  int repetition = 0;
+  int threads = 1;
+  std::uint64_t seed = 1;
+  double time_limit = 0.0;
+  std::size_t memory_limit = 0;
+  std::string binary;  // hash of the program that ran
+
+  auto operator<=>(const RunKey&) const = default;
+};
+
+// When a gap was first reached on the run's own clock.
+struct GapReached {
+  double seconds = 0.0;
+  double passes = 0.0;
+};
+
+struct RunRow {
+  RunKey key;
+  std::string family;
+  std::size_t candidates = 0;
+  std::size_t dimension = 0;
+
+  RunStatus status = RunStatus::kCrashed;
+  std::string claimed;           // the solver's own status; empty if it never answered
+  double seconds = 0.0;          // the solver's clock, which stands while a trace is recorded
+  double wall_seconds = 0.0;     // around solve(), traces included
+  double process_seconds = 0.0;  // start of the program to its end, reading the set included
+  double cpu_seconds = 0.0;      // of that process
+  double duality_gap = 0.0;      // by the checker; infinity without a design
+  double rounding_bound = 0.0;
+  double log_det = 0.0;
+  double passes = 0.0;
+  std::int64_t iterations = 0;
+  std::size_t support_size = 0;
+  std::size_t peak_memory_bytes = 0;      // of the process, program and set included
+  std::size_t baseline_memory_bytes = 0;  // the same just before solve()
+  double load = 0.0;                      // one-minute load average when it started
+  std::string date;                       // UTC, ISO 8601
+  std::string message;
+  std::map<std::string, GapReached> reached;  // "1e-1" ... "1e-9"; absent where never reached
+  std::vector<TracePoint> trace;              // thinned; of the first repetition only
+};
+
+void to_json(nlohmann::json& json, const RunRow& row);
+void from_json(const nlohmann::json& json, RunRow& row);
+
+// A point that was not run, and why.
+struct SkipRow {
+  std::string experiment;
+  std::string family;
+  std::size_t candidates = 0;
+  std::string solver;
+  double duality_gap = 0.0;
+  std::string reason;
+};
+
+void to_json(nlohmann::json& json, const SkipRow& row);
+void from_json(const nlohmann::json& json, SkipRow& row);
+
+// What a worker wrote on its standard output (worker.hpp): trace lines, then one answer.
+struct WorkerAnswer {
+  SolveStatus claimed = SolveStatus::kNumericalFailure;
+  bool out_of_memory = false;
+  Design design;
+  SolveCounters counters;
+  double wall_seconds = 0.0;
+  std::size_t peak_memory_bytes = 0;
+  std::size_t baseline_memory_bytes = 0;
+  std::string message;
+};
+
+struct WorkerOutput {
+  std::vector<TracePoint> trace;
+  std::optional<WorkerAnswer> answer;  // absent if it ended, or was ended, before answering
+};
+
+// Lines that are no part of the protocol are passed over. candidate_count sizes the design.
+[[nodiscard]] WorkerOutput parse_worker_output(std::string_view output,
+                                               std::size_t candidate_count);
+
+// Fills everything the process and its output tell about a run; `row` comes with its key set.
+void judge(const InformationSet& set, const ProcessOutcome& outcome, const WorkerOutput& output,
+           RunRow& row);
+
+// The rule at the top of this file.
+[[nodiscard]] RunStatus classify(const ProcessOutcome& outcome,
+                                 const std::optional<WorkerAnswer>& answer,
+                                 const Certificate& certificate, double asked_gap);
+
+// First times the trace is at or below 1e-1, 1e-2, ..., 1e-9. Levels below the checked gap of the
+// final design are left out: a trace is the solver's word.
+[[nodiscard]] std::map<std::string, GapReached> gaps_reached(const std::vector<TracePoint>& trace,
+                                                             double checked_gap,
+                                                             double rounding_bound);
+
+// At most `limit` points, always with the first and the last, evenly spread over those given.
+[[nodiscard]] std::vector<TracePoint> thinned(const std::vector<TracePoint>& trace,
+                                              std::size_t limit);
+
+}  // namespace graybox::bench

@@ -1,0 +1,116 @@
+#include "graybox/bench/study/statistics.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "graybox/problems/error.hpp"
+
+namespace graybox::bench {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double interpolated(const std::vector<double>& sorted, double share) {
+  const double position = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<std::size_t>(position);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  const double weight = position - static_cast<double>(below);
+  if (weight == 0.0) return sorted[below];
+  return (1.0 - weight) * sorted[below] + weight * sorted[above];
+}
+
+}  // namespace
+
+Quartiles quartiles(std::vector<double> sample) {
+  if (sample.empty()) throw InputError("quartiles of an empty sample");
+  std::ranges::sort(sample);
+  return {interpolated(sample, 0.25), interpolated(sample, 0.5), interpolated(sample, 0.75)};
+}
+
+double student_975(std::size_t degrees_of_freedom) {
+  constexpr std::array kTable{12.7062, 4.3027, 3.1824, 2.7764, 2.5706,
+                              2.4469,  2.3646, 2.3060, 2.2622, 2.2281};
+  if (degrees_of_freedom == 0) return kInfinity;
+  if (degrees_of_freedom <= kTable.size()) return kTable[degrees_of_freedom - 1];
+  // Expansion about the normal quantile z (Abramowitz and Stegun 26.7.5).
+  constexpr double z = 1.959964;
+  const auto n = static_cast<double>(degrees_of_freedom);
+  return z + (std::pow(z, 3) + z) / (4 * n) +
+         (5 * std::pow(z, 5) + 16 * std::pow(z, 3) + 3 * z) / (96 * n * n);
+}
+
+std::optional<PowerLaw> fit_power_law(std::span<const double> x, std::span<const double> y) {
+  const std::size_t n = x.size();
+  if (n != y.size()) throw InputError("a power law needs as many x as y");
+  double mean_x = 0.0, mean_y = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    mean_x += std::log(x[k]) / static_cast<double>(n);
+    mean_y += std::log(y[k]) / static_cast<double>(n);
+  }
+  double xx = 0.0, xy = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    xx += (std::log(x[k]) - mean_x) * (std::log(x[k]) - mean_x);
+    xy += (std::log(x[k]) - mean_x) * (std::log(y[k]) - mean_y);
+  }
+  if (n < 2 || !(xx > 0.0)) return std::nullopt;
+  PowerLaw law{.exponent = xy / xx, .points = n};
+  law.factor = std::exp(mean_y - law.exponent * mean_x);
+  if (n == 2) return law;
+  double residual = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    const double error = std::log(y[k]) - mean_y - law.exponent * (std::log(x[k]) - mean_x);
+    residual += error * error;
+  }
+  const double half = student_975(n - 2) * std::sqrt(residual / static_cast<double>(n - 2) / xx);
+  law.lower = law.exponent - half;
+  law.upper = law.exponent + half;
+  return law;
+}
+
+std::optional<double> crossover(std::span<const double> x, std::span<const double> a,
+                                std::span<const double> b) {
+  std::optional<double> at;
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    if (a[k] < b[k]) {
+      at.reset();  // b is above again: only the last crossing counts
+    } else if (!at && k == 0) {
+      at = x[0];
+    } else if (!at) {
+      const double before = std::log(a[k - 1] / b[k - 1]);  // < 0
+      const double after = std::log(a[k] / b[k]);           // >= 0
+      const double share = before / (before - after);
+      at = std::exp(std::log(x[k - 1]) + share * std::log(x[k] / x[k - 1]));
+    }
+  }
+  return at;
+}
+
+std::vector<std::vector<ProfileStep>> performance_profiles(
+    const std::vector<std::vector<double>>& times) {
+  const std::size_t instances = times.empty() ? 0 : times.front().size();
+  std::vector<double> best(instances, kInfinity);
+  for (const auto& row : times) {
+    for (std::size_t i = 0; i < instances; ++i) best[i] = std::min(best[i], row[i]);
+  }
+  std::vector<std::vector<ProfileStep>> profiles;
+  for (const auto& row : times) {
+    std::vector<double> ratios;
+    for (std::size_t i = 0; i < instances; ++i) {
+      if (std::isfinite(row[i])) ratios.push_back(row[i] / best[i]);
+    }
+    std::ranges::sort(ratios);
+    std::vector<ProfileStep>& steps = profiles.emplace_back();
+    for (std::size_t k = 0; k < ratios.size(); ++k) {
+      const double share = static_cast<double>(k + 1) / static_cast<double>(instances);
+      if (!steps.empty() && steps.back().tau == ratios[k]) {
+        steps.back().share = share;
+      } else {
+        steps.push_back({ratios[k], share});
+      }
+    }
+  }
+  return profiles;
+}
+
+}  // namespace graybox::bench

@@ -1,0 +1,53 @@
+// The few statistics the study needs. All are closed forms on small samples.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace graybox::bench {
+
+struct Quartiles {
+  double lower = 0.0;
+  double median = 0.0;
+  double upper = 0.0;
+};
+
+// By linear interpolation between order statistics (Hyndman and Fan 1996, type 7). Throws
+// InputError for an empty sample.
+[[nodiscard]] Quartiles quartiles(std::vector<double> sample);
+
+// y = factor x^exponent, by least squares of log y on log x; the interval is the 95 % confidence
+// interval of the exponent from Student's t with n - 2 degrees of freedom.
+struct PowerLaw {
+  double exponent = 0.0;
+  double factor = 0.0;
+  double lower = -std::numeric_limits<double>::infinity();  // infinite with two points
+  double upper = std::numeric_limits<double>::infinity();
+  std::size_t points = 0;
+};
+
+// Empty with fewer than two different x. x and y must be positive and of equal length.
+[[nodiscard]] std::optional<PowerLaw> fit_power_law(std::span<const double> x,
+                                                    std::span<const double> y);
+
+// The 97.5 % quantile of Student's t; within 0.1 %.
+[[nodiscard]] double student_975(std::size_t degrees_of_freedom);
+
+// Where two curves sampled at the same growing x cross, straight lines in log-log between the
+// points: the first x from which b is below a. Empty if that never happens.
+[[nodiscard]] std::optional<double> crossover(std::span<const double> x, std::span<const double> a,
+                                              std::span<const double> b);
+
+// Dolan and More (2002): for each solver the share of instances on which its time is within a
+// factor tau of the best. times[solver][instance]; infinity where not solved.
+struct ProfileStep {
+  double tau = 1.0;
+  double share = 0.0;
+};
+[[nodiscard]] std::vector<std::vector<ProfileStep>> performance_profiles(
+    const std::vector<std::vector<double>>& times);
+
+}  // namespace graybox::bench

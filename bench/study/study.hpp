@@ -1,0 +1,55 @@
+// The study: runs a plan, one process a run, and leaves raw rows, tables and a summary.
+//
+//   const SolverRegistry registry = make_registry();
+//   StudyOptions options{.output = "results/latest", .mode = StudyMode::kQuick};
+//   const StudyOutcome outcome = run_study(options, registry, setup);
+//
+// Written below options.output:
+//   rows.jsonl            raw rows: environment, run and skip rows (row_file.hpp)
+//   tables/*.csv          derived tables (tables.hpp)
+//   summary.md            the same in short, with the environment
+//   work/*.h5             the sets the runs read; can be deleted
+//   rows_of_other_builds.jsonl   what a resumed study found of another program; not used
+//
+// Order: every point once, then a second time, and so on, so that the repetitions of one point are
+// spread over the whole study and meet the same disturbances as everybody else's. How often a point
+// is repeated follows from its first run: as often as fits into limits.point_seconds, at most
+// limits.repetitions times, once if it was not solved. In the scaling and normalisation experiments
+// a solver that ran out of time or memory at some Q is not tried at a larger one; a skip row says
+// so.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "graybox/bench/study/plan.hpp"
+#include "graybox/bench/study/progress.hpp"
+#include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/registry.hpp"
+
+namespace graybox::bench {
+
+// What a study needs from outside; the tests put their own here.
+struct StudySetup {
+  // The set of a family with (at most) that many candidates. "robot" and the families below.
+  std::function<InformationSet(const std::string& family, std::size_t candidates)> make_set;
+  std::vector<std::string> families;  // besides "robot"
+  std::vector<std::string> worker;    // command to which worker_arguments() are added
+  std::string binary;                 // program_hash() of the worker
+  std::function<bool()> interrupted;  // polled; true ends the study cleanly
+};
+
+struct StudyOutcome {
+  bool interrupted = false;
+  std::size_t runs_made = 0;
+  std::size_t runs_found = 0;  // done earlier, found on resuming
+};
+
+// Without options.resume earlier rows are replaced. Throws InputError for bad options and where
+// nothing can be written.
+StudyOutcome run_study(const StudyOptions& options, const SolverRegistry& registry,
+                       const StudySetup& setup, Progress& progress);
+
+}  // namespace graybox::bench

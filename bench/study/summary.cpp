@@ -1,0 +1,251 @@
+#include "graybox/bench/study/summary.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "graybox/bench/study/tables.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+
+namespace graybox::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string();
+}
+
+std::string quoted(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+
+class Csv {
+ public:
+  explicit Csv(const std::vector<std::string>& header) { add(header); }
+  void add(const std::vector<std::string>& cells) {
+    for (std::size_t k = 0; k < cells.size(); ++k) text_ += (k ? "," : "") + quoted(cells[k]);
+    text_ += '\n';
+  }
+  void write(const fs::path& file) const { write_text_file(file.string(), text_); }
+
+ private:
+  std::string text_;
+};
+
+void write_points(const std::vector<PointSummary>& points, const fs::path& folder) {
+  Csv csv({"experiment", "family", "candidates", "solver", "gap_asked", "status", "repetitions",
+           "median_seconds", "lower_quartile_seconds", "upper_quartile_seconds", "charged_seconds",
+           "checked_gap", "passes", "iterations", "support_size", "peak_memory_bytes", "message"});
+  for (const PointSummary& p : points) {
+    csv.add({p.experiment, p.family, std::to_string(p.candidates), p.solver, number(p.gap_asked),
+             std::string(to_string(p.status)), std::to_string(p.repetitions),
+             number(p.seconds.median), number(p.seconds.lower), number(p.seconds.upper),
+             number(p.charged_seconds), number(p.checked_gap), number(p.passes),
+             number(p.iterations), std::to_string(p.support_size), number(p.peak_memory_bytes),
+             p.message});
+  }
+  csv.write(folder / "points.csv");
+}
+
+void write_laws(const std::vector<SolverLaw>& laws, const fs::path& folder) {
+  Csv csv({"solver", "exponent", "lower_95", "upper_95", "factor_seconds", "points",
+           "from_candidates", "to_candidates", "exponent_per_iteration", "per_iteration_lower_95",
+           "per_iteration_upper_95"});
+  for (const SolverLaw& law : laws) {
+    const PowerLaw each = law.per_iteration.value_or(PowerLaw{.exponent = kInfinity});
+    csv.add({law.solver, number(law.time.exponent), number(law.time.lower), number(law.time.upper),
+             number(law.time.factor), std::to_string(law.time.points), std::to_string(law.from),
+             std::to_string(law.to), number(each.exponent), number(each.lower),
+             number(each.upper)});
+  }
+  csv.write(folder / "fitted_exponents.csv");
+}
+
+void write_time_to_gap(const std::vector<PointSummary>& points, const fs::path& folder) {
+  Csv csv(
+      {"experiment", "family", "candidates", "solver", "gap_asked", "gap", "seconds", "passes"});
+  for (const PointSummary& p : points) {
+    for (const auto& [level, at] : p.reached) {
+      csv.add({p.experiment, p.family, std::to_string(p.candidates), p.solver, number(p.gap_asked),
+               level, number(at.seconds), number(at.passes)});
+    }
+  }
+  csv.write(folder / "time_to_gap.csv");
+}
+
+void write_profiles(const std::vector<PointSummary>& points, const fs::path& folder) {
+  const ProfileData data = profile_data(points);
+  Csv instances({"instance", "solver", "seconds"});
+  for (std::size_t s = 0; s < data.solvers.size(); ++s) {
+    for (std::size_t i = 0; i < data.instances.size(); ++i) {
+      instances.add({data.instances[i], data.solvers[s], number(data.times[s][i])});
+    }
+  }
+  instances.write(folder / "profile_instances.csv");
+  Csv profile({"solver", "tau", "share"});
+  const auto profiles = performance_profiles(data.times);
+  for (std::size_t s = 0; s < profiles.size(); ++s) {
+    for (const ProfileStep& step : profiles[s]) {
+      profile.add({data.solvers[s], number(step.tau), number(step.share)});
+    }
+  }
+  profile.write(folder / "performance_profile.csv");
+}
+
+void write_agreement(const std::vector<Agreement>& agreements, const fs::path& folder) {
+  Csv csv({"family", "candidates", "answers", "log_det_spread", "worst_excess", "worst_pair",
+           "agrees"});
+  for (const Agreement& a : agreements) {
+    csv.add({a.family, std::to_string(a.candidates), std::to_string(a.answers), number(a.spread),
+             number(a.worst_excess), a.worst_pair, a.agrees() ? "yes" : "no"});
+  }
+  csv.write(folder / "agreement.csv");
+}
+
+void write_skips(const std::vector<SkipRow>& skips, const fs::path& folder) {
+  Csv csv({"experiment", "family", "candidates", "solver", "gap_asked", "reason"});
+  for (const SkipRow& s : skips) {
+    csv.add({s.experiment, s.family, std::to_string(s.candidates), s.solver, number(s.duality_gap),
+             s.reason});
+  }
+  csv.write(folder / "skipped.csv");
+}
+
+void write_headlines(const std::vector<Headline>& lines, const fs::path& folder) {
+  Csv csv({"name", "value", "note"});
+  for (const Headline& line : lines) csv.add({line.name, line.value, line.note});
+  csv.write(folder / "headlines.csv");
+}
+
+std::string text_of(const nlohmann::json& object, const char* key) {
+  const auto value = object.find(key);
+  if (value == object.end()) return "unknown";
+  return value->is_string() ? value->get<std::string>() : value->dump();
+}
+
+std::string environment_text(const StudyRows& rows) {
+  if (rows.environments.empty()) return "No environment was recorded.\n";
+  const nlohmann::json& e = rows.environments.back();
+  std::string text;
+  for (const char* key : {"processor", "cores", "caches", "memory", "system", "kernel", "compiler",
+                          "flags", "libraries", "kernels", "commit", "binary", "date", "load"}) {
+    text += fmt::format("| {} | {} |\n", key, text_of(e, key));
+  }
+  return fmt::format("| | |\n|---|---|\n{}| sessions | {} |\n", text, rows.environments.size());
+}
+
+std::string status_counts(const std::vector<RunRow>& runs) {
+  std::map<std::string, std::size_t> counts;
+  for (const RunRow& run : runs) ++counts[std::string(to_string(run.status))];
+  std::vector<std::string> parts;
+  for (const auto& [status, count] : counts) parts.push_back(fmt::format("{} {}", count, status));
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+// Solver against Q: the median time, or where and why it stopped.
+std::string time_table(const std::vector<PointSummary>& points) {
+  std::vector<std::size_t> sizes;
+  std::vector<std::string> solvers;
+  std::map<std::pair<std::string, std::size_t>, std::string> cells;
+  for (const PointSummary& p : points) {
+    if (p.experiment != "scaling") continue;
+    if (std::ranges::find(sizes, p.candidates) == sizes.end()) sizes.push_back(p.candidates);
+    if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
+    cells[{p.solver, p.candidates}] = p.status == RunStatus::kSolved
+                                          ? fmt::format("{:.3g}", p.seconds.median)
+                                          : std::string(to_string(p.status));
+  }
+  std::ranges::sort(sizes);
+  std::string text = "| solver |";
+  for (const std::size_t size : sizes) text += fmt::format(" {} |", size);
+  text += "\n|---|";
+  for (std::size_t k = 0; k < sizes.size(); ++k) text += "---|";
+  for (const std::string& solver : solvers) {
+    text += fmt::format("\n| {} |", solver);
+    for (const std::size_t size : sizes) {
+      const auto cell = cells.find({solver, size});
+      text += fmt::format(" {} |", cell == cells.end() ? "" : cell->second);
+    }
+  }
+  return text + "\n";
+}
+
+std::string law_table(const std::vector<SolverLaw>& laws) {
+  std::string text = "| solver | exponent | 95 % confidence | Q |\n|---|---|---|---|\n";
+  for (const SolverLaw& law : laws) {
+    const bool bounded = std::isfinite(law.time.lower);
+    text += fmt::format("| {} | {:.2f} | {} | {} to {} |\n", law.solver, law.time.exponent,
+                        bounded ? fmt::format("{:.2f} to {:.2f}", law.time.lower, law.time.upper)
+                                : "two points only",
+                        law.from, law.to);
+  }
+  return text;
+}
+
+std::string agreement_text(const std::vector<Agreement>& agreements) {
+  std::string text;
+  for (const Agreement& a : agreements) {
+    if (a.agrees()) continue;
+    text += fmt::format("**{} Q = {}: {} differ by {:.1e} more than their bounds.**\n", a.family,
+                        a.candidates, a.worst_pair, a.worst_excess);
+  }
+  if (!text.empty()) return text;
+  double spread = 0.0;
+  for (const Agreement& a : agreements) spread = std::max(spread, a.spread);
+  return fmt::format(
+      "All certified answers to each of the {} problems lie within the sum of their bounds "
+      "d log(1 + gap); the solved ones differ by at most {:.1e} in log det.\n",
+      agreements.size(), spread);
+}
+
+std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>& points,
+                         const std::vector<SolverLaw>& laws,
+                         const std::vector<Agreement>& agreements,
+                         const std::vector<Headline>& lines) {
+  std::string text =
+      fmt::format("# Study\n\n{} runs: {}; {} points not run (tables/skipped.csv).\n",
+                  rows.runs.size(), status_counts(rows.runs), rows.skips.size());
+  text += "\n## Headlines\n\n| | | |\n|---|---|---|\n";
+  for (const Headline& line : lines) {
+    text += fmt::format("| {} | {} | {} |\n", line.name, line.value, line.note);
+  }
+  text += "\n## Agreement\n\n" + agreement_text(agreements);
+  text += "\n## Robot set: median seconds to the gap asked, against Q\n\n" + time_table(points);
+  text += fmt::format("\n## Fitted exponents of time against Q, Q >= {}\n\n", kFitFrom) +
+          law_table(laws);
+  text += "\n## Environment\n\n" + environment_text(rows);
+  return text;
+}
+
+}  // namespace
+
+std::string write_tables(const StudyRows& rows, const fs::path& folder) {
+  const std::vector<PointSummary> points = summarise_points(rows.runs);
+  const std::vector<SolverLaw> laws = fit_laws(points);
+  const std::vector<Agreement> agreements = check_agreement(rows.runs);
+  const std::vector<Headline> lines = headlines(points);
+  const fs::path tables = folder / "tables";
+  fs::create_directories(tables);
+  write_points(points, tables);
+  write_laws(laws, tables);
+  write_time_to_gap(points, tables);
+  write_profiles(points, tables);
+  write_agreement(agreements, tables);
+  write_headlines(lines, tables);
+  write_skips(rows.skips, tables);
+  std::string summary = summary_text(rows, points, laws, agreements, lines);
+  write_text_file((folder / "summary.md").string(), summary);
+  return summary;
+}
+
+}  // namespace graybox::bench

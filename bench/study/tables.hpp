@@ -1,0 +1,84 @@
+// What a study found, derived from its raw rows as plain structs; summary.hpp writes them as files.
+// Times are the solver's clock; every status but solved counts as infinity, or is charged the time
+// limit where a member says so.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "graybox/bench/study/row_file.hpp"
+#include "graybox/bench/study/statistics.hpp"
+
+namespace graybox::bench {
+
+inline constexpr std::size_t kFitFrom = 500;  // exponents describe large Q, not start-up costs
+inline constexpr double kProfileGap = 1e-6;
+
+struct PointSummary {
+  std::string experiment;
+  std::string family;
+  std::size_t candidates = 0;
+  std::string solver;
+  double gap_asked = 0.0;
+  std::size_t repetitions = 0;
+  RunStatus status =
+      RunStatus::kCrashed;  // of the first repetition that is not solved, else solved
+  Quartiles seconds;
+  double charged_seconds = 0.0;  // the median, or the time limit where not solved
+  double checked_gap = 0.0;      // the worst of the repetitions
+  double passes = 0.0;           // medians
+  double iterations = 0.0;
+  std::size_t support_size = 0;               // of the first
+  double peak_memory_bytes = 0.0;             // the largest
+  std::map<std::string, GapReached> reached;  // medians over repetitions, where all reached it
+  std::string message;
+};
+
+// In the order in which the points first appear.
+[[nodiscard]] std::vector<PointSummary> summarise_points(const std::vector<RunRow>& runs);
+
+struct SolverLaw {
+  std::string solver;
+  PowerLaw time;                          // of seconds against Q
+  std::optional<PowerLaw> per_iteration;  // of seconds / iterations against Q
+  std::size_t from = 0, to = 0;
+};
+
+// Over the solved points of the scaling experiment with Q >= kFitFrom, at least two of them.
+[[nodiscard]] std::vector<SolverLaw> fit_laws(const std::vector<PointSummary>& points);
+
+// Do all certified answers to one problem agree? Each says that the optimum lies in
+// [log_det, log_det + d log(1 + gap)], give or take the checker's rounding, so two answers differ
+// by at most the sum of their bounds. `worst_excess` is the largest difference beyond that, over
+// all pairs; at most zero if they agree.
+struct Agreement {
+  std::string family;
+  std::size_t candidates = 0;
+  std::size_t answers = 0;
+  double spread = 0.0;  // of log det among the solved answers
+  double worst_excess = 0.0;
+  std::string worst_pair;
+  [[nodiscard]] bool agrees() const { return worst_excess <= 0.0; }
+};
+[[nodiscard]] std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs);
+
+struct Headline {
+  std::string name;
+  std::string value;  // a number, or words where there is none
+  std::string note;
+};
+[[nodiscard]] std::vector<Headline> headlines(const std::vector<PointSummary>& points);
+
+// One time for each solver and instance: to a checked gap of kProfileGap, infinity if not reached.
+struct ProfileData {
+  std::vector<std::string> solvers;
+  std::vector<std::string> instances;
+  std::vector<std::vector<double>> times;  // [solver][instance]
+};
+
+[[nodiscard]] ProfileData profile_data(const std::vector<PointSummary>& points);
+
+}  // namespace graybox::bench
