@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -26,6 +27,7 @@ constexpr std::array<std::pair<ReportStatus, std::string_view>, 9> kNames{{
 }};
 
 // A false claim beyond this factor of the asked gap is wrong, not merely inaccurate.
+constexpr double kForgivenShare = 0.1;
 constexpr double kInaccurateFactor = 10.0;
 
 ReportStatus status_of(SolveStatus status) {
@@ -82,7 +84,8 @@ ReportStatus report_status(std::string_view name) {
 ReportStatus judge(SolveStatus claim, double asked_gap, const Certificate& certificate) {
   if (claim == SolveStatus::kUnsupported) return ReportStatus::kUnsupported;
   const bool certified = certificate.status == CertificateStatus::kCertified;
-  const double shortfall = certificate.duality_gap - certificate.rounding_bound;
+  const double forgiven = std::min(certificate.rounding_bound, kForgivenShare * asked_gap);
+  const double shortfall = certificate.duality_gap - forgiven;
   if (certified && shortfall <= asked_gap) return ReportStatus::kSolved;
   if (claim != SolveStatus::kSolved) return status_of(claim);
   if (certified && shortfall <= kInaccurateFactor * asked_gap) return ReportStatus::kInaccurate;

@@ -19,9 +19,10 @@
 namespace graybox {
 
 enum class ReportStatus : std::int8_t {
-  kSolved,          // checked gap <= asked gap + rounding bound, whatever the solver said of itself
-  kIterationLimit,  // short of it, as the solver said
-  kTimeLimit,       //   "
+  kSolved,            // checked gap <= asked gap, whatever the solver said of itself; the checker's
+                      // rounding bound is forgiven up to a tenth of the asked gap
+  kIterationLimit,    // short of it, as the solver said
+  kTimeLimit,         //   "
   kNumericalFailure,  //   "
   kUnsupported,       //   "; there is no design
   kInaccurate,        // the solver claimed it, but the checked gap is up to ten times the asked one

@@ -94,7 +94,7 @@ RunRow example_row() {
   row.family = "robot";
   row.candidates = 50;
   row.dimension = 12;
-  row.status = RunStatus::kSolved;
+  row.status = ReportStatus::kSolved;
   row.claimed = "solved";
   row.seconds = 0.125;
   row.duality_gap = 1e-7;
@@ -194,14 +194,14 @@ TEST(Classify, TheCheckerDecidesNotTheClaim) {
     certificate.rounding_bound = 1e-14;
     return classify(ProcessOutcome{}, answer, certificate, 1e-6);
   };
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), RunStatus::kSolved);
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), RunStatus::kSolved);
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-6), RunStatus::kInaccurate);
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-5), RunStatus::kClaimedButWrong);
-  EXPECT_EQ(judged(SolveStatus::kSolved, kInfinity), RunStatus::kClaimedButWrong);
-  EXPECT_EQ(judged(SolveStatus::kNumericalFailure, 1e-7), RunStatus::kSolved);
-  EXPECT_EQ(judged(SolveStatus::kIterationLimit, 1e-2), RunStatus::kIterationLimit);
-  EXPECT_EQ(judged(SolveStatus::kUnsupported, kInfinity), RunStatus::kUnsupported);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-6), ReportStatus::kInaccurate);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-5), ReportStatus::kClaimedButWrong);
+  EXPECT_EQ(judged(SolveStatus::kSolved, kInfinity), ReportStatus::kClaimedButWrong);
+  EXPECT_EQ(judged(SolveStatus::kNumericalFailure, 1e-7), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kIterationLimit, 1e-2), ReportStatus::kIterationLimit);
+  EXPECT_EQ(judged(SolveStatus::kUnsupported, kInfinity), ReportStatus::kUnsupported);
 }
 
 TEST(Classify, AWideRoundingBoundDoesNotExcuseAMiss) {
@@ -211,7 +211,7 @@ TEST(Classify, AWideRoundingBoundDoesNotExcuseAMiss) {
   certificate.status = CertificateStatus::kCertified;
   certificate.duality_gap = 0.5;
   certificate.rounding_bound = 1.0;
-  EXPECT_EQ(classify(ProcessOutcome{}, answer, certificate, 1e-6), RunStatus::kClaimedButWrong);
+  EXPECT_EQ(classify(ProcessOutcome{}, answer, certificate, 1e-6), ReportStatus::kClaimedButWrong);
 }
 
 TEST(Classify, GapsBelowTheCheckedOneAreNotBelieved) {
@@ -229,18 +229,18 @@ TEST_F(Study, EveryWayToFailGetsItsName) {
   options_.time_limit = 1.0;
   options_.memory_limit = std::size_t{400} << 20;
   run({});
-  std::map<std::string, RunStatus> status;
+  std::map<std::string, ReportStatus> status;
   std::map<std::string, RunRow> first;
   for (const RunRow& row : rows().runs) {
     if (row.key.repetition == 0) status[row.key.solver] = row.status, first[row.key.solver] = row;
   }
-  EXPECT_EQ(status.at("honest"), RunStatus::kSolved);
-  EXPECT_EQ(status.at("liar"), RunStatus::kClaimedButWrong);
-  EXPECT_EQ(status.at("quitter"), RunStatus::kNumericalFailure);
-  EXPECT_EQ(status.at("crasher"), RunStatus::kCrashed);
-  EXPECT_EQ(status.at("sleeper"), RunStatus::kTimeLimit);
-  EXPECT_EQ(status.at("glutton"), RunStatus::kOutOfMemory);
-  EXPECT_EQ(status.at("short"), RunStatus::kOutOfMemory);
+  EXPECT_EQ(status.at("honest"), ReportStatus::kSolved);
+  EXPECT_EQ(status.at("liar"), ReportStatus::kClaimedButWrong);
+  EXPECT_EQ(status.at("quitter"), ReportStatus::kNumericalFailure);
+  EXPECT_EQ(status.at("crasher"), ReportStatus::kCrashed);
+  EXPECT_EQ(status.at("sleeper"), ReportStatus::kTimeLimit);
+  EXPECT_EQ(status.at("glutton"), ReportStatus::kOutOfMemory);
+  EXPECT_EQ(status.at("short"), ReportStatus::kOutOfMemory);
 
   EXPECT_EQ(first.at("liar").claimed, "solved");
   EXPECT_GT(first.at("liar").duality_gap, 1e-2);
@@ -286,8 +286,8 @@ TEST_F(Study, StopsASolverAtTheSizeItCouldNotDo) {
   const StudyRows all = rows();
   std::size_t sleeper_runs = 0, quitter_runs = 0;
   for (const RunRow& row : all.runs) {
-    sleeper_runs += row.key.solver == "sleeper" ? 1 : 0;
-    quitter_runs += row.key.solver == "quitter" ? 1 : 0;
+    sleeper_runs += row.key.solver == "sleeper" ? 1U : 0U;
+    quitter_runs += row.key.solver == "quitter" ? 1U : 0U;
   }
   EXPECT_EQ(sleeper_runs, 1U);
   EXPECT_EQ(quitter_runs, 2U);  // a numerical failure says nothing about larger sets
@@ -503,7 +503,7 @@ TEST(Tables, ExponentsRatioAndCrossoverOfSyntheticRows) {
 TEST(Tables, UnsolvedPointsStayOutOfTheFit) {
   std::vector<RunRow> runs = rows_of_laws();
   for (RunRow& run : runs) {
-    if (run.candidates == 7920) run.status = RunStatus::kInaccurate, run.seconds = 1e-9;
+    if (run.candidates == 7920) run.status = ReportStatus::kInaccurate, run.seconds = 1e-9;
   }
   for (const SolverLaw& law : fit_laws(summarise_points(runs))) EXPECT_EQ(law.to, 4000U);
 }

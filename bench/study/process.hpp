@@ -20,11 +20,11 @@
 namespace graybox::bench {
 
 struct ProcessRequest {
-  std::vector<std::string> command;  // path or name looked up in PATH, then its arguments
-  std::vector<std::pair<std::string, std::string>> environment;  // added to the parent's
-  double time_limit = std::numeric_limits<double>::infinity();   // wall seconds, then SIGKILL
-  std::size_t memory_limit = 0;                                  // resident bytes; 0: none
-  std::function<bool()> interrupted;                             // polled; true kills the child
+  std::vector<std::string> command{};  // path or name looked up in PATH, then its arguments
+  std::vector<std::pair<std::string, std::string>> environment{};  // added to the parent's
+  double time_limit = std::numeric_limits<double>::infinity();     // wall seconds, then SIGKILL
+  std::size_t memory_limit = 0;                                    // resident bytes; 0: none
+  std::function<bool()> interrupted{};                             // polled; true kills the child
 };
 
 enum class ProcessEnding {

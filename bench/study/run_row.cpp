@@ -18,19 +18,6 @@ namespace {
 using nlohmann::json;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kTracePoints = 60;
-constexpr double kInaccurateFactor = 10.0;
-
-constexpr std::array<std::pair<RunStatus, std::string_view>, 9> kStatusNames{{
-    {RunStatus::kSolved, "solved"},
-    {RunStatus::kInaccurate, "inaccurate"},
-    {RunStatus::kClaimedButWrong, "claimed_but_wrong"},
-    {RunStatus::kIterationLimit, "iteration_limit"},
-    {RunStatus::kTimeLimit, "time_limit"},
-    {RunStatus::kNumericalFailure, "numerical_failure"},
-    {RunStatus::kUnsupported, "unsupported"},
-    {RunStatus::kCrashed, "crashed"},
-    {RunStatus::kOutOfMemory, "out_of_memory"},
-}};
 
 constexpr std::array kSolveStatuses{SolveStatus::kSolved, SolveStatus::kIterationLimit,
                                     SolveStatus::kTimeLimit, SolveStatus::kNumericalFailure,
@@ -47,29 +34,8 @@ double rounded(double value) {
   return std::isfinite(value) ? std::stod(fmt::format("{:.6g}", value)) : value;
 }
 
-RunStatus as_run_status(SolveStatus status) {
-  switch (status) {
-    case SolveStatus::kSolved:
-      return RunStatus::kSolved;
-    case SolveStatus::kIterationLimit:
-      return RunStatus::kIterationLimit;
-    case SolveStatus::kTimeLimit:
-      return RunStatus::kTimeLimit;
-    case SolveStatus::kNumericalFailure:
-      return RunStatus::kNumericalFailure;
-    case SolveStatus::kUnsupported:
-      return RunStatus::kUnsupported;
-  }
-  return RunStatus::kCrashed;
-}
-
 // The checker's rounding is forgiven, but never more than 1 % of what was asked.
 double tolerance(double gap, double rounding_bound) { return std::min(rounding_bound, 0.01 * gap); }
-
-bool reaches(const Certificate& certificate, double gap) {
-  return certificate.status == CertificateStatus::kCertified &&
-         certificate.duality_gap <= gap + tolerance(gap, certificate.rounding_bound);
-}
 
 TracePoint trace_point(const json& entry) {
   return {entry.at(0).get<double>(), entry.at(1).get<double>(), number_or_infinity(entry.at(2)),
@@ -134,20 +100,6 @@ std::string explain(const ProcessOutcome& outcome, const std::optional<WorkerAns
 
 }  // namespace
 
-std::string_view to_string(RunStatus status) {
-  for (const auto& [value, name] : kStatusNames) {
-    if (value == status) return name;
-  }
-  return "crashed";
-}
-
-RunStatus run_status_from(std::string_view text) {
-  for (const auto& [value, name] : kStatusNames) {
-    if (name == text) return value;
-  }
-  throw InputError(fmt::format("unknown run status '{}'", text));
-}
-
 void to_json(json& out, const RunRow& row) {
   out = {{"kind", "run"},
          {"experiment", row.key.experiment},
@@ -200,7 +152,7 @@ void from_json(const json& in, RunRow& row) {
   in.at("family").get_to(row.family);
   in.at("candidates").get_to(row.candidates);
   in.at("dimension").get_to(row.dimension);
-  row.status = run_status_from(in.at("status").get<std::string>());
+  row.status = report_status(in.at("status").get<std::string>());
   in.at("claimed").get_to(row.claimed);
   in.at("seconds").get_to(row.seconds);
   in.at("wall_seconds").get_to(row.wall_seconds);
@@ -255,20 +207,17 @@ WorkerOutput parse_worker_output(std::string_view output, std::size_t candidate_
   return parsed;
 }
 
-RunStatus classify(const ProcessOutcome& outcome, const std::optional<WorkerAnswer>& answer,
-                   const Certificate& certificate, double asked_gap) {
-  if (outcome.ending == ProcessEnding::kTimeLimit) return RunStatus::kTimeLimit;
-  if (outcome.ending == ProcessEnding::kMemoryLimit) return RunStatus::kOutOfMemory;
+ReportStatus classify(const ProcessOutcome& outcome, const std::optional<WorkerAnswer>& answer,
+                      const Certificate& certificate, double asked_gap) {
+  if (outcome.ending == ProcessEnding::kTimeLimit) return ReportStatus::kTimeLimit;
+  if (outcome.ending == ProcessEnding::kMemoryLimit) return ReportStatus::kOutOfMemory;
   // SIGKILL that we did not send is the kernel short of memory.
   if (outcome.ending == ProcessEnding::kSignalled) {
-    return outcome.code == SIGKILL ? RunStatus::kOutOfMemory : RunStatus::kCrashed;
+    return outcome.code == SIGKILL ? ReportStatus::kOutOfMemory : ReportStatus::kCrashed;
   }
-  if (!answer) return RunStatus::kCrashed;
-  if (answer->out_of_memory) return RunStatus::kOutOfMemory;
-  if (reaches(certificate, asked_gap)) return RunStatus::kSolved;
-  if (answer->claimed != SolveStatus::kSolved) return as_run_status(answer->claimed);
-  return reaches(certificate, kInaccurateFactor * asked_gap) ? RunStatus::kInaccurate
-                                                             : RunStatus::kClaimedButWrong;
+  if (!answer) return ReportStatus::kCrashed;
+  if (answer->out_of_memory) return ReportStatus::kOutOfMemory;
+  return graybox::judge(answer->claimed, asked_gap, certificate);
 }
 
 void judge(const InformationSet& set, const ProcessOutcome& outcome, const WorkerOutput& output,

@@ -1,18 +1,11 @@
 // One run of one solver on one set, as the study records it: a line of rows.jsonl.
 //
-// What happened is decided here, by classify(), from the process's ending, the solver's claim and
-// the checker's certificate of the design it handed back. The claim alone never counts:
-//
-//   solved             the checked gap is at most the gap asked for (up to the checker's rounding,
-//                      at most 1 % of it)
-//   inaccurate         claimed solved; the checked gap misses, by a factor of at most 10
-//   claimed_but_wrong  claimed solved; the checked gap misses by more, or the answer is no design
-//   iteration_limit, time_limit, numerical_failure, unsupported   the solver's own word, or for
-//                      time_limit the clock of the study, which kills
-//   crashed            ended by a signal, or without an answer
-//   out_of_memory      above the memory limit, or an allocation failed
-//
-// Every status but solved is charged the time limit wherever times are compared.
+// What happened is a ReportStatus (solvers/solve_report.hpp), decided from the process's ending,
+// the solver's claim and the checker's certificate of the design it handed back. The claim alone
+// never counts. To the verdicts of the checker come those of the fence: `time_limit` also where the
+// clock of the study had to kill, `out_of_memory` above the memory limit or where an allocation
+// failed, `crashed` where the process ended by a signal or without an answer. Every status but
+// `solved` is charged the time limit wherever times are compared.
 #pragma once
 
 #include <cstddef>
@@ -27,23 +20,10 @@
 #include "graybox/bench/study/process.hpp"
 #include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/certificate.hpp"
+#include "graybox/solvers/solve_report.hpp"
 #include "graybox/solvers/solver.hpp"
 
 namespace graybox::bench {
-
-enum class RunStatus {
-  kSolved,
-  kInaccurate,
-  kClaimedButWrong,
-  kIterationLimit,
-  kTimeLimit,
-  kNumericalFailure,
-  kUnsupported,
-  kCrashed,
-  kOutOfMemory,
-};
-[[nodiscard]] std::string_view to_string(RunStatus status);
-[[nodiscard]] RunStatus run_status_from(std::string_view text);  // throws InputError if unknown
 
 // What makes two runs the same run: a resumed study skips the runs it finds done.
 struct RunKey {
@@ -73,7 +53,7 @@ struct RunRow {
   std::size_t candidates = 0;
   std::size_t dimension = 0;
 
-  RunStatus status = RunStatus::kCrashed;
+  ReportStatus status = ReportStatus::kCrashed;
   std::string claimed;           // the solver's own status; empty if it never answered
   double seconds = 0.0;          // the solver's clock, which stands while a trace is recorded
   double wall_seconds = 0.0;     // around solve(), traces included
@@ -135,10 +115,10 @@ struct WorkerOutput {
 void judge(const InformationSet& set, const ProcessOutcome& outcome, const WorkerOutput& output,
            RunRow& row);
 
-// The rule at the top of this file.
-[[nodiscard]] RunStatus classify(const ProcessOutcome& outcome,
-                                 const std::optional<WorkerAnswer>& answer,
-                                 const Certificate& certificate, double asked_gap);
+// The fence first, then the checker.
+[[nodiscard]] ReportStatus classify(const ProcessOutcome& outcome,
+                                    const std::optional<WorkerAnswer>& answer,
+                                    const Certificate& certificate, double asked_gap);
 
 // First times the trace is at or below 1e-1, 1e-2, ..., 1e-9. Levels below the checked gap of the
 // final design are left out: a trace is the solver's word.

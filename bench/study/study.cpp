@@ -65,8 +65,8 @@ struct PointState {
   bool skipped = false;
 };
 
-bool stops_larger_sets(RunStatus status) {
-  return status == RunStatus::kTimeLimit || status == RunStatus::kOutOfMemory;
+bool stops_larger_sets(ReportStatus status) {
+  return status == ReportStatus::kTimeLimit || status == ReportStatus::kOutOfMemory;
 }
 
 std::string describe(const PointState& state) {
@@ -135,8 +135,8 @@ class StudyRunner {
       }
       visit(state);
       if (!state.runs.empty() && static_cast<int>(state.runs.size()) == state.wanted) {
-        const RunStatus status = state.runs.front().status;
-        progress_.finish_point(describe(state), status != RunStatus::kSolved);
+        const ReportStatus status = state.runs.front().status;
+        progress_.finish_point(describe(state), status != ReportStatus::kSolved);
       }
     }
   }
@@ -246,7 +246,7 @@ class StudyRunner {
     }
     if (round_ == 0) {
       state.wanted = 1;
-      if (point.repeated && row.status == RunStatus::kSolved) {
+      if (point.repeated && row.status == ReportStatus::kSolved) {
         const double fitting = limits_.point_seconds / std::max(row.process_seconds, 1e-3);
         state.wanted = static_cast<int>(std::clamp(fitting, 1.0, double{1} * limits_.repetitions));
       }

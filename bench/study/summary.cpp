@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -33,8 +34,10 @@ class Csv {
  public:
   explicit Csv(const std::vector<std::string>& header) { add(header); }
   void add(const std::vector<std::string>& cells) {
-    for (std::size_t k = 0; k < cells.size(); ++k) text_ += (k ? "," : "") + quoted(cells[k]);
-    text_ += '\n';
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      text_ += quoted(cells[k]);
+      text_ += k + 1 < cells.size() ? ',' : '\n';
+    }
   }
   void write(const fs::path& file) const { write_text_file(file.string(), text_); }
 
@@ -62,7 +65,8 @@ void write_laws(const std::vector<SolverLaw>& laws, const fs::path& folder) {
            "from_candidates", "to_candidates", "exponent_per_iteration", "per_iteration_lower_95",
            "per_iteration_upper_95"});
   for (const SolverLaw& law : laws) {
-    const PowerLaw each = law.per_iteration.value_or(PowerLaw{.exponent = kInfinity});
+    const PowerLaw each =
+        law.per_iteration.value_or(PowerLaw{.exponent = std::numeric_limits<double>::infinity()});
     csv.add({law.solver, number(law.time.exponent), number(law.time.lower), number(law.time.upper),
              number(law.time.factor), std::to_string(law.time.points), std::to_string(law.from),
              std::to_string(law.to), number(each.exponent), number(each.lower),
@@ -161,7 +165,7 @@ std::string time_table(const std::vector<PointSummary>& points) {
     if (p.experiment != "scaling") continue;
     if (std::ranges::find(sizes, p.candidates) == sizes.end()) sizes.push_back(p.candidates);
     if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
-    cells[{p.solver, p.candidates}] = p.status == RunStatus::kSolved
+    cells[{p.solver, p.candidates}] = p.status == ReportStatus::kSolved
                                           ? fmt::format("{:.3g}", p.seconds.median)
                                           : std::string(to_string(p.status));
   }

@@ -59,7 +59,7 @@ PointSummary summarise(const RunGroup& group) {
   point.gap_asked = first.key.duality_gap;
   point.repetitions = group.size();
   const auto failed = std::ranges::find_if(
-      group, [](const RunRow* run) { return run->status != RunStatus::kSolved; });
+      group, [](const RunRow* run) { return run->status != ReportStatus::kSolved; });
   const RunRow& telling = failed == group.end() ? first : **failed;
   point.status = telling.status;
   point.message = telling.message;
@@ -72,7 +72,7 @@ PointSummary summarise(const RunGroup& group) {
   }
   point.seconds = quartiles(std::move(seconds));
   point.charged_seconds =
-      point.status == RunStatus::kSolved ? point.seconds.median : first.key.time_limit;
+      point.status == ReportStatus::kSolved ? point.seconds.median : first.key.time_limit;
   point.passes = median_of(group, [](const RunRow& run) { return run.passes; });
   point.iterations =
       median_of(group, [](const RunRow& run) { return static_cast<double>(run.iterations); });
@@ -82,7 +82,7 @@ PointSummary summarise(const RunGroup& group) {
 }
 
 bool is_solved_scaling(const PointSummary& point) {
-  return point.experiment == "scaling" && point.status == RunStatus::kSolved;
+  return point.experiment == "scaling" && point.status == ReportStatus::kSolved;
 }
 
 // Median seconds against Q of one solver in the scaling experiment.
@@ -178,7 +178,7 @@ double time_to_profile_gap(const PointSummary& point) {
   if (const auto at = point.reached.find("1e-6"); at != point.reached.end()) {
     return at->second.seconds;
   }
-  const bool reached = point.checked_gap <= kProfileGap || point.status == RunStatus::kSolved;
+  const bool reached = point.checked_gap <= kProfileGap || point.status == ReportStatus::kSolved;
   return reached && point.gap_asked <= kProfileGap ? point.seconds.median : kInfinity;
 }
 
@@ -257,7 +257,7 @@ std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs) {
     for (std::size_t i = 0; i < list.size(); ++i) {
       for (std::size_t j = i + 1; j < list.size(); ++j) {
         const RunRow &a = *list[i], &b = *list[j];
-        if (a.status == RunStatus::kSolved && b.status == RunStatus::kSolved) {
+        if (a.status == ReportStatus::kSolved && b.status == ReportStatus::kSolved) {
           agreement.spread = std::max(agreement.spread, std::abs(a.log_det - b.log_det));
         }
         if (const double beyond = excess(a, b); beyond > agreement.worst_excess) {

@@ -24,8 +24,8 @@ struct PointSummary {
   std::string solver;
   double gap_asked = 0.0;
   std::size_t repetitions = 0;
-  RunStatus status =
-      RunStatus::kCrashed;  // of the first repetition that is not solved, else solved
+  ReportStatus status =
+      ReportStatus::kCrashed;  // of the first repetition that is not solved, else solved
   Quartiles seconds;
   double charged_seconds = 0.0;  // the median, or the time limit where not solved
   double checked_gap = 0.0;      // the worst of the repetitions
