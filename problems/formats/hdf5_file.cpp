@@ -356,17 +356,20 @@ void write_contents(const Writer& writer, hid_t file, const InformationSet& set)
   if (!set.parameters().empty()) writer.strings(file, "parameters", set.parameters());
 }
 
+hid_t open_to_read(const std::string& path) {
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  if (file >= 0) return file;
+  throw InputError(
+      fmt::format("{}: not readable as HDF5; the path is wrong, or the file is "
+                  "truncated or damaged: copy it again",
+                  path));
+}
+
 }  // namespace
 
 InformationSet read_hdf5(const std::string& path) {
   const QuietErrors quiet;
-  const Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-  if (!file.valid()) {
-    throw InputError(
-        fmt::format("{}: not readable as HDF5; the file is truncated or damaged, copy "
-                    "it again",
-                    path));
-  }
+  const Handle file(open_to_read(path), H5Fclose);
   require_format(path, file);
   std::size_t dimension = 0;
   AlignedArray information = read_information(path, file, dimension);
@@ -377,6 +380,44 @@ InformationSet read_hdf5(const std::string& path) {
                      read_parameters(path, file, dimension), path);
   require_hash(path, file, set);
   return set;
+}
+
+InformationSlice read_hdf5_slice(const std::string& path, std::size_t part, std::size_t parts) {
+  const QuietErrors quiet;
+  const Handle file(open_to_read(path), H5Fclose);
+  require_format(path, file);
+  if (!exists(file, "information")) throw InputError(path + ": dataset information is missing");
+  const OpenDataset information(path, file, "information");
+  information.require_floats();
+  const std::size_t dimension =
+      information.shape.size() == 2 ? dimension_from_packed_size(information.shape[1]) : 0;
+  if (dimension == 0) {
+    throw InputError(
+        fmt::format("{}: shape {}: slices are read from packed lower triangles "
+                    "[Q x p]; convert the set with 'graybox problem convert'",
+                    information.source, shape_text(information.shape)));
+  }
+  const std::size_t total = information.shape[0];
+  if (total < parts) {
+    throw InputError(fmt::format("{}: {} candidates can't be shared by {} processes; use fewer",
+                                 information.source, total, parts));
+  }
+  const std::size_t first = total * part / parts;
+  const std::array<hsize_t, 2> start{first, 0};
+  const std::array<hsize_t, 2> count{total * (part + 1) / parts - first, information.shape[1]};
+  AlignedArray values(count[0] * count[1]);
+  const Handle memory(H5Screate_simple(2, count.data(), nullptr), H5Sclose);
+  H5Sselect_hyperslab(information.space, H5S_SELECT_SET, start.data(), nullptr, count.data(),
+                      nullptr);
+  if (H5Dread(information.dataset, H5T_NATIVE_DOUBLE, memory, information.space, H5P_DEFAULT,
+              values.data()) < 0) {
+    fail_truncated(information.source);
+  }
+  require_finite(path + ": dataset information", values, dimension);
+  const auto hash = read_string_attribute(path, file, "sha256");
+  return {InformationSet(dimension, std::move(values), {}, read_parameters(path, file, dimension),
+                         path),
+          first, total, hash.empty() ? std::string() : hash[0]};
 }
 
 void write_hdf5(const std::string& path, const InformationSet& set) {

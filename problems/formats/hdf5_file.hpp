@@ -21,6 +21,19 @@ namespace graybox {
 // Throws InputError for a file that is no such set.
 [[nodiscard]] InformationSet read_hdf5(const std::string& path);
 
+// One of `parts` contiguous slices of a set that no single process needs to hold: candidates
+// total * part / parts up to total * (part + 1) / parts, without coordinates. The stored hash
+// covers the whole and is passed on unchecked. Only the packed [Q x p] form. Throws InputError as
+// above, and for more parts than candidates.
+struct InformationSlice {
+  InformationSet set;
+  std::size_t first;
+  std::size_t total;
+  std::string problem_hash;  // empty if the file has none
+};
+[[nodiscard]] InformationSlice read_hdf5_slice(const std::string& path, std::size_t part,
+                                               std::size_t parts);
+
 // Writes the file in full or not at all. Throws InputError if it can't be written.
 void write_hdf5(const std::string& path, const InformationSet& set);
 
