@@ -9,6 +9,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/solvers/cocktail.hpp"
 #include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/external_solver.hpp"
 #include "graybox/solvers/fedorov_wynn.hpp"
 #include "graybox/solvers/ipopt/ipopt_dual.hpp"
 #include "graybox/solvers/ipopt/ipopt_lifted.hpp"
@@ -66,6 +67,12 @@ void SolverRegistry::add_unavailable(std::string name, std::string description,
 }
 
 const Solver& SolverRegistry::at(std::string_view name) const {
+  if (name.starts_with(ExternalSolver::kPrefix)) {
+    for (const auto& solver : external_) {
+      if (solver->name() == name) return *solver;
+    }
+    return *external_.emplace_back(std::make_unique<ExternalSolver>(std::string(name)));
+  }
   const Entry* nearest = nullptr;
   std::size_t nearest_distance = name.size();
   for (const Entry& entry : entries_) {

@@ -1,0 +1,37 @@
+#!/usr/bin/python3
+"""A back-end for graybox in Python: the multiplicative algorithm for D-optimal design.
+
+    graybox solve set.h5 --solver "external:scripts/examples/external_solver.py" --gap 1e-3
+"""
+import json
+import sys
+import time
+
+import h5py
+import numpy as np
+
+start = time.monotonic()
+problem, design, gap, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4])
+
+with h5py.File(problem) as file:
+    packed = file["information"][:]  # Q x p: lower triangles, row by row
+d = int(np.sqrt(2 * packed.shape[1]))
+rows, columns = np.tril_indices(d)
+twice = np.where(rows == columns, 1.0, 2.0)  # tr(W H) = sum of twice * W * H over the triangle
+
+weights = np.full(len(packed), 1 / len(packed))
+while True:
+    matrix = np.zeros((d, d))
+    matrix[rows, columns] = matrix[columns, rows] = weights @ packed
+    sensitivity = packed @ (twice * np.linalg.inv(matrix)[rows, columns])
+    solved = sensitivity.max() / d - 1 <= gap
+    if solved or time.monotonic() - start > 0.9 * seconds:
+        break
+    weights *= sensitivity / d
+    weights /= weights.sum()
+
+with open(design, "w") as file:
+    json.dump({"format": "graybox-design/1", "solver": "external_solver.py",
+               "status": "solved" if solved else "time_limit",
+               "support": [{"index": int(i), "weight": float(weights[i])}
+                           for i in np.flatnonzero(weights)]}, file)
