@@ -12,6 +12,7 @@
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/screening.hpp"
 #include "graybox/solvers/tracer.hpp"
@@ -36,11 +37,10 @@ struct Pool {
 
 class ColumnGenerationRun {
  public:
-  ColumnGenerationRun(const InformationSet& set, const SolveOptions& options,
-                      SolveObserver* observer)
+  ColumnGenerationRun(const InformationSet& set, const SolveOptions& options, Tracer& tracer)
       : set_(set),
         options_(options),
-        tracer_(set, options, observer),
+        tracer_(tracer),
         working_(set.dimension()),
         random_(options.seed),
         dimension_(static_cast<double>(set.dimension())) {}
@@ -64,7 +64,7 @@ class ColumnGenerationRun {
 
   const InformationSet& set_;
   const SolveOptions& options_;
-  Tracer tracer_;
+  Tracer& tracer_;
   WorkingSet working_;
   Random random_;
   double dimension_;
@@ -353,7 +353,15 @@ Solution ColumnGenerationRun::finish(SolveStatus status, std::string message) {
 
 Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
                                  SolveObserver* observer) const {
-  return ColumnGenerationRun(set, options, observer).run();
+  Tracer tracer(set, options, observer);
+  Solution solution = ColumnGenerationRun(set, options, tracer).run();
+  if (solution.status != SolveStatus::kNumericalFailure &&
+      solution.status != SolveStatus::kUnsupported) {
+    return solution;
+  }
+  const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
+  if (!conditioned.whitened()) return solution;
+  return ColumnGenerationRun(conditioned.set(), options, tracer).run();
 }
 
 }  // namespace graybox

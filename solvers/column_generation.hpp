@@ -19,6 +19,10 @@
 // row that is in the working set to the last bit is not added twice; additions are spread over the
 // candidate order, since neighbours on a grid are near-duplicates.
 //
+// Ill-conditioned sets: where rounding keeps the gap above the one asked for, the set is whitened
+// in extended precision (conditioned_set.hpp) and solved once more; well-conditioned ones never pay
+// for that.
+//
 // Cost: 2 Q p flops and one read of the set a pass, 2 to 4 passes in practice; per Newton step
 // n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.

@@ -249,6 +249,21 @@ TEST(ColumnGeneration, NeedsFewPassesAndHasASmallSupport) {
   }
 }
 
+TEST(ColumnGeneration, IllConditionedSetsAreWhitenedWhereRoundingStopsIt) {
+  // Monomials up to degree 11 on [-1, 1]: M has a condition number of about 1e8.
+  const std::size_t d = 12, count = 2001;
+  AlignedArray information(count * packed_size(d));
+  for (std::size_t i = 0; i < count; ++i) {
+    const double x = -1.0 + static_cast<double>(i) / 1000.0;
+    for (std::size_t r = 0, k = 0; r < d; ++r) {
+      for (std::size_t c = 0; c <= r; ++c, ++k) {
+        information[i * packed_size(d) + k] = std::pow(x, static_cast<double>(r + c));
+      }
+    }
+  }
+  expect_certified(InformationSet(d, std::move(information)), 1e-9);
+}
+
 TEST(ColumnGeneration, RoundingLimitIsAnHonestStatus) {
   const InformationSet set = wishart_set(12, 500, 1, 1.0, 13);
   const Solution solution = ColumnGeneration().solve(set, {.duality_gap = 1e-18});
