@@ -54,6 +54,9 @@ class ColumnGenerationRun {
   double price(Pool& pool);
   std::size_t add_violators(const Pool& pool);
   void solve_pool(Pool& pool, double tolerance, int round_limit);
+  [[nodiscard]] bool out_of_rounds() const {
+    return options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit;
+  }
   bool improve(double gap, double tolerance);
   [[nodiscard]] bool warm_up();
   [[nodiscard]] Pool short_list(const Pool& all);
@@ -210,7 +213,7 @@ bool ColumnGenerationRun::improve(double gap, double tolerance) {
 
 // Rounds of price, add, solve on one pool until its gap is at most `tolerance`.
 void ColumnGenerationRun::solve_pool(Pool& pool, double tolerance, int round_limit) {
-  for (int round = 0; round < round_limit && !tracer_.out_of_time(); ++round) {
+  for (int round = 0; round < round_limit && !out_of_rounds() && !tracer_.out_of_time(); ++round) {
     const double gap = price(pool) / dimension_ - 1.0;
     if (gap <= tolerance) return;
     const std::size_t added = add_violators(pool);
@@ -248,9 +251,7 @@ Solution ColumnGenerationRun::run() {
     keep_if_better(gap);
     if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
-    if (options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit) {
-      return finish(SolveStatus::kIterationLimit);
-    }
+    if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
     if (passes_without_progress > 8) {
       return finish(SolveStatus::kNumericalFailure,
                     fmt::format("rounding keeps the gap at {:.1e}", best_gap_));

@@ -64,6 +64,14 @@ double LogDetLine::value(double a) const {
   return sum;
 }
 
+// The error that rounding leaves in a slope near zero.
+double LogDetLine::slope_rounding() const {
+  double size = 0.0;
+  for (std::size_t k = 0; k < dimension_; ++k) size += std::abs(diagonal_[k]);
+  for (std::size_t k = 0; k + 1 < dimension_; ++k) size += std::abs(off_diagonal_[k]);
+  return 4.0 * std::numeric_limits<double>::epsilon() * size;
+}
+
 LogDetLine::Derivatives LogDetLine::derivatives(double a) const {
   Derivatives result;
   double q = 1.0, q1 = 0.0, q2 = 0.0;  // pivot and its derivatives with respect to a
@@ -99,6 +107,7 @@ double LogDetLine::maximise(double lowest, double highest) const {
   // Lengths along the direction of ascent: the maximiser lies between inside and outside.
   double inside = 0.0, outside = longest, length = 0.0;
   Derivatives here = start;
+  const double rounding = slope_rounding();
   for (int iteration = 0; iteration < 100; ++iteration) {
     double next = length - sign * here.slope / here.curvature;
     if (!(next > inside && next < outside)) {
@@ -114,9 +123,10 @@ double LogDetLine::maximise(double lowest, double highest) const {
       if (length == inside || length == outside) return sign * inside;
       here = derivatives(sign * length);
     }
+    if (std::abs(here.slope) <= rounding) return sign * length;
     (sign * here.slope > 0.0 ? inside : outside) = length;
   }
-  return sign * inside;
+  return sign * length;
 }
 
 }  // namespace graybox

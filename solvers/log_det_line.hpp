@@ -47,6 +47,7 @@ class LogDetLine {
     double curvature = 0.0;
   };
   [[nodiscard]] Derivatives derivatives(double a) const;
+  [[nodiscard]] double slope_rounding() const;
 
   std::size_t dimension_;
   std::vector<double> diagonal_;      // t
