@@ -6,6 +6,8 @@
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "graybox/problems/families/families.hpp"
+#include "graybox/problems/families/regression.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 
 namespace graybox::cli {
@@ -20,6 +22,96 @@ void write(const std::string& path, const InformationSet& set) {
 
 void add_output(CLI::App& command, std::string& output) {
   command.add_option("-o,--output", output, "file to write: .h5, .npy, .csv or .mat")->required();
+}
+
+// "  rob     log-normal ..." for the help text.
+std::string family_list() {
+  std::string text = "Families:\n";
+  for (const Family& family : families()) {
+    text += fmt::format("  {:<8} {}\n", family.name, family.description);
+  }
+  return text;
+}
+
+void add_random(CLI::App& problem) {
+  struct Arguments {
+    std::string family;
+    std::size_t candidates = 0;
+    std::size_t dimension = 0;
+    std::uint64_t seed = 1;
+    std::string output;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  auto* command =
+      problem.add_subcommand("random", "Set of a named family, reproducible by its seed");
+  command->add_option("--family", arguments->family, "name of the family, see below")->required();
+  command->add_option("--candidates", arguments->candidates, "Q (default: the family's own)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--dimension", arguments->dimension, "d (default: the family's own, 12)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--seed", arguments->seed, "of the random numbers")->capture_default_str();
+  add_output(*command, arguments->output);
+  command->footer(
+      family_list() +
+      "Example:\n  graybox problem random --family wis --candidates 7920 --dimension 12 "
+      "--seed 1 -o set.h5");
+  command->callback([arguments] {
+    write(arguments->output, make_family(arguments->family, arguments->candidates,
+                                         arguments->dimension, arguments->seed));
+  });
+}
+
+struct RegressionArguments {
+  std::string model = "polynomial";
+  std::size_t degree = 3;
+  std::size_t points = 1001;
+  std::string basis = "monomial";
+  std::size_t factors = 4;
+  std::size_t interactions = 1;
+  std::size_t levels = 3;
+  std::string output;
+};
+
+InformationSet make_regression(const RegressionArguments& arguments) {
+  if (arguments.model == "polynomial") {
+    const auto basis =
+        arguments.basis == "legendre" ? PolynomialBasis::kLegendre : PolynomialBasis::kMonomial;
+    return polynomial_regression(arguments.degree, even_points(arguments.points), basis);
+  }
+  if (arguments.model == "factorial") {
+    return two_level_factorial(arguments.factors, arguments.interactions);
+  }
+  return cube_regression(arguments.levels);
+}
+
+void add_regression(CLI::App& problem) {
+  auto arguments = std::make_shared<RegressionArguments>();
+  auto* command = problem.add_subcommand("regression", "Linear regression: one candidate a point");
+  command->add_option("--model", arguments->model, "polynomial, factorial or cube")
+      ->check(CLI::IsMember({"polynomial", "factorial", "cube"}))
+      ->capture_default_str();
+  command->add_option("--degree", arguments->degree, "polynomial: degree")->capture_default_str();
+  command->add_option("--points", arguments->points, "polynomial: even points on [-1, 1]")
+      ->capture_default_str();
+  command->add_option("--basis", arguments->basis, "polynomial: monomial or legendre")
+      ->check(CLI::IsMember({"monomial", "legendre"}))
+      ->capture_default_str();
+  command->add_option("--factors", arguments->factors, "factorial: factors at two levels")
+      ->capture_default_str();
+  command
+      ->add_option("--interactions", arguments->interactions,
+                   "factorial: 1 main effects, 2 also products of two factors")
+      ->capture_default_str();
+  command->add_option("--levels", arguments->levels, "cube: odd number of levels of 7 factors")
+      ->capture_default_str();
+  add_output(*command, arguments->output);
+  command->footer(
+      "Examples:\n"
+      "  graybox problem regression --model polynomial --degree 5 --points 1001 -o polynomial.h5\n"
+      "  graybox problem regression --model factorial --factors 7 --interactions 2 -o "
+      "factorial.h5\n"
+      "  graybox problem regression --model cube --levels 3 -o cube.h5");
+  command->callback([arguments] { write(arguments->output, make_regression(*arguments)); });
 }
 
 void add_subset(CLI::App& problem) {
@@ -66,8 +158,10 @@ void add_convert(CLI::App& problem) {
 }  // namespace
 
 void add_problem_command(CLI::App& app, Invocation& /*invocation*/) {
-  auto* problem = app.add_subcommand("problem", "Make, thin out or convert information sets");
+  auto* problem = app.add_subcommand("problem", "Make, thin out and convert information sets");
   problem->require_subcommand(1);
+  add_random(*problem);
+  add_regression(*problem);
   add_subset(*problem);
   add_convert(*problem);
 }

@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
@@ -49,6 +50,10 @@ class InformationSet {
   [[nodiscard]] std::span<const double> coordinates(std::size_t candidate) const;
   [[nodiscard]] const std::vector<std::string>& parameters() const { return parameters_; }
   [[nodiscard]] const std::string& name() const { return name_; }  // for messages; a path or family
+  [[nodiscard]] InformationSet renamed(std::string name) && {
+    name_ = std::move(name);
+    return std::move(*this);
+  }
 
   // SHA-256, in hexadecimal, of Q and d as little-endian uint64 followed by the packed doubles.
   // One pass over the data.
