@@ -49,8 +49,9 @@ LocalModel LocalModel::with_parameters(const Eigen::VectorXd& theta) const {
   return result;
 }
 
-LocalModelBuilder::LocalModelBuilder(const RobotModel& robot)
+LocalModelBuilder::LocalModelBuilder(const RobotModel& robot, const LinearisationOptions& options)
     : robot_(&robot),
+      options_(options),
       evaluator_(robot.chain),
       gearboxes_(robot.gearbox_rotations()),
       spring_stiffness_(robot.arm_size()),
@@ -95,6 +96,7 @@ const ArmLinearisation& LocalModelBuilder::linearise(const Eigen::VectorXd& join
   for (std::size_t j = 0; j < gearboxes_.size(); ++j) {
     commanded_(gearboxes_[j]) = joint_angles(static_cast<Eigen::Index>(j));
   }
+  if (!options_.gravity_deflection) return at_rotations(commanded_);
   solve_equilibrium(commanded_);
   return at_rotations(Eigen::VectorXd(arm_.rotations));
 }

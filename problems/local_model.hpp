@@ -15,7 +15,8 @@
 // Linearisation point. Motors stand at the commanded position, the arm hangs lower by its static
 // deflection: k_i (q_i - q_i^0) + g_i(q*) = 0 with q^0 the commanded angles (zero at bearings). The
 // paper allows q* = q^0 "with minor errors"; ignoring the sag costs 3 to 13 % of G near sharp
-// lines. q* is computed at theta_0 and does not move when stiffness parameters vary.
+// lines (option gravity_deflection). q* is computed at theta_0 and does not move when stiffness
+// parameters vary.
 //
 //   LocalModelBuilder builder(robot);                  // one for each thread
 //   const LocalModel local = builder.build(position);  // commanded joint angles, rad
@@ -65,9 +66,14 @@ struct ArmLinearisation {
   Eigen::MatrixXd gravity_stiffness;  // dg/dq(q*)
 };
 
+struct LinearisationOptions {
+  bool gravity_deflection = true;  // false: linearise at q^0, where the arm is not in equilibrium
+};
+
 class LocalModelBuilder {
  public:
-  explicit LocalModelBuilder(const RobotModel& robot);  // keeps a reference to the robot
+  // Keeps a reference to the robot.
+  explicit LocalModelBuilder(const RobotModel& robot, const LinearisationOptions& options = {});
 
   // `joint_angles`: commanded angle of each joint, rad. Throws InputError if their number is not
   // the robot's, or where the arm finds no static equilibrium (springs too soft to carry it).
@@ -81,6 +87,7 @@ class LocalModelBuilder {
   void solve_equilibrium(const Eigen::VectorXd& commanded);
 
   const RobotModel* robot_;
+  LinearisationOptions options_;
   RigidChainEvaluator evaluator_;
   std::vector<Eigen::Index> gearboxes_;
   Eigen::VectorXd spring_stiffness_;

@@ -180,12 +180,13 @@ class PositionFreeTables {
 // Computes one position after another; one a thread.
 class PositionWorker {
  public:
-  PositionWorker(const RobotModel& robot, const PositionFreeTables& shared, double scale)
+  PositionWorker(const RobotModel& robot, const PositionFreeTables& shared,
+                 const RobotInformationOptions& options)
       : robot_(robot),
         shared_(shared),
         tables_(shared.tables()),
-        builder_(robot),
-        scale_(scale),
+        builder_(robot, {.gravity_deflection = options.gravity_deflection}),
+        scale_(options.scale),
         mass_(packed_size(robot.springs.size())),
         gravity_(mass_.size()),
         sums_(mass_.size()),
@@ -254,6 +255,9 @@ void check(const RobotModel& robot, const PositionTable& positions,
   if (!(options.scale > 0.0) || !std::isfinite(options.scale)) {
     throw InputError(fmt::format("scale: must be positive, is {}", options.scale));
   }
+  if (options.total_derivative && !options.gravity_deflection) {
+    throw InputError("total_derivative: needs gravity_deflection, without it no point moves");
+  }
   if (options.threads < 1) {
     throw InputError(fmt::format("threads: must be at least 1, is {}", options.threads));
   }
@@ -311,8 +315,8 @@ InformationSet robot_information_set(const RobotModel& robot, const PositionTabl
   } else {
     const PositionFreeTables shared(robot);
     for_each_position(
-        positions, stride, options.threads,
-        [&] { return PositionWorker(robot, shared, options.scale); }, information.data());
+        positions, stride, options.threads, [&] { return PositionWorker(robot, shared, options); },
+        information.data());
   }
   return InformationSet(d, std::move(information), candidate_table(positions),
                         robot.parameter_names(), robot.name);

@@ -49,9 +49,14 @@ struct RobotInformationOptions {
   int threads = 1;
   // H is multiplied by this: C_r / C_v of the file times `scale` is what counts.
   double scale = 1.0;
+  // Linearise where the arm hangs at rest; false: at the commanded position (local_model.hpp).
+  bool gravity_deflection = true;
   // Let the linearisation point move with theta, dq*/dtheta_p = -(K_a + dg/dq)^-1 k_p b_p b_p^T
   // (q* - q0), instead of holding it. dG_p then has full rank and M_a and dg/dq are differentiated
-  // numerically along that direction; about 100 times slower.
+  // numerically along that direction; about 50 times slower. Effect on H of irb6600_like on the
+  // paper's grid: 0.1 % (Frobenius norm) in the median, 1.1 % at most; the covariance (det
+  // H)^(-1/d) of a position changes by less than 0.5 % for 98 % of the positions, by -2.2 to 1.9 %
+  // at most.
   bool total_derivative = false;
 };
 
