@@ -20,5 +20,6 @@ void add_problem_command(CLI::App& app, Invocation& invocation);
 void add_solvers_command(CLI::App& app, Invocation& invocation);
 void add_solve_command(CLI::App& app, Invocation& invocation);
 void add_check_command(CLI::App& app, Invocation& invocation);
+void add_study_command(CLI::App& app, Invocation& invocation);
 
 }  // namespace graybox::cli

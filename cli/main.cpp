@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   graybox::cli::add_solvers_command(app, invocation);
   graybox::cli::add_solve_command(app, invocation);
   graybox::cli::add_check_command(app, invocation);
+  graybox::cli::add_study_command(app, invocation);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

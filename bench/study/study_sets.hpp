@@ -1,0 +1,22 @@
+// The sets that the study and the benchmarks run on, by family name: "robot" and the families of
+// problems/families. The same name and size give the same set everywhere.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox::bench {
+
+// rob, wis, flat, smo, smr6, r1g, cube3, dup: what the study runs besides the robot.
+[[nodiscard]] const std::vector<std::string>& study_families();
+
+// "robot" gives nested random subsets of the paper's 7920 positions, and beyond them positions of a
+// finer grid. A family of fixed size gives that size, and `dup` the next multiple of its ten copies
+// below `candidates`, at most its default; all others exactly `candidates`, nested. Throws
+// InputError for an unknown family.
+[[nodiscard]] InformationSet make_study_set(const std::string& family, std::size_t candidates);
+
+}  // namespace graybox::bench
