@@ -16,6 +16,8 @@
 #include "graybox/solvers/ipopt/ipopt_primal.hpp"
 #include "graybox/solvers/multiplicative.hpp"
 #include "graybox/solvers/multiplicative_accelerated.hpp"
+#include "graybox/solvers/nlopt/nlopt_slsqp.hpp"
+#include "graybox/solvers/nlopt/nlopt_weights.hpp"
 #include "graybox/solvers/randomized_exchange.hpp"
 #include "graybox/solvers/vertex_exchange.hpp"
 
@@ -36,6 +38,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }
 
 constexpr bool kWithIpopt = GRAYBOX_REGISTRY_WITH_IPOPT;
+constexpr bool kWithNlopt = GRAYBOX_REGISTRY_WITH_NLOPT;
 
 // Back-ends on an optional library, listed with the reason where the library was not built in.
 template <bool kBuilt, typename... BackEnds>
@@ -103,6 +106,8 @@ SolverRegistry make_registry() {
   registry.add(std::make_unique<Cocktail>());
   add_optional<kWithIpopt, IpoptPrimal, IpoptLifted, IpoptDual>(
       registry, "built without Ipopt (GRAYBOX_WITH_IPOPT)");
+  add_optional<kWithNlopt, NloptSlsqp, NloptMma, NloptCcsa, NloptLbfgs>(
+      registry, "built without NLopt (GRAYBOX_WITH_NLOPT)");
   return registry;
 }
 

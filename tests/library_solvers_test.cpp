@@ -251,7 +251,8 @@ TEST_P(LibrarySolverTest, AnswersAlikeFromSeveralThreads) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Libraries, LibrarySolverTest,
-                         testing::Values("ipopt_primal", "ipopt_lifted", "ipopt_dual"),
+                         testing::Values("ipopt_primal", "ipopt_lifted", "ipopt_dual",
+                                         "nlopt_slsqp", "nlopt_mma", "nlopt_ccsa", "nlopt_lbfgs"),
                          [](const auto& test) { return test.param; });
 
 }  // namespace
