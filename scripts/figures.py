@@ -25,7 +25,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Colours that colour-blind readers can tell apart (Okabe and Ito 2008), one a group of methods;
 # within a group, markers and line styles differ.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#777777")
+    "#000000", "#D98E00", "#3A9BD9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#777777")
 
 HIGHLIGHTS = {
     "primal_interior_point": VERMILION,
@@ -149,6 +149,11 @@ def save(study, figure, name):
     print(f"wrote {folder / name}.svg and .png")
 
 
+def legend_below(axes, y):
+    axes.legend(fontsize=7.5, loc="upper left", bbox_to_anchor=(-0.02, y), ncol=2, columnspacing=1.2,
+                handlelength=2.6)
+
+
 def power_of_ten(exponent):
     return f"$10^{{{exponent}}}$"
 
@@ -200,12 +205,17 @@ def spread_labels(axes, labels, x, minimum=0.030, fontsize=8):
                 moved = True
         if not moved:
             break
+    # Keep the column inside the axes where it fits.
+    if items and items[-1][0] - items[0][0] <= 1.0:
+        shift = max(0.0, items[-1][0] - 1.0) - max(0.0, -items[0][0])
+        for item in items:
+            item[0] -= shift
     for y, point_x, point_y, text, colour, weight in items:
         axes.annotate(text, xy=(point_x, point_y), xycoords="axes fraction", xytext=(x, y),
                       textcoords="axes fraction", color=colour, fontsize=fontsize, fontweight=weight,
                       va="center", annotation_clip=False,
                       arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6,
-                                  "shrinkA": 1, "shrinkB": 3})
+                                  "relpos": (0, 0.5), "shrinkA": 1, "shrinkB": 3})
 
 
 def plot_curve(axes, x, y, solver, highlight=None, **extra):
@@ -254,7 +264,8 @@ def figure_3(study):
         low = study.curve(solver, "lower_quartile_seconds")[1]
         high = study.curve(solver, "upper_quartile_seconds")[1]
         plot_curve(axes, x, y, solver)
-        axes.fill_between(x, low, high, color=style_of(solver)[0], alpha=0.12, lw=0)
+        if solver in HIGHLIGHTS:
+            axes.fill_between(x, low, high, color=style_of(solver)[0], alpha=0.12, lw=0)
         stopped = "" if x[-1] == sizes[-1] else f" (to {x[-1]})"
         weight = "bold" if solver in HIGHLIGHTS else "normal"
         labels.append(((x[-1], y[-1]), readable(solver) + stopped + exponent_text(study, solver),
@@ -265,7 +276,7 @@ def figure_3(study):
     axes.set_title(exponent_message(study), pad=12)
     figure.canvas.draw()
     spread_labels(axes, labels, 1.06)
-    axes.text(0, -0.12, "Medians and quartiles; robot set, nested subsets. Exponents: least squares over "
+    axes.text(0, -0.12, "Medians (bands: quartiles, of the three heavy curves); robot set, nested subsets. Exponents: least squares over "
               "Q ≥ 500 with 95 % confidence.\nOnly answers whose gap the checker confirmed.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study, figure, "figure_3")
@@ -339,7 +350,7 @@ def gap_against_candidates(study):
                 axes.plot(*zip(*finite), ls="", marker=style_of(solver)[1], mfc="white",
                           mec=style_of(solver)[0], ms=6, zorder=6)
         axes.set_title(title)
-        axes.legend(fontsize=7, loc="best")
+        legend_below(axes, -0.28)
     all_axes[0][0].set_ylabel("duality gap found by the checker")
     all_axes[0][0].annotate("asked", (sizes[0], study.gap()), textcoords="offset points", xytext=(0, 3),
                             fontsize=7, color="#444444")
@@ -391,9 +402,9 @@ def gap_against_time(study):
                 axes.set_ylabel(f"{family}: duality gap")
             if i + 1 == len(families):
                 axes.set_xlabel("time, one thread")
-            if i == 0:
-                axes.legend(fontsize=7, loc="lower left")
-    full = max(int(row["candidates"]) for row in study.points_of("families"))
+                legend_below(axes, -0.42)
+    full = next(int(row["candidates"]) for row in study.points_of("families")
+                if row["family"] == families[0])
     figure.suptitle(f"Gap against time at Q = {full}, best so far; the mark is where a run ended, "
                     "hollow if short of $10^{-9}$", x=0.01, ha="left", fontsize=10.5)
     figure.tight_layout()
@@ -404,30 +415,36 @@ def memory_against_candidates(study):
     sizes = study.sizes()
     if not sizes:
         return
-    figure, axes = plt.subplots(figsize=(8.8, 5.4))
+    figure, axes = plt.subplots(figsize=(8.8, 5.8))
     axes.set_yscale("log")
     candidate_axis(axes, sizes)
+    floor = 0.1
     labels = []
     for solver in study.solvers("scaling"):
-        x, y = study.curve(solver, "peak_memory_bytes")
+        x, y = study.curve(solver, "added_memory_bytes")
         y = [value / 1e6 for value in y]
         if not x:
             continue
-        plot_curve(axes, x, y, solver)
+        plot_curve(axes, x, [max(value, floor) for value in y], solver)
         weight = "bold" if solver in HIGHLIGHTS else "normal"
-        labels.append(((x[-1], y[-1]), f"{readable(solver)}  {y[-1]:.0f} MB", style_of(solver)[0], weight))
-    p = 78
-    axes.plot(sizes, [8e-6 * p * q for q in sizes], color="#444444", lw=0.9, ls=(0, (4, 3)))
-    labels.append(((sizes[-1], 8e-6 * p * sizes[-1]), "the set itself", "#444444", "normal"))
+        amount = f"{y[-1]:.0f} MB" if y[-1] >= 10 else f"{y[-1]:.1f} MB"
+        where = "" if x[-1] == sizes[-1] else f" at Q = {x[-1]}"
+        labels.append(((x[-1], max(y[-1], floor)), f"{readable(solver)}  {amount}{where}",
+                       style_of(solver)[0], weight))
+    entries = 78  # packed 12 x 12
+    axes.plot(sizes, [max(8e-6 * entries * q, floor) for q in sizes], color="#444444", lw=0.9,
+              ls=(0, (4, 3)))
+    labels.append(((sizes[-1], 8e-6 * entries * sizes[-1]), "size of the set itself", "#444444", "normal"))
     axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel("peak resident memory of the process, MB")
+    axes.set_ylabel("memory the solve adds, MB")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     heaviest = max(labels, key=lambda label: label[0][1])
     axes.set_title(f"Memory against candidates: most is needed by {heaviest[1].split('  ')[0]}", pad=12)
     figure.canvas.draw()
-    spread_labels(axes, labels, 1.06, minimum=0.037)
-    axes.text(0, -0.14, "Program, libraries and set included; one process a run.", transform=axes.transAxes,
-              fontsize=7.5, color="#555555", va="top")
+    spread_labels(axes, labels, 1.06, minimum=0.036)
+    axes.text(0, -0.13, "Peak resident memory of the process less what program, libraries and set took before "
+              "the solve; one process a run. 0.1 MB is the least shown.",
+              transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study, figure, "memory_against_candidates")
 
 
@@ -442,7 +459,7 @@ def passes_per_family(study):
     levels = [("1e-3", "$10^{-3}$"), ("1e-6", "$10^{-6}$"), ("1e-9", "$10^{-9}$")]
     value = {(row["solver"], row["family"], row["gap"]): float(row["passes"]) for row in rows}
     figure, all_axes = plt.subplots(1, 3, sharey=True, layout="constrained",
-                                    figsize=(0.56 * 3 * len(families) + 3.4, 0.30 * len(solvers) + 1.5))
+                                    figsize=(0.40 * 3 * len(families) + 2.8, 0.27 * len(solvers) + 1.5))
     norm = LogNorm(1, 1e5)
     image = None
     for axes, (level, text) in zip(all_axes, levels):
@@ -455,7 +472,7 @@ def passes_per_family(study):
                     grid[i, j] = max(passes, 0.1)
                 label = short_number(passes) if passes is not None else ("–" if tried else "")
                 dark = passes is not None and passes > 300
-                axes.text(j, i, label, ha="center", va="center", fontsize=7,
+                axes.text(j, i, label, ha="center", va="center", fontsize=6.5,
                           color="white" if dark else "#222222")
         image = axes.imshow(grid, norm=norm, cmap="cividis_r", aspect="auto")
         axes.grid(False)
@@ -465,10 +482,10 @@ def passes_per_family(study):
         axes.set_title(f"to a gap of {text}")
         for side in axes.spines.values():
             side.set_visible(False)
-    bar = figure.colorbar(image, ax=all_axes, pad=0.01, fraction=0.03)
-    bar.set_label("passes over the set", fontsize=8)
-    full = max(int(row["candidates"]) for row in study.points_of("families"))
-    figure.suptitle(f"Passes over the set that each method needs, Q up to {full} "
+    bar = figure.colorbar(image, ax=all_axes, pad=0.01, fraction=0.02)
+    bar.ax.tick_params(labelsize=7)
+    largest = max(int(row["candidates"]) for row in study.points_of("families"))
+    figure.suptitle(f"Passes over the set that each method needs, Q up to {largest} "
                     "(– not reached in the time given; empty: not run)", x=0.01, ha="left", fontsize=10.5)
     save(study, figure, "passes_per_family")
 
@@ -484,7 +501,8 @@ def short_number(value):
 def profile_table(study):
     rows = study.table("profile_instances")
     instances = list(dict.fromkeys(row["instance"] for row in rows))
-    solvers = [name for name in STYLES if any(row["solver"] == name for row in rows)]
+    order = ["column_generation"] + [name for name in STYLES if name != "column_generation"]
+    solvers = [name for name in order if any(row["solver"] == name for row in rows)]
     solvers += sorted({row["solver"] for row in rows} - set(solvers))
     times = {(row["solver"], row["instance"]): number(row["seconds"]) for row in rows}
     return instances, solvers, times

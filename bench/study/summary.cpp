@@ -48,14 +48,15 @@ class Csv {
 void write_points(const std::vector<PointSummary>& points, const fs::path& folder) {
   Csv csv({"experiment", "family", "candidates", "solver", "gap_asked", "status", "repetitions",
            "median_seconds", "lower_quartile_seconds", "upper_quartile_seconds", "charged_seconds",
-           "checked_gap", "passes", "iterations", "support_size", "peak_memory_bytes", "message"});
+           "checked_gap", "passes", "iterations", "support_size", "peak_memory_bytes",
+           "added_memory_bytes", "message"});
   for (const PointSummary& p : points) {
     csv.add({p.experiment, p.family, std::to_string(p.candidates), p.solver, number(p.gap_asked),
              std::string(to_string(p.status)), std::to_string(p.repetitions),
              number(p.seconds.median), number(p.seconds.lower), number(p.seconds.upper),
              number(p.charged_seconds), number(p.checked_gap), number(p.passes),
              number(p.iterations), std::to_string(p.support_size), number(p.peak_memory_bytes),
-             p.message});
+             number(p.added_memory_bytes), p.message});
   }
   csv.write(folder / "points.csv");
 }

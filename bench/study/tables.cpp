@@ -76,6 +76,10 @@ PointSummary summarise(const RunGroup& group) {
   point.passes = median_of(group, [](const RunRow& run) { return run.passes; });
   point.iterations =
       median_of(group, [](const RunRow& run) { return static_cast<double>(run.iterations); });
+  point.added_memory_bytes = median_of(group, [](const RunRow& run) {
+    return static_cast<double>(run.peak_memory_bytes) -
+           static_cast<double>(std::min(run.baseline_memory_bytes, run.peak_memory_bytes));
+  });
   point.support_size = first.support_size;
   point.reached = median_reached(group);
   return point;

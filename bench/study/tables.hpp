@@ -31,8 +31,9 @@ struct PointSummary {
   double checked_gap = 0.0;      // the worst of the repetitions
   double passes = 0.0;           // medians
   double iterations = 0.0;
-  std::size_t support_size = 0;               // of the first
-  double peak_memory_bytes = 0.0;             // the largest
+  std::size_t support_size = 0;     // of the first
+  double peak_memory_bytes = 0.0;   // the largest
+  double added_memory_bytes = 0.0;  // median of peak less baseline: what the solve itself took
   std::map<std::string, GapReached> reached;  // medians over repetitions, where all reached it
   std::string message;
 };
