@@ -194,7 +194,7 @@ def spread_labels(axes, labels, x, minimum=0.030, fontsize=8):
     for (data_x, data_y), text, colour, weight in labels:
         at = to_axes.transform(transform.transform((data_x, data_y)))
         items.append([at[1], at[0], at[1], text, colour, weight])
-    items.sort(key=lambda item: item[0])
+    items.sort(key=lambda item: round(item[0], 6))
     for _ in range(400):  # push neighbours apart, a little at a time
         moved = False
         for low, high in zip(items, items[1:]):
@@ -290,6 +290,7 @@ def figure_3_peers(study):
         return
     with open(file, encoding="utf-8", newline="") as stream:
         rows = [row for row in csv.DictReader(stream) if row["family"] == "rob"]
+    sizes = sorted(set(sizes) | {int(row["candidates"]) for row in rows})
     figure, axes = plt.subplots(figsize=(9.2, 6.0))
     axes.set_yscale("log")
     candidate_axis(axes, sizes)
@@ -333,7 +334,7 @@ def gap_against_candidates(study):
     sizes, panels = study.sizes(), group_panels(study, "scaling")
     if not sizes or not panels:
         return
-    figure, all_axes = plt.subplots(1, len(panels), figsize=(4.1 * len(panels), 3.9), sharey=True,
+    figure, all_axes = plt.subplots(1, len(panels), figsize=(4.1 * len(panels), 4.9), sharey=True,
                                     squeeze=False)
     floor = 1e-16
     for axes, (title, names) in zip(all_axes[0], panels):
@@ -350,7 +351,7 @@ def gap_against_candidates(study):
                 axes.plot(*zip(*finite), ls="", marker=style_of(solver)[1], mfc="white",
                           mec=style_of(solver)[0], ms=6, zorder=6)
         axes.set_title(title)
-        legend_below(axes, -0.28)
+        legend_below(axes, -0.30)
     all_axes[0][0].set_ylabel("duality gap found by the checker")
     all_axes[0][0].annotate("asked", (sizes[0], study.gap()), textcoords="offset points", xytext=(0, 3),
                             fontsize=7, color="#444444")
@@ -376,7 +377,7 @@ def gap_against_time(study):
     if not panels or not families:
         return
     figure, all_axes = plt.subplots(len(families), len(panels), squeeze=False, sharex=True, sharey=True,
-                                    figsize=(4.1 * len(panels), 2.9 * len(families) + 0.5))
+                                    figsize=(4.1 * len(panels), 2.7 * len(families) + 0.7))
     for i, family in enumerate(families):
         for j, (title, names) in enumerate(panels):
             axes = all_axes[i][j]
@@ -527,8 +528,9 @@ def performance_profile(study):
         heavy = solver in HIGHLIGHTS
         axes.step(x, y, where="post", color=colour, ls=line, lw=2.4 if heavy else 1.2,
                   alpha=1 if heavy else 0.8, zorder=5 if heavy else 3)
-        labels.append(((largest, y[-1]), f"{readable(solver)}  {100 * y[-1]:.0f} %", colour,
-                       "bold" if heavy else "normal"))
+        area = sum((math.log(b) - math.log(a)) * share for a, b, share in zip(x, x[1:], y[1:]))
+        labels.append((area, ((largest, y[-1]), f"{readable(solver)}  {100 * y[-1]:.0f} %", colour,
+                              "bold" if heavy else "normal")))
     axes.set_xlim(1, largest)
     axes.set_ylim(0, 1.02)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -541,7 +543,8 @@ def performance_profile(study):
     axes.set_title(f"Performance profiles over {len(instances)} instances: {readable(fastest)} "
                    "is fastest most often", pad=12)
     figure.canvas.draw()
-    spread_labels(axes, labels, 1.05, minimum=0.043)
+    labels.sort(key=lambda label: label[0])  # the better profile stands above where shares tie
+    spread_labels(axes, [label for _, label in labels], 1.05, minimum=0.043)
     save(study, figure, "performance_profile")
 
 
