@@ -1,39 +1,66 @@
-// Benchmarks of the passes over a set and of every solver (google-benchmark). Wall time, one
-// thread.
+// Benchmarks of the passes over a set and of every solver (google-benchmark), one thread. The column
+// Time is wall time; rates are per second of processor time.
 //
-//   stream_read/Q     a plain sum of the set's array: what memory allows
-//   pricing_pass/Q    w_i = tr(W H_i) for all candidates: one pass
+//   stream_read/Q        a plain sum of the set's array: what memory allows
+//   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass
+//   hessian_assembly/Q   sum_i s_i h_i h_i^T: the costly step of the dual interior point
+//   SOLVER/Q             a solve on the robot's set (beyond 7920: a finer grid)
+//   SOLVER/FAMILY/Q      the same on another family (problems/families)
 //
-//   solver_benchmarks --benchmark_filter='(stream_read|pricing_pass)/1000000'
+// Counters of a solve: asked_gap, what it was asked for; gap, what the checker found; solved, 1 if
+// that is enough; passes over the set; iterations; bytes/s of the set read; peak_memory_bytes of
+// the process so far, which never falls: compare it only between processes that run one benchmark.
+//
+// Sets are made on first use, so a filter saves their time; at most one large set is in memory:
+//   solver_benchmarks --benchmark_filter='(stream_read|pricing_pass|column_generation)/7920'
+//   solver_benchmarks --benchmark_filter='/1000000' --benchmark_repetitions=9
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
+#include <string>
 #include <vector>
 
 #include "graybox/bench/benchmark_sets.hpp"
+#include "graybox/bench/pin_threads.hpp"
+#include "graybox/bench/study/plan.hpp"
+#include "graybox/bench/study/study_sets.hpp"
+#include "graybox/problems/error.hpp"
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/solvers/hessian_assembly.hpp"
+#include "graybox/solvers/registry.hpp"
+#include "graybox/solvers/solve_report.hpp"
 
 namespace {
 
 using graybox::InformationSet;
+using graybox::Solver;
 using graybox::bench::benchmark_set;
+using graybox::bench::kFullSize;
 
-void set_byte_rate(benchmark::State& state, const InformationSet& set) {
-  state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(set.bytes()));
+constexpr std::size_t kMillion = 1'000'000;
+constexpr std::size_t kQuadraticLimit = 1000;  // largest Q for solvers whose memory grows as Q^2
+constexpr double kTimeLimit = 60.0;            // seconds a solve
+
+void set_byte_rate(benchmark::State& state, const InformationSet& set, double passes) {
+  const double bytes = passes * static_cast<double>(set.bytes());
+  state.SetBytesProcessed(
+      static_cast<std::int64_t>(bytes * static_cast<double>(state.iterations())));
 }
 
 void stream_read(benchmark::State& state, std::size_t count) {
-  const InformationSet& set = benchmark_set("wis", count);
+  const InformationSet& set = benchmark_set("robot", count);
   for (auto _ : state) {
     benchmark::DoNotOptimize(
         graybox::kernels().sum(set.data(), set.candidate_count() * set.packed_size()));
   }
-  set_byte_rate(state, set);
+  set_byte_rate(state, set, 1.0);
 }
 
 void pricing_pass(benchmark::State& state, std::size_t count) {
-  const InformationSet& set = benchmark_set("wis", count);
+  const InformationSet& set = benchmark_set("robot", count);
   const std::vector<double> dual(set.packed_size(), 1.0);
   std::vector<double> prices(set.candidate_count());
   for (auto _ : state) {
@@ -42,25 +69,111 @@ void pricing_pass(benchmark::State& state, std::size_t count) {
     benchmark::DoNotOptimize(prices.data());
     benchmark::ClobberMemory();
   }
-  set_byte_rate(state, set);
+  set_byte_rate(state, set, 1.0);
 }
 
-void register_passes() {
-  for (const std::size_t count : {7920UL, 1'000'000UL}) {
-    benchmark::RegisterBenchmark(fmt::format("stream_read/{}", count).c_str(), stream_read, count)
-        ->UseRealTime();
-    benchmark::RegisterBenchmark(fmt::format("pricing_pass/{}", count).c_str(), pricing_pass, count)
-        ->UseRealTime();
+void hessian_assembly(benchmark::State& state, std::size_t count) {
+  const InformationSet& set = benchmark_set("robot", count);
+  const std::size_t p = set.packed_size();
+  graybox::HessianAssembly assembly(p, 1);
+  const std::vector<double> scales(set.candidate_count(), 0.5);
+  std::vector<double> gram(p * p);
+  for (auto _ : state) {
+    assembly.assemble(set.data(), set.candidate_count(), scales, gram);
+    benchmark::DoNotOptimize(gram.data());
+    benchmark::ClobberMemory();
+  }
+  set_byte_rate(state, set, 1.0);
+}
+
+void solve(benchmark::State& state, const Solver& solver, const std::string& family,
+           std::size_t count, double gap) {
+  const InformationSet& set = benchmark_set(family, count);
+  const graybox::SolveOptions options{.duality_gap = gap, .time_limit = kTimeLimit};
+  graybox::Solution solution;
+  for (auto _ : state) solution = solver.solve(set, options);
+  const graybox::SolveReport report = graybox::judge(set, solver.name(), options, solution);
+  const bool solved = report.status == graybox::ReportStatus::kSolved;
+  if (!solved) state.SetLabel(std::string(to_string(report.status)));
+  state.counters["asked_gap"] = gap;
+  state.counters["gap"] = report.certificate.duality_gap;
+  state.counters["solved"] = solved ? 1.0 : 0.0;
+  state.counters["passes"] = report.counters.passes;
+  state.counters["iterations"] = static_cast<double>(report.counters.iterations);
+  state.counters["peak_memory_bytes"] = static_cast<double>(report.peak_memory_bytes);
+  set_byte_rate(state, set, report.counters.passes);
+}
+
+// The gaps of the targets: the best method to the tightest.
+double benchmark_gap(const std::string& solver) {
+  if (solver == "column_generation") return 1e-9;
+  if (solver == "dual_interior_point") return 1e-8;
+  return 1e-6;
+}
+
+void register_solve(const Solver& solver, const std::string& family, std::size_t count) {
+  const std::string name(solver.name());
+  const std::string middle = family == "robot" ? "" : "/" + family;
+  benchmark::RegisterBenchmark(
+      fmt::format("{}{}/{}", name, middle, count).c_str(),
+      [&solver, family, count, gap = benchmark_gap(name)](benchmark::State& state) {
+        solve(state, solver, family, count, gap);
+      })
+
+      ->Unit(benchmark::kMillisecond);
+}
+
+void register_passes(std::size_t count) {
+  benchmark::RegisterBenchmark(fmt::format("stream_read/{}", count).c_str(), stream_read, count);
+  benchmark::RegisterBenchmark(fmt::format("pricing_pass/{}", count).c_str(), pricing_pass, count);
+}
+
+void register_solver(const Solver& solver) {
+  const bool quadratic = solver.traits().memory_exponent > 1;
+  for (const std::size_t count :
+       graybox::bench::study_sizes(quadratic ? kQuadraticLimit : kFullSize)) {
+    register_solve(solver, "robot", count);
+  }
+  if (quadratic) return;
+  for (const std::string& family : graybox::bench::study_families()) {
+    register_solve(solver, family, kFullSize);
   }
 }
 
-}  // namespace
+// Everything on one large set before the next is made.
+void register_million(const Solver& column_generation) {
+  register_passes(kMillion);
+  for (const char* family : {"robot", "rob", "wis", "flat", "smo", "smr6"}) {
+    register_solve(column_generation, family, kMillion);
+  }
+}
 
-int main(int argc, char** argv) {
-  register_passes();
+int run(int argc, char** argv) {
+  const graybox::SolverRegistry registry = graybox::make_registry();
+  for (const std::size_t count : {std::size_t{2000}, std::size_t{4000}, kFullSize}) {
+    register_passes(count);
+    benchmark::RegisterBenchmark(fmt::format("hessian_assembly/{}", count).c_str(),
+                                 hessian_assembly, count);
+  }
+  for (const auto& entry : registry.entries()) {
+    if (entry.solver != nullptr) register_solver(*entry.solver);
+  }
+  register_million(registry.at("column_generation"));
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
   return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  graybox::bench::pin_threads(1, argv);
+  try {
+    return run(argc, argv);
+  } catch (const graybox::InputError& error) {
+    std::fprintf(stderr, "solver_benchmarks: %s\n", error.what());
+    return 2;
+  }
 }

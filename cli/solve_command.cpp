@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
@@ -16,7 +17,6 @@
 #include "graybox/solvers/registry.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
-#include "pin_threads.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -67,7 +67,7 @@ void print(const SolveArguments& arguments, const InformationSet& set, const Sol
 int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
-  pin_threads(arguments.options.threads, invocation.arguments);
+  bench::pin_threads(arguments.options.threads, invocation.arguments);
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
   const Solution solution = run(solver, set, arguments.options);

@@ -3,9 +3,9 @@
 // again, once, with those counts set; counts that the user has set stay.
 #pragma once
 
-namespace graybox::cli {
+namespace graybox::bench {
 
 // Does not return where the program has to be started again. `arguments` is argv of main.
 void pin_threads(int threads, char** arguments);
 
-}  // namespace graybox::cli
+}  // namespace graybox::bench

@@ -1,11 +1,11 @@
-#include "pin_threads.hpp"
+#include "graybox/bench/pin_threads.hpp"
 
 #include <unistd.h>
 
 #include <cstdlib>
 #include <string>
 
-namespace graybox::cli {
+namespace graybox::bench {
 
 void pin_threads(int threads, char** arguments) {
   const std::string count = std::to_string(threads);
@@ -19,4 +19,4 @@ void pin_threads(int threads, char** arguments) {
     execv("/proc/self/exe", arguments);  // returns only if it failed: then slower, not wrong
 }
 
-}  // namespace graybox::cli
+}  // namespace graybox::bench
