@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "graybox/problems/packed_matrix.hpp"
@@ -22,29 +23,25 @@ class Mixture {
 
  private:
   bool exchange_neighbours(const ExchangeIteration& at) {
-    if (metric_.empty()) set_metric(at.set);
+    if (metric_.empty()) set_metric(at.uniform_information, at.set.dimension());
     chain_ = at.design.support();
     std::ranges::sort(chain_);  // an order that does not depend on how points came and went
     bool exchanged = false;
     for (std::size_t k = 0; k + 1 < chain_.size(); ++k) {
       const std::size_t next = nearest_after(at.set, k);
+      at.design.note_candidates_read(chain_.size() - k);
       exchanged |= at.design.exchange(next, chain_[k]).step != 0.0;
     }
     return exchanged;
   }
 
   // Squares of the scale of each packed entry; entries off the diagonal count twice.
-  void set_metric(const InformationSet& set) {
-    const std::size_t d = set.dimension();
-    std::vector<double> diagonal(d, 0.0);
-    for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-      const auto h = set.information(i);
-      for (std::size_t r = 0; r < d; ++r) diagonal[r] += h[packed_index(r, r)];
-    }
-    metric_.resize(set.packed_size());
+  void set_metric(std::span<const double> uniform, std::size_t d) {
+    metric_.resize(uniform.size());
     for (std::size_t r = 0; r < d; ++r) {
       for (std::size_t c = 0; c <= r; ++c) {
-        metric_[packed_index(r, c)] = (r == c ? 1.0 : 2.0) / (diagonal[r] * diagonal[c]);
+        const double scale = uniform[packed_index(r, r)] * uniform[packed_index(c, c)];
+        metric_[packed_index(r, c)] = (r == c ? 1.0 : 2.0) / scale;
       }
     }
   }

@@ -57,7 +57,9 @@ class ExchangeDesign {
   // One multiplicative step on the support and refresh(). False if M is singular after it.
   [[nodiscard]] bool reweigh();
 
-  // Candidates read by all moves since the last call: for Tracer::count_candidates.
+  // Candidates read by all moves, and by others who say so, since the last call of take: for
+  // Tracer::count_candidates.
+  void note_candidates_read(std::size_t count) { candidates_read_ += count; }
   [[nodiscard]] std::size_t take_candidates_read();
 
  private:

@@ -73,7 +73,8 @@ Solution run_exchange_method(const InformationSet& set, const SolveOptions& opti
       return finish(SolveStatus::kNumericalFailure, "the sensitivities are not finite");
     }
     ++iteration;
-    if (!advance({conditioned.set(), design, extremes, sensitivities}) ||
+    if (!advance({conditioned.set(), design, extremes, sensitivities,
+                  conditioned.uniform_information()}) ||
         watch.stalled(design.log_det(), iteration)) {
       return finish(SolveStatus::kNumericalFailure, "no move gains in double precision any more");
     }

@@ -21,7 +21,8 @@ struct ExchangeIteration {
   const InformationSet& set;  // in the coordinates of the run
   ExchangeDesign& design;
   const Extremes& extremes;
-  std::span<const double> sensitivities;  // of all candidates, before the iteration's moves
+  std::span<const double> sensitivities;        // of all candidates, before the iteration's moves
+  std::span<const double> uniform_information;  // of the uniform design, packed
 };
 
 // The moves of one iteration. Returns false if not one of them could improve the design.

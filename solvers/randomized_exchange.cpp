@@ -60,6 +60,7 @@ class SubspaceAscent {
     const double to = design.weight(leader), from = design.weight(member);
     if (leader == member || (to == 0.0 && from == 0.0)) return false;
     const double w_to = design.sensitivity(leader), w_from = design.sensitivity(member);
+    design.note_candidates_read(2);
     if (std::abs(w_to - w_from) <= kEqualSensitivity * std::max(w_to, w_from)) return false;
     if (w_to > w_from ? from == 0.0 : to == 0.0) return false;  // nothing to give
     return design.exchange(leader, member, only_nullifying).step != 0.0;

@@ -158,7 +158,7 @@ bool SlsqpRun::price() {
 void SlsqpRun::start_multiplicatively() {
   for (int step = 0; step < kMultiplicativeSteps && price() && !met(); ++step) {
     for (std::size_t i = 0; i < count_; ++i) {
-      weights_[i] *= sensitivities_[i] / static_cast<double>(dimension_);
+      weights_[i] *= std::max(0.0, sensitivities_[i]) / static_cast<double>(dimension_);
     }
     const double sum = std::accumulate(weights_.begin(), weights_.end(), 0.0);
     for (double& weight : weights_) weight /= sum;

@@ -1,0 +1,43 @@
+// The back-ends of this build, as the tests that run over all of them see them.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graybox/solvers/registry.hpp"
+
+namespace graybox::testing_solvers {
+
+inline constexpr double kGap = 1e-6;
+
+inline const SolverRegistry& registry() {
+  static const SolverRegistry all = make_registry();
+  return all;
+}
+
+inline std::vector<std::string> available_names() {
+  std::vector<std::string> names;
+  for (const auto& entry : registry().entries()) {
+    if (entry.solver != nullptr) names.push_back(entry.name);
+  }
+  return names;
+}
+
+// The gap to ask for: what the solver says it reaches, but not below 1e-6.
+inline double target_gap(const Solver& solver) {
+  return std::max(kGap, solver.traits().reachable_gap);
+}
+
+// Back-ends made for this problem must reach 1e-6 on every set here. NLopt's algorithms are general
+// ones and may stop early on hard sets, as may any that does not say it reaches 1e-6; they must be
+// honest about it.
+inline bool promises_the_gap(const Solver& solver) {
+  return solver.traits().reachable_gap <= kGap && !solver.name().starts_with("nlopt_");
+}
+
+// Seconds: for those that promise, far above what any test needs, so that a stall is a failure.
+inline double time_limit(const Solver& solver) { return promises_the_gap(solver) ? 60.0 : 0.5; }
+
+}  // namespace graybox::testing_solvers
