@@ -250,6 +250,18 @@ TEST_P(LibrarySolverTest, AnswersAlikeFromSeveralThreads) {
   }
 }
 
+TEST(NloptSlsqp, RefusesMoreVariablesThanDenseSqpCanTake) {
+  const SolverRegistry registry = make_registry();
+  for (const auto& entry : registry.entries()) {
+    if (entry.name == "nlopt_slsqp" && entry.solver == nullptr) {
+      GTEST_SKIP() << entry.unavailable_because;
+    }
+  }
+  const Solution solution = registry.at("nlopt_slsqp").solve(wishart(2, 40, 40, 0.0, 13), {});
+  EXPECT_EQ(solution.status, SolveStatus::kUnsupported);
+  EXPECT_NE(solution.message.find("820 variables"), std::string::npos) << solution.message;
+}
+
 INSTANTIATE_TEST_SUITE_P(Libraries, LibrarySolverTest,
                          testing::Values("ipopt_primal", "ipopt_lifted", "ipopt_dual",
                                          "nlopt_slsqp", "nlopt_mma", "nlopt_ccsa", "nlopt_lbfgs"),

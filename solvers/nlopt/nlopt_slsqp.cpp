@@ -27,7 +27,7 @@ namespace {
 using Eigen::Index;
 using Matrix = Eigen::MatrixXd;
 
-constexpr std::size_t kLargestVariableCount = 1000;
+constexpr std::size_t kLargestVariableCount = 500;
 constexpr std::int64_t kDefaultEvaluationLimit = 100000;
 constexpr std::int64_t kEvaluationsOfARound = 2000;
 constexpr int kMultiplicativeSteps = 10;
@@ -158,6 +158,7 @@ bool SlsqpRun::price() {
 void SlsqpRun::start_multiplicatively() {
   for (int step = 0; step < kMultiplicativeSteps && price() && !met(); ++step) {
     for (std::size_t i = 0; i < count_; ++i) {
+      // A candidate that is not positive semidefinite may have a negative sensitivity.
       weights_[i] *= std::max(0.0, sensitivities_[i]) / static_cast<double>(dimension_);
     }
     const double sum = std::accumulate(weights_.begin(), weights_.end(), 0.0);
@@ -255,7 +256,9 @@ bool SlsqpRun::recover_weights() {
     return false;
   }
   // The constraints were divided by their traces, d / limit.
-  for (std::size_t k = 0; k < multipliers.size(); ++k) multipliers[k] *= limits_[k];
+  for (std::size_t k = 0; k < multipliers.size(); ++k) {
+    multipliers[k] = std::max(0.0, multipliers[k] * limits_[k]);
+  }
   const double sum = std::accumulate(multipliers.begin(), multipliers.end(), 0.0);
   if (!(sum > 0.0) || !std::isfinite(sum)) return false;
   std::ranges::fill(weights_, multipliers[0] / sum / static_cast<double>(count_));

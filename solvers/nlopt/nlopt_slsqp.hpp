@@ -19,13 +19,14 @@
 //
 //   ||I - L^T (sum_i z_i C_i) L||_F^2 / 2 + sum_i z_i (d - tr(L L^T C_i))
 //
-// over the working set; both terms vanish at the optimum. The weights are z_i, plus z_0 / Q for every
-// candidate. A pass over the set then gives the true gap, and the 2 d
-// candidates of the largest sensitivity above d join the working set.
+// over the working set; both terms vanish at the optimum. The weights are z_i, plus z_0 / Q for
+// every candidate. A pass over the set then gives the true gap, and the 2 d candidates of the
+// largest sensitivity above d join the working set.
 //
-// The first round starts after ten multiplicative steps. Cost: two passes a round, and the SQP iterations, which do not depend on Q. Parameters: p <= 1000
-// (d <= 44), beyond which the status is `unsupported`. An iteration in counters and limits is an
-// evaluation of the round's problem. numerical_failure where three rounds have not halved the gap.
+// The first round starts after ten multiplicative steps. Cost: two passes a round, and the SQP
+// iterations, which do not depend on Q but grow as p^3. Beyond p = 500 (d = 31), where an iteration
+// takes about a tenth of a second, the status is `unsupported`. An iteration in counters and limits
+// is an evaluation of the round's problem. numerical_failure where three rounds have not halved the gap.
 #pragma once
 
 #include "graybox/solvers/solver.hpp"
