@@ -153,8 +153,8 @@ bool SlsqpRun::price() {
   return true;
 }
 
-// lambda_i <- lambda_i w_i / d (Silvey, Titterington and Torsney 1978): far from the optimum a few of
-// these do what would take SQP hundreds of evaluations.
+// lambda_i <- lambda_i w_i / d (Silvey, Titterington and Torsney 1978): far from the optimum a few
+// of these do what would take SQP hundreds of evaluations.
 void SlsqpRun::start_multiplicatively() {
   for (int step = 0; step < kMultiplicativeSteps && price() && !met(); ++step) {
     for (std::size_t i = 0; i < count_; ++i) {

@@ -8,12 +8,12 @@
 //   minimise  -2 sum_j log l_jj   subject to  tr(L L^T C_i) <= d  for i in a working set,
 //                                             tr(L L^T C_0) <= d,
 //
-// in coordinates where the best information matrix so far is the identity: M = R R^T,
-// C_i = R^-1 B_i R^-T with B_i the candidates whitened by their mean. C_0 = R^-1 R^-T is the mean of
-// all candidates: its constraint follows from all the others and keeps the round bounded whatever
-// the working set. In these coordinates L = I is the answer at the optimum and the Hessian of the
-// Lagrangian there is between 2 and 4 times the identity, so that SLSQP's quasi-Newton matrix, which starts
-// from the identity, has little to learn.
+// in coordinates where the best information matrix so far is the identity: M = R R^T, C_i = R^-1
+// B_i R^-T with B_i the candidates whitened by their mean. C_0 = R^-1 R^-T is the mean of all
+// candidates: its constraint follows from all the others and keeps the round bounded whatever the
+// working set. In these coordinates L = I is the answer at the optimum and the Hessian of the
+// Lagrangian there is between 2 and 4 times the identity, so that SLSQP's quasi-Newton matrix,
+// which starts from the identity, has little to learn.
 //
 // NLopt returns no multipliers. Stationarity and complementarity determine them: z >= 0 minimises
 //
@@ -24,9 +24,10 @@
 // largest sensitivity above d join the working set.
 //
 // The first round starts after ten multiplicative steps. Cost: two passes a round, and the SQP
-// iterations, which do not depend on Q but grow as p^3. Beyond p = 500 (d = 31), where an iteration
-// takes about a tenth of a second, the status is `unsupported`. An iteration in counters and limits
-// is an evaluation of the round's problem. numerical_failure where three rounds have not halved the gap.
+// iterations, which do not depend on Q but grow as p^3. Beyond p = 500 (d = 31), where an
+// iteration takes about a tenth of a second, the status is `unsupported`. An iteration in counters
+// and limits is an evaluation of the round's problem. numerical_failure where three rounds have
+// not halved the gap.
 #pragma once
 
 #include "graybox/solvers/solver.hpp"
