@@ -170,6 +170,31 @@ TEST_P(LibrarySolverTest, TakesCandidatesThatInformAboutNothing) {
   solve_and_check(InformationSet(3, std::move(information)));
 }
 
+// Many more violated copies than enter SLSQP's working set in a round.
+TEST_P(LibrarySolverTest, IsNotHeldUpByManyDuplicates) {
+  const InformationSet plain = wishart(30, 3, 3, 0.5, 14);
+  AlignedArray information(30 * 20 * packed_size(3));
+  for (std::size_t i = 0; i < 30 * 20; ++i) {
+    std::ranges::copy(plain.information(i / 20), information.data() + i * packed_size(3));
+  }
+  const InformationSet copies(3, std::move(information));
+  const Certificate a = certify(plain, solve_and_check(plain).design);
+  const Certificate b = certify(copies, solve_and_check(copies).design);
+  EXPECT_LE(std::abs(a.log_det - b.log_det), a.log_det_gap + b.log_det_gap + 1e-12);
+}
+
+// Quadratic regression on the 3^4 grid: masses of candidates are tied and the optimum is not
+// unique.
+TEST_P(LibrarySolverTest, IsNotHeldUpByTies) {
+  std::vector<double> regressors;
+  for (int code = 0; code < 81; ++code) {
+    const double x[4] = {code % 3 - 1.0, code / 3 % 3 - 1.0, code / 9 % 3 - 1.0, code / 27 - 1.0};
+    regressors.push_back(1.0);
+    for (const double value : x) regressors.insert(regressors.end(), {value, value * value});
+  }
+  solve_and_check(regression(9, regressors));
+}
+
 void expect_weights(const Design& design, std::size_t count) {
   ASSERT_EQ(design.weights.size(), count);
   EXPECT_GE(*std::ranges::min_element(design.weights), 0.0);

@@ -70,8 +70,9 @@ class SlsqpRun {
   void read_factor(const double* x);
 
   void start_multiplicatively();
-  bool price();  // M and w at weights_, the gap; false where M is singular
-  void extend_working_set();
+  bool price();               // M and w at weights_, the gap; false where M is singular
+  bool extend_working_set();  // false if there was nothing to add
+
   bool change_coordinates();   // C_i for M at the best weights
   nlopt_result solve_round();  // leaves L in factor_
   bool recover_weights();      // z from L
@@ -167,20 +168,28 @@ void SlsqpRun::start_multiplicatively() {
   }
 }
 
-void SlsqpRun::extend_working_set() {
+bool SlsqpRun::extend_working_set() {
   std::vector<std::size_t> violated;
   for (std::size_t i = 0; i < count_; ++i) {
     if (!in_working_set_[i] && sensitivities_[i] > static_cast<double>(dimension_)) {
       violated.push_back(i);
     }
   }
-  const std::size_t wanted = std::min(violated.size(), 2 * static_cast<std::size_t>(dimension_));
-  std::ranges::partial_sort(violated, violated.begin() + static_cast<std::ptrdiff_t>(wanted),
-                            std::ranges::greater(),
-                            [&](std::size_t i) { return sensitivities_[i]; });
-  violated.resize(wanted);
-  for (const std::size_t i : violated) in_working_set_[i] = 1;
-  working_set_.insert(working_set_.end(), violated.begin(), violated.end());
+  std::ranges::stable_sort(violated, std::ranges::greater(),
+                           [&](std::size_t i) { return sensitivities_[i]; });
+  const std::size_t before = working_set_.size();
+  const std::size_t wanted = before + 2 * static_cast<std::size_t>(dimension_);
+  for (const std::size_t i : violated) {
+    if (working_set_.size() == wanted) break;
+    // Exact duplicates stand side by side in this order; one of them is enough.
+    if (working_set_.size() > before &&
+        std::ranges::equal(normalized_.row(i), normalized_.row(working_set_.back()))) {
+      continue;
+    }
+    in_working_set_[i] = 1;
+    working_set_.push_back(i);
+  }
+  return working_set_.size() > before;
 }
 
 bool SlsqpRun::change_coordinates() {
@@ -287,8 +296,9 @@ Solution SlsqpRun::solve() {
     const bool progress = best_gap_ <= 0.5 * gap_to_halve;
     if (progress) gap_to_halve = best_gap_;
     rounds_without_progress = progress ? 0 : rounds_without_progress + 1;
-    if (!regular || rounds_without_progress > kRoundsWithoutProgress) break;
-    extend_working_set();
+    if (!regular) break;
+    const bool extended = extend_working_set();
+    if (!extended && rounds_without_progress > kRoundsWithoutProgress) break;
     if (!change_coordinates()) break;
     result = solve_round();
     if (result == NLOPT_OUT_OF_MEMORY) throw std::bad_alloc();

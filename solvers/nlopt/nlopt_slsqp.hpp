@@ -27,7 +27,7 @@
 // iterations, which do not depend on Q but grow as p^3. Beyond p = 500 (d = 31), where an
 // iteration takes about a tenth of a second, the status is `unsupported`. An iteration in counters
 // and limits is an evaluation of the round's problem. numerical_failure where three rounds have
-// not halved the gap.
+// not halved the gap and no candidate is left to add.
 #pragma once
 
 #include "graybox/solvers/solver.hpp"
