@@ -15,6 +15,25 @@ std::string command_name(const CLI::App& app) {
   return chosen.empty() ? app.get_name() : app.get_name() + " " + command_name(*chosen.front());
 }
 
+// CLI11 reports a missing subcommand where an unknown one was given; this names it.
+std::string unknown_command(const CLI::App& app, int argc, char** argv) {
+  const CLI::App* level = &app;
+  for (int i = 1; i < argc && argv[i][0] != '-'; ++i) {
+    const CLI::App* next = nullptr;
+    std::string known;
+    for (const CLI::App* command : level->get_subcommands([](const CLI::App*) { return true; })) {
+      if (command->get_name() == argv[i]) next = command;
+      known += (known.empty() ? "" : ", ") + command->get_name();
+    }
+    if (known.empty()) return {};
+    if (next == nullptr) {
+      return "unknown command '" + std::string(argv[i]) + "'; choose one of " + known;
+    }
+    level = next;
+  }
+  return {};
+}
+
 int complain(const std::string& line) {
   std::fprintf(stderr, "graybox: %s\n", line.substr(0, line.find('\n')).c_str());
   return graybox::cli::kBadInput;
@@ -37,6 +56,9 @@ int main(int argc, char** argv) {
   graybox::cli::add_solve_command(app, invocation);
   graybox::cli::add_check_command(app, invocation);
   graybox::cli::add_study_command(app, invocation);
+  if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
+    return complain(line);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -5,14 +5,16 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <memory>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/input_file.hpp"
+#include "graybox/problems/formats/mat73_file.hpp"
+#include "graybox/problems/formats/mat_variable.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 
@@ -51,27 +53,23 @@ std::vector<std::string> fitting_variables(mat_t* file) {
   return names;
 }
 
-std::string choose_variable(const std::string& path, mat_t* file, const std::string& wanted) {
-  const auto names = fitting_variables(file);
-  if (!wanted.empty()) {
-    if (std::ranges::find(names, wanted) != names.end()) return wanted;
-    throw InputError(
-        fmt::format("{}: no variable {} that is a cell array of matrices or d x d x Q; "
-                    "there {} {}",
-                    path, wanted, names.size() == 1 ? "is" : "are",
-                    names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+// matio takes what there is of a truncated file and fills the rest with zeros, so the elements are
+// counted here first: each begins with its type and its length in bytes (MAT-file format, level 5).
+void require_complete_level_5(const std::string& path) {
+  const InputFile file(path);
+  if (file.size() < 128) throw InputError(path + ": truncated in its header; copy it again");
+  std::array<char, 2> order{};
+  file.read(126, order.data(), order.size());
+  const bool swapped = order[0] == 'M';
+  for (std::uint64_t offset = 128; offset < file.size();) {
+    std::array<std::uint32_t, 2> tag{};
+    file.read(offset, tag.data(), sizeof tag);
+    offset += sizeof tag + (swapped ? __builtin_bswap32(tag[1]) : tag[1]);
+    if (offset > file.size()) {
+      throw InputError(fmt::format("{}: truncated: {} bytes of {} are there; copy it again", path,
+                                   file.size(), offset));
+    }
   }
-  if (names.size() == 1) return names.front();
-  if (names.empty()) {
-    throw InputError(
-        fmt::format("{}: no variable is a cell array of square matrices or a d x d x Q "
-                    "array; save one, for example Hi",
-                    path));
-  }
-  throw InputError(
-      fmt::format("{}: several variables may be information sets: {}; name one with "
-                  "--variable",
-                  path, fmt::join(names, ", ")));
 }
 
 std::string size_text(const matvar_t& variable) {
@@ -115,15 +113,15 @@ std::size_t square_size(const std::string& source, const matvar_t* cell, std::si
   return cell->dims[0];
 }
 
-InformationSet from_cell_array(const std::string& source, const std::string& path,
-                               const matvar_t& variable) {
+AlignedArray from_cell_array(const std::string& source, const matvar_t& variable,
+                             std::size_t& dimension) {
   const std::size_t count = element_count(variable);
   if (count == 0) throw InputError(source + ": the cell array is empty; there are no candidates");
   if (variable.data == nullptr) {
     throw InputError(source + ": can't be read; the file is truncated or damaged");
   }
   matvar_t* const* cells = static_cast<matvar_t* const*>(variable.data);
-  const std::size_t dimension = square_size(source, cells[0], 0);
+  dimension = square_size(source, cells[0], 0);
   const double tolerance =
       cells[0]->class_type == MAT_C_DOUBLE ? kSymmetryTolerance : kSingleSymmetryTolerance;
   SymmetricPacker packer(source, dimension, count, tolerance);
@@ -137,12 +135,12 @@ InformationSet from_cell_array(const std::string& source, const std::string& pat
     }
     packer.add(numbers.of(*cells[i], dimension * dimension), 1);
   }
-  return InformationSet(dimension, packer.take(), {}, {}, path);
+  return packer.take();
 }
 
-InformationSet from_numeric_array(const std::string& source, const std::string& path,
-                                  const matvar_t& variable) {
-  const std::size_t dimension = variable.dims[0];
+AlignedArray from_numeric_array(const std::string& source, const matvar_t& variable,
+                                std::size_t& dimension) {
+  dimension = variable.dims[0];
   const std::size_t count = variable.dims[2];
   if (dimension == 0 || count == 0) throw InputError(source + ": there are no candidates");
   if (variable.data == nullptr) {
@@ -153,28 +151,32 @@ InformationSet from_numeric_array(const std::string& source, const std::string& 
                          wide ? kSymmetryTolerance : kSingleSymmetryTolerance);
   Numbers numbers;
   packer.add(numbers.of(variable, count * dimension * dimension), count);
-  return InformationSet(dimension, packer.take(), {}, {}, path);
+  return packer.take();
 }
 
 }  // namespace
 
 InformationSet read_mat(const std::string& path, const std::string& variable) {
-  { const InputFile present(path); }  // missing, a folder, empty
+  const std::string head = InputFile(path).head(16);
+  if (head.starts_with("MATLAB 7.3")) return read_mat73(path, variable);
+  if (head.starts_with("MATLAB 5")) require_complete_level_5(path);
   Mat_LogInitFunc("graybox", [](int, char*) {});
   const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
   if (file == nullptr) {
     throw InputError(fmt::format("{}: no MATLAB file, or truncated; save it again", path));
   }
-  const std::string chosen = choose_variable(path, file.get(), variable);
+  const std::string chosen = choose_variable(path, fitting_variables(file.get()), variable);
   const std::string source = fmt::format("{}: variable {}", path, chosen);
   const MatVariable contents{Mat_VarRead(file.get(), chosen.c_str())};
   if (contents == nullptr) {
     throw InputError(source + ": can't be read; the file is truncated or damaged");
   }
-  InformationSet set = contents->class_type == MAT_C_CELL
-                           ? from_cell_array(source, path, *contents)
-                           : from_numeric_array(source, path, *contents);
-  return set;
+  std::size_t dimension = 0;
+  AlignedArray information = contents->class_type == MAT_C_CELL
+                                 ? from_cell_array(source, *contents, dimension)
+                                 : from_numeric_array(source, *contents, dimension);
+  require_finite(source, information, dimension);
+  return InformationSet(dimension, std::move(information), {}, {}, path);
 }
 
 void write_mat(const std::string& path, const InformationSet& set) {

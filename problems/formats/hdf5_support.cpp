@@ -1,0 +1,118 @@
+#include "graybox/problems/formats/hdf5_support.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/symmetric_packer.hpp"
+
+namespace graybox::hdf5 {
+
+std::vector<hsize_t> shape_of(hid_t space) {
+  const int rank = H5Sget_simple_extent_ndims(space);
+  std::vector<hsize_t> shape(static_cast<std::size_t>(std::max(rank, 0)));
+  if (rank > 0) H5Sget_simple_extent_dims(space, shape.data(), nullptr);
+  return shape;
+}
+
+std::string shape_text(const std::vector<hsize_t>& shape) {
+  return fmt::format("[{}]", fmt::join(shape, " x "));
+}
+
+herr_t read_attribute(hid_t id, hid_t type, void* buffer) { return H5Aread(id, type, buffer); }
+herr_t read_dataset(hid_t id, hid_t type, void* buffer) {
+  return H5Dread(id, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, buffer);
+}
+
+std::vector<std::string> read_strings(const std::string& source, StringSource from, hid_t type,
+                                      hid_t space) {
+  const auto fail = [&] { throw InputError(source + ": expected text; write it as strings"); };
+  if (H5Tget_class(type) != H5T_STRING) fail();
+  const hssize_t points = H5Sget_simple_extent_npoints(space);
+  const auto count = static_cast<std::size_t>(std::max<hssize_t>(points, 0));
+  std::vector<std::string> strings;
+  if (count == 0) return strings;
+  const Handle memory_type(H5Tcopy(type), H5Tclose);  // keeps size, padding and character set
+  if (H5Tis_variable_str(type) > 0) {
+    std::vector<char*> pointers(count, nullptr);
+    if (from.read(from.id, memory_type, pointers.data()) < 0) fail();
+    for (const char* text : pointers) strings.emplace_back(text == nullptr ? "" : text);
+    H5Dvlen_reclaim(memory_type, space, H5P_DEFAULT, pointers.data());
+    return strings;
+  }
+  const std::size_t size = H5Tget_size(type);
+  std::vector<char> bytes(count * size);
+  if (from.read(from.id, memory_type, bytes.data()) < 0) fail();
+  for (std::size_t i = 0; i < count; ++i) {
+    std::string text(bytes.data() + i * size, size);
+    text.resize(std::min(text.find('\0'), text.size()));
+    text.resize(text.find_last_not_of(' ') + 1);
+    strings.push_back(std::move(text));
+  }
+  return strings;
+}
+
+std::vector<std::string> read_string_attribute(const std::string& source, hid_t object,
+                                               const char* name) {
+  if (H5Aexists(object, name) <= 0) return {};
+  const Handle attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+  const Handle type(H5Aget_type(attribute), H5Tclose);
+  const Handle space(H5Aget_space(attribute), H5Sclose);
+  return read_strings(fmt::format("{}: attribute {}", source, name), {attribute, &read_attribute},
+                      type, space);
+}
+
+Dataset::Dataset(const std::string& path, hid_t file, const char* name)
+    : Dataset(fmt::format("{}: dataset {}", path, name), H5Dopen2(file, name, H5P_DEFAULT)) {}
+
+Dataset::Dataset(std::string name, hid_t id)
+    : source(std::move(name)),
+      dataset(id, H5Dclose),
+      type(H5Dget_type(id), H5Tclose),
+      space(H5Dget_space(id), H5Sclose),
+      shape(shape_of(space)) {
+  if (!dataset.valid()) {
+    throw InputError(source + ": can't be opened; is it a dataset of an intact file?");
+  }
+}
+
+void Dataset::require_floats() const {
+  if (H5Tget_class(type) == H5T_FLOAT) return;
+  throw InputError(fmt::format("{}: numbers must be float64 or float32; convert them", source));
+}
+
+void fail_truncated(const std::string& source) {
+  throw InputError(source +
+                   ": data can't be read; the file is truncated or damaged, copy it again");
+}
+
+AlignedArray read_stack(const Dataset& stack, std::size_t& dimension) {
+  const auto& shape = stack.shape;
+  if (shape[1] != shape[2]) {
+    throw InputError(fmt::format("{}: shape {}: the matrices are not square; expected [Q x d x d]",
+                                 stack.source, shape_text(shape)));
+  }
+  dimension = shape[1];
+  const double tolerance =
+      H5Tget_size(stack.type) < 8 ? kSingleSymmetryTolerance : kSymmetryTolerance;
+  SymmetricPacker packer(stack.source, dimension, shape[0], tolerance);
+  const hsize_t block = std::max<hsize_t>(1, (hsize_t{1} << 17) / (dimension * dimension));
+  std::vector<double> buffer(block * dimension * dimension);
+  for (hsize_t first = 0; first < shape[0]; first += block) {
+    const std::array<hsize_t, 3> start{first, 0, 0};
+    const std::array<hsize_t, 3> count{std::min(block, shape[0] - first), dimension, dimension};
+    const Handle memory(H5Screate_simple(3, count.data(), nullptr), H5Sclose);
+    H5Sselect_hyperslab(stack.space, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    if (H5Dread(stack.dataset, H5T_NATIVE_DOUBLE, memory, stack.space, H5P_DEFAULT, buffer.data()) <
+        0) {
+      fail_truncated(stack.source);
+    }
+    packer.add(buffer.data(), count[0]);
+  }
+  return packer.take();
+}
+
+}  // namespace graybox::hdf5

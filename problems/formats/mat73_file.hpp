@@ -1,0 +1,15 @@
+// Information sets as MATLAB 7.3 files, which are HDF5 files: a cell array is a dataset of object
+// references, each to the dataset of one matrix; the attribute MATLAB_class tells the kind. Read
+// through HDF5 itself: matio takes time quadratic in the number of cells.
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+// As read_mat (mat_file.hpp), which calls it for files of version 7.3.
+[[nodiscard]] InformationSet read_mat73(const std::string& path, const std::string& variable);
+
+}  // namespace graybox
