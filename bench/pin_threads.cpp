@@ -8,6 +8,7 @@
 namespace graybox::bench {
 
 void pin_threads(int threads, char** arguments) {
+  if (threads < 1) return;  // the solver refuses it by name
   const std::string count = std::to_string(threads);
   bool changed = false;
   for (const char* name : {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"}) {

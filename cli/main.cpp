@@ -23,6 +23,7 @@ std::string unknown_command(const CLI::App& app, int argc, char** argv) {
     std::string known;
     for (const CLI::App* command : level->get_subcommands([](const CLI::App*) { return true; })) {
       if (command->get_name() == argv[i]) next = command;
+      if (command->get_group().empty()) continue;  // not for users
       known += (known.empty() ? "" : ", ") + command->get_name();
     }
     if (known.empty()) return {};
@@ -47,7 +48,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 done, 1 a numerical outcome short of what was asked, 2 bad input or usage.\n"
       "Examples:\n"
-      "  graybox problem random --family wis --candidates 7920 --dimension 12 -o set.h5\n"
+      "  graybox problem robot -o set.h5\n"
       "  graybox solve set.h5 --solver column_generation --gap 1e-9 -o design.json\n"
       "  graybox check set.h5 design.json");
   graybox::cli::Invocation invocation{argv};
