@@ -13,9 +13,6 @@ void dpotrs_(const char* uplo, const int* n, const int* nrhs, const double* a, c
              double* b, const int* ldb, int* info, std::size_t uplo_length);
 void dtrtri_(const char* uplo, const char* diag, const int* n, double* a, const int* lda, int* info,
              std::size_t uplo_length, std::size_t diag_length);
-void dsyev_(const char* jobz, const char* uplo, const int* n, double* a, const int* lda, double* w,
-            double* work, const int* lwork, int* info, std::size_t jobz_length,
-            std::size_t uplo_length);
 void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
             const double* a, const int* lda, const double* beta, double* c, const int* ldc,
             std::size_t uplo_length, std::size_t trans_length);
@@ -43,18 +40,6 @@ inline void invert_lower(std::size_t n, double* a) {
   const int size = static_cast<int>(n);
   int info = 0;
   dtrtri_("L", "N", &size, a, &size, &info, 1, 1);
-}
-
-// Eigenvalues, ascending, of the symmetric n x n array a (lower triangle read, destroyed); with
-// `vectors`, its columns become the eigenvectors. work: eigen_work_size(n) doubles. False if the
-// iteration did not converge.
-[[nodiscard]] constexpr std::size_t eigen_work_size(std::size_t n) { return 34 * n + 64; }
-[[nodiscard]] inline bool eigen_symmetric(std::size_t n, double* a, double* eigenvalues,
-                                          bool vectors, double* work) {
-  const int size = static_cast<int>(n), work_size = static_cast<int>(eigen_work_size(n));
-  int info = 0;
-  dsyev_(vectors ? "V" : "N", "L", &size, a, &size, eigenvalues, work, &work_size, &info, 1, 1);
-  return info == 0;
 }
 
 // Lower triangle of the n x n array c := A^T A for a column-major k x n array A. k n^2 flops.

@@ -7,8 +7,11 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/solvers/cholmod/dual_interior_point_sparse.hpp"
 #include "graybox/solvers/cocktail.hpp"
 #include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/dual_interior_point.hpp"
+#include "graybox/solvers/dual_interior_point_unscaled.hpp"
 #include "graybox/solvers/external_solver.hpp"
 #include "graybox/solvers/fedorov_wynn.hpp"
 #include "graybox/solvers/ipopt/ipopt_dual.hpp"
@@ -18,6 +21,8 @@
 #include "graybox/solvers/multiplicative_accelerated.hpp"
 #include "graybox/solvers/nlopt/nlopt_slsqp.hpp"
 #include "graybox/solvers/nlopt/nlopt_weights.hpp"
+#include "graybox/solvers/primal_interior_point.hpp"
+#include "graybox/solvers/primal_interior_point_low_rank.hpp"
 #include "graybox/solvers/randomized_exchange.hpp"
 #include "graybox/solvers/vertex_exchange.hpp"
 
@@ -37,6 +42,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+constexpr bool kWithCholmod = GRAYBOX_REGISTRY_WITH_CHOLMOD;
 constexpr bool kWithIpopt = GRAYBOX_REGISTRY_WITH_IPOPT;
 constexpr bool kWithNlopt = GRAYBOX_REGISTRY_WITH_NLOPT;
 
@@ -98,6 +104,12 @@ const Solver& SolverRegistry::at(std::string_view name) const {
 SolverRegistry make_registry() {
   SolverRegistry registry;
   registry.add(std::make_unique<ColumnGeneration>());
+  registry.add(std::make_unique<DualInteriorPoint>());
+  add_optional<kWithCholmod, DualInteriorPointSparse>(
+      registry, "built without CHOLMOD (GRAYBOX_WITH_CHOLMOD)");
+  registry.add(std::make_unique<DualInteriorPointUnscaled>());
+  registry.add(std::make_unique<PrimalInteriorPoint>());
+  registry.add(std::make_unique<PrimalInteriorPointLowRank>());
   registry.add(std::make_unique<Multiplicative>());
   registry.add(std::make_unique<MultiplicativeAccelerated>());
   registry.add(std::make_unique<FedorovWynn>());

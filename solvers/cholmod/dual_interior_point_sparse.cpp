@@ -1,0 +1,13 @@
+#include "graybox/solvers/cholmod/dual_interior_point_sparse.hpp"
+
+#include "graybox/solvers/cholmod/sparse_range_system.hpp"
+#include "graybox/solvers/dual_newton.hpp"
+
+namespace graybox {
+
+Solution DualInteriorPointSparse::solve(const InformationSet& set, const SolveOptions& options,
+                                        SolveObserver* observer) const {
+  return solve_dual(set, options, observer, {}, make_sparse_range_system);
+}
+
+}  // namespace graybox
