@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,7 +28,8 @@ inline std::vector<std::string> available_names() {
 
 // The gap to ask for: what the solver says it reaches, but not below 1e-6.
 inline double target_gap(const Solver& solver) {
-  return std::max(kGap, solver.traits().reachable_gap);
+  const double reachable = solver.traits().reachable_gap;
+  return std::isfinite(reachable) ? std::max(kGap, reachable) : kGap;
 }
 
 // Back-ends made for this problem must reach 1e-6 on every set here. NLopt's algorithms are general
