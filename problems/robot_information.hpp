@@ -31,7 +31,8 @@
 //
 // Cost: O(n_f (n_a^3 + n_a^2 n_m)) a position, plus the mass matrix and equilibrium by KDL;
 // positions are shared among threads. Memory beyond the result: a few hundred kilobytes a thread.
-// Results do not depend on the thread count, nor on the other positions, to the last bit.
+// Results do not depend on the thread count, nor on the other positions, to the last bit (on one
+// kind of processor: the kernels for other vector widths add the frequencies in another order).
 //
 //   const RobotModel robot = load_robot_model(default_robot_file());
 //   const InformationSet set = robot_information_set(robot, paper_grid(), {.threads = 2});
