@@ -150,8 +150,8 @@ def save(study, figure, name):
 
 
 def legend_below(axes, y):
-    axes.legend(fontsize=7.5, loc="upper left", bbox_to_anchor=(-0.02, y), ncol=2, columnspacing=1.2,
-                handlelength=2.6)
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(-0.03, y), ncol=2, columnspacing=1.0,
+                handlelength=2.4)
 
 
 def power_of_ten(exponent):
@@ -356,8 +356,8 @@ def gap_against_candidates(study):
     all_axes[0][0].annotate("asked", (sizes[0], study.gap()), textcoords="offset points", xytext=(0, 3),
                             fontsize=7, color="#444444")
     figure.suptitle("What was asked is what the checker finds; hollow marks are runs that fell short",
-                    x=0.01, ha="left", fontsize=10.5)
-    figure.tight_layout()
+                    x=0.06, ha="left", fontsize=10.5)
+    figure.subplots_adjust(left=0.06, right=0.99, bottom=0.26, top=0.86, wspace=0.10)
     save(study, figure, "gap_against_candidates")
 
 
@@ -407,8 +407,8 @@ def gap_against_time(study):
     full = next(int(row["candidates"]) for row in study.points_of("families")
                 if row["family"] == families[0])
     figure.suptitle(f"Gap against time at Q = {full}, best so far; the mark is where a run ended, "
-                    "hollow if short of $10^{-9}$", x=0.01, ha="left", fontsize=10.5)
-    figure.tight_layout()
+                    "hollow if short of $10^{-9}$", x=0.06, ha="left", fontsize=10.5)
+    figure.subplots_adjust(left=0.06, right=0.99, wspace=0.10, hspace=0.14)
     save(study, figure, "gap_against_time")
 
 
@@ -583,33 +583,39 @@ def pairwise_profile(study):
 
 
 def normalisation(study):
-    sizes = study.sizes("normalisation")
-    if not sizes:
+    points = study.points_of("normalisation")
+    families = list(dict.fromkeys(row["family"] for row in points))
+    if not families:
         return
-    figure, axes = plt.subplots(figsize=(6.6, 4.4))
-    axes.set_yscale("log")
-    candidate_axis(axes, sizes)
-    labels = []
-    for solver in study.solvers("normalisation"):
-        rows = sorted((int(row["candidates"]), number(row["checked_gap"]), row["status"])
-                      for row in study.points_of("normalisation") if row["solver"] == solver)
-        rows = [row for row in rows if math.isfinite(row[1])]
-        if not rows:
-            continue
-        plot_curve(axes, [row[0] for row in rows], [max(row[1], 1e-16) for row in rows], solver)
-        short = [(q, gap) for q, gap, status in rows if status != "solved"]
-        if short:
-            axes.plot(*zip(*short), ls="", marker=style_of(solver)[1], mfc="white",
-                      mec=style_of(solver)[0], ms=7, zorder=6)
-        text = "as written in the paper" if solver.endswith("unscaled") else "whitened, rows scaled"
-        labels.append(((rows[-1][0], rows[-1][1]), text, style_of(solver)[0], "bold"))
-    axes.axhline(study.gap("normalisation"), color="#444444", lw=0.9, ls=(0, (4, 3)))
-    axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel("duality gap found by the checker")
-    axes.set_title("What scaling does for the dual interior point\n(log-normal set; hollow: fell short of "
-                   "the dashed line)", pad=10)
-    figure.canvas.draw()
-    spread_labels(axes, labels, 1.03)
+    sizes = study.sizes("normalisation")
+    figure, all_axes = plt.subplots(1, len(families), sharey=True, squeeze=False,
+                                    figsize=(4.6 * len(families), 3.9))
+    titles = {"rob": "log-normal Wishart (rob)", "decades": "parameters over twelve decades (decades)"}
+    for axes, family in zip(all_axes[0], families):
+        axes.set_yscale("log")
+        candidate_axis(axes, sizes)
+        axes.tick_params(axis="x", rotation=60)
+        axes.axhline(study.gap("normalisation"), color="#444444", lw=0.9, ls=(0, (4, 3)))
+        for solver in study.solvers("normalisation"):
+            rows = sorted((int(row["candidates"]), number(row["checked_gap"]), row["status"])
+                          for row in points if row["solver"] == solver and row["family"] == family)
+            text = "dual as written" if solver.endswith("unscaled") else "whitened, rows scaled"
+            ceiling = 1e3  # stands for a gap that is infinite: no design, or a singular one
+            x = [row[0] for row in rows]
+            y = [min(max(row[1], 1e-16), ceiling) for row in rows]
+            plot_curve(axes, x, y, solver, highlight=True, label=text)
+            short = [(q, gap) for q, gap, row in zip(x, y, rows) if row[2] != "solved"]
+            if short:
+                axes.plot(*zip(*short), ls="", marker=style_of(solver)[1], mfc="white",
+                          mec=style_of(solver)[0], ms=7, zorder=6)
+        axes.set_title(titles.get(family, family), fontsize=9)
+    all_axes[0][0].set_ylabel("duality gap found by the checker")
+    all_axes[0][0].annotate("asked", (sizes[0], study.gap("normalisation")), xytext=(0, 3),
+                            textcoords="offset points", fontsize=7, color="#444444")
+    all_axes[0][-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.suptitle("What scaling does for the dual interior point (hollow: fell short; at 1000: no design)",
+                    x=0.06, ha="left", fontsize=10.5)
+    figure.subplots_adjust(left=0.06, right=0.99, top=0.84, wspace=0.08)
     save(study, figure, "normalisation")
 
 

@@ -99,7 +99,7 @@ inline Solution eat(const InformationSet&, const SolveOptions&, SolveObserver*) 
   std::vector<std::unique_ptr<std::vector<char>>> meals;
   for (;;) {
     meals.push_back(std::make_unique<std::vector<char>>(std::size_t{8} << 20, 'x'));
-    usleep(2000);
+    usleep(500);
   }
 }
 

@@ -226,7 +226,7 @@ TEST(Classify, GapsBelowTheCheckedOneAreNotBelieved) {
 
 TEST_F(Study, EveryWayToFailGetsItsName) {
   options_.max_candidates = 50;
-  options_.time_limit = 1.0;
+  options_.time_limit = 5.0;
   options_.memory_limit = std::size_t{400} << 20;
   run({});
   std::map<std::string, ReportStatus> status;
@@ -281,7 +281,7 @@ TEST_F(Study, RepeatsSolvedPointsAndThemAlone) {
 }
 
 TEST_F(Study, StopsASolverAtTheSizeItCouldNotDo) {
-  options_.time_limit = 0.5;
+  options_.time_limit = 1.5;
   run({"sleeper", "quitter"});
   const StudyRows all = rows();
   std::size_t sleeper_runs = 0, quitter_runs = 0;

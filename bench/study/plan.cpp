@@ -15,6 +15,7 @@ constexpr std::array<std::size_t, 8> kSizes{50, 100, 200, 500, 1000, 2000, 4000,
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kGigabyte = 1'000'000'000;
 // The pair that shows what scaling is worth.
+constexpr std::array kNormalisationFamilies{"rob", "decades"};
 constexpr std::array kNormalisationPair{"dual_interior_point_unscaled", "dual_interior_point"};
 
 // Solvers of the ablation experiments stay out of the comparison of back-ends.
@@ -99,10 +100,22 @@ std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegis
     }
   }
   if (!options.families) return plan;
+  const bool pair = std::ranges::all_of(
+      kNormalisationPair, [&](const char* name) { return is_available(registry, name); });
+  const bool compared = pair && options.solvers.empty();
+  for (const char* family : kNormalisationFamilies) {
+    for (const std::size_t size : compared ? sizes : std::vector<std::size_t>{}) {
+      for (const char* solver : kNormalisationPair) {
+        plan.push_back({"normalisation", family, size, solver, options.duality_gap,
+                        limits.family_run_seconds, false, ""});
+      }
+    }
+  }
   std::vector<std::string> all{"robot"};
   all.insert(all.end(), families.begin(), families.end());
-  for (const std::string& family : all) {
-    for (const std::string& solver : solvers) {
+  // Solver after solver: if time runs out, whole solvers are missing, not families of all.
+  for (const std::string& solver : solvers) {
+    for (const std::string& family : all) {
       StudyPoint point{"families", family,     sizes.back(),
                        solver,     kFamilyGap, limits.family_run_seconds,
                        false,      ""};
@@ -110,16 +123,6 @@ std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegis
         point.skipped_because = "memory and time grow faster than Q; see the robot's subsets";
       }
       plan.push_back(std::move(point));
-    }
-  }
-  const bool pair = std::ranges::all_of(
-      kNormalisationPair, [&](const char* name) { return is_available(registry, name); });
-  const bool has_rob = std::ranges::find(families, "rob") != families.end();
-  if (!pair || !has_rob || !options.solvers.empty()) return plan;
-  for (const std::size_t size : sizes) {
-    for (const char* solver : kNormalisationPair) {
-      plan.push_back({"normalisation", "rob", size, solver, options.duality_gap,
-                      limits.family_run_seconds, false, ""});
     }
   }
   return plan;

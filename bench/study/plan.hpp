@@ -1,10 +1,11 @@
 // What a study runs: points (experiment, family, Q, solver, gap) in the order in which they are
 // first visited, with the limits each is given.
 //
-// Three experiments:
+// Three experiments, in the order scaling, normalisation, families:
 //   scaling        the robot set's nested subsets, every solver, at one gap: time against Q
 //   families       every family at full size, every solver, at gap 1e-9: passes and time to gaps
-//   normalisation  the dual interior point with and without scaling on the raw `rob` subsets
+//   normalisation  the dual interior point with and without scaling, on growing `rob` sets and on
+//                  `decades`, whose parameters are scaled over twelve decades
 #pragma once
 
 #include <cstddef>

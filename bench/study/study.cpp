@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "graybox/bench/study/environment.hpp"
@@ -64,6 +65,11 @@ struct PointState {
   int wanted = 1;
   bool skipped = false;
 };
+
+// Points that differ in Q alone.
+std::tuple<std::string, std::string, std::string> series_of(const StudyPoint& point) {
+  return {point.experiment, point.family, point.solver};
+}
 
 bool stops_larger_sets(ReportStatus status) {
   return status == ReportStatus::kTimeLimit || status == ReportStatus::kOutOfMemory;
@@ -165,7 +171,7 @@ class StudyRunner {
 
   std::optional<std::string> reason_to_skip(const StudyPoint& point) const {
     if (!point.skipped_because.empty()) return point.skipped_because;
-    if (const auto stop = stopped_.find({point.experiment, point.solver}); stop != stopped_.end()) {
+    if (const auto stop = stopped_.find(series_of(point)); stop != stopped_.end()) {
       return stop->second;
     }
     if (progress_.seconds() > limits_.budget_seconds) {
@@ -240,9 +246,8 @@ class StudyRunner {
   void take(PointState& state, RunRow row) {
     const StudyPoint& point = state.point;
     if (round_ == 0 && stops_larger_sets(row.status) && point.experiment != "families") {
-      stopped_.try_emplace(
-          {point.experiment, point.solver},
-          fmt::format("stopped at Q = {}: {}", row.candidates, to_string(row.status)));
+      stopped_.try_emplace(series_of(point), fmt::format("stopped at Q = {}: {}", row.candidates,
+                                                         to_string(row.status)));
     }
     if (round_ == 0) {
       state.wanted = 1;
@@ -294,7 +299,7 @@ class StudyRunner {
   SetStore sets_;
   std::vector<PointState> states_;
   std::map<RunKey, RunRow> earlier_;
-  std::map<std::pair<std::string, std::string>, std::string> stopped_;
+  std::map<std::tuple<std::string, std::string, std::string>, std::string> stopped_;
   RowFile* rows_ = nullptr;
   int round_ = 0;
   StudyOutcome outcome_;

@@ -1,8 +1,10 @@
 #include "graybox/bench/study/worker.hpp"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -76,6 +78,13 @@ class TraceWriter : public SolveObserver {
   TracePoint last_;
 };
 
+// Of this process or, for external programs, of what it started.
+std::size_t peak_with_children() {
+  rusage children{};
+  getrusage(RUSAGE_CHILDREN, &children);
+  return std::max(peak_resident_bytes(), static_cast<std::size_t>(children.ru_maxrss) * 1024);
+}
+
 json answer_of(const Solution& solution, double wall_seconds, std::size_t baseline) {
   json support = json::array();
   for (std::size_t i = 0; i < solution.design.weights.size(); ++i) {
@@ -87,7 +96,7 @@ json answer_of(const Solution& solution, double wall_seconds, std::size_t baseli
           {"wall_seconds", wall_seconds},
           {"passes", solution.counters.passes},
           {"iterations", solution.counters.iterations},
-          {"peak_memory_bytes", peak_resident_bytes()},
+          {"peak_memory_bytes", peak_with_children()},
           {"baseline_memory_bytes", baseline},
           {"message", solution.message},
           {"support", std::move(support)}};
