@@ -116,11 +116,9 @@ int main(int argc, char** argv) {
   for (const std::size_t count : {1000UL, 7920UL, 100'000UL}) {
     benchmark::RegisterBenchmark(fmt::format("information_matrices/{}", count).c_str(),
                                  information_matrices, count, threads)
-        ->UseRealTime()
         ->Unit(benchmark::kMillisecond);
   }
   benchmark::RegisterBenchmark("linearisation/7920", linearisation, 7920UL)
-      ->UseRealTime()
       ->Unit(benchmark::kMillisecond);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;

@@ -125,11 +125,12 @@ bool ColumnGenerationRun::start_from(const std::vector<std::size_t>& candidates,
   std::vector<double> matrix(p, 0.0);
   kernels().accumulate(rows.data(), count, p, weights.data(), matrix.data());
   InverseCholesky inverse(d);
+  std::vector<double> sensitivity(count);
   for (int step = 0; step < kSteps; ++step) {
     if (!inverse.factor(matrix)) return false;
     std::ranges::fill(matrix, 0.0);
-    dense_kernels().reweigh(rows.data(), count, p, inverse.trace_dual().data(), 1.0 / dimension_,
-                            weights.data(), matrix.data());
+    kernels().reweigh(rows.data(), count, p, inverse.trace_dual().data(), 1.0 / dimension_,
+                      weights.data(), sensitivity.data(), matrix.data());
     tracer_.count_candidates(count);
   }
   // The heaviest few; more of them while their matrix alone is singular.

@@ -62,7 +62,7 @@ bool ExchangeDesign::refresh() {
     for (std::size_t k = 0; k < information_.size(); ++k) information_[k] += weights_[i] * h[k];
   }
   candidates_read_ += support_.size();
-  return factor_.factorise(information_);
+  return factor_.factor(information_);
 }
 
 double ExchangeDesign::sensitivity(std::size_t i) const {
@@ -81,7 +81,7 @@ void ExchangeDesign::set_line(std::span<const double> packed_direction, double s
     double* row = product_.data() + i * d;
     std::fill_n(row, d, 0.0);
     for (std::size_t k = 0; k <= i; ++k) {
-      const double entry = inverse[i * d + k];
+      const double entry = inverse[packed_index(i, k)];
       for (std::size_t j = 0; j < d; ++j) row[j] += entry * full_[k * d + j];
     }
   }
@@ -89,7 +89,7 @@ void ExchangeDesign::set_line(std::span<const double> packed_direction, double s
     for (std::size_t j = 0; j <= i; ++j) {
       double entry = 0.0;
       for (std::size_t k = 0; k <= j; ++k) {
-        entry += product_[i * d + k] * inverse[j * d + k];
+        entry += product_[i * d + k] * inverse[packed_index(j, k)];
       }
       full_[i * d + j] = full_[j * d + i] = entry;
     }
@@ -104,9 +104,9 @@ bool ExchangeDesign::accept(double step, std::span<const double> packed_directio
   for (std::size_t k = 0; k < information_.size(); ++k) {
     information_[k] += step * packed_direction[k];
   }
-  if (factor_.factorise(information_)) return true;
+  if (factor_.factor(information_)) return true;
   std::ranges::copy(former_, information_.begin());
-  static_cast<void>(factor_.factorise(information_));  // it had a factor before
+  static_cast<void>(factor_.factor(information_));  // it had a factor before
   return false;
 }
 

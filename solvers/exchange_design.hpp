@@ -17,7 +17,7 @@
 
 #include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/log_det_line.hpp"
-#include "graybox/solvers/scaled_factor.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 
@@ -72,7 +72,7 @@ class ExchangeDesign {
   std::vector<std::size_t> support_;
   std::vector<std::size_t> place_;   // of each candidate in support_, or kNowhere
   std::vector<double> information_;  // M, packed
-  ScaledFactor factor_;
+  InverseCholesky factor_;
   LogDetLine line_;
   std::vector<double> direction_;  // packed
   std::vector<double> former_;     // packed

@@ -2,8 +2,8 @@
 //
 //   w_+ = max over all candidates, at i_+;   w_- = min over the support, at i_-
 //   if w_+ - d >= d - w_-:  lambda <- (1 - a) lambda + a e_{i_+},   0 < a <= 1
-//   else                    lambda <- (1 - a) lambda + a e_{i_-},   -lambda_-/(1 - lambda_-) <= a <
-//   0
+//   else                    lambda <- (1 - a) lambda + a e_{i_-},   a < 0, down to
+//                                                          -lambda_-/(1 - lambda_-)
 //
 // Towards steps are those of Wynn 1970 and, with the best step length, Fedorov 1972; the away steps
 // are Atwood's (1973), without which convergence is sublinear; with them it is linear (Ahipasaoglu,

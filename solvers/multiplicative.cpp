@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/scaled_factor.hpp"
 #include "graybox/solvers/tracer.hpp"
 
 namespace graybox {
@@ -44,7 +44,7 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
   std::vector<double> former(weights), w(count, 0.0);
   std::vector<double> information(conditioned.uniform_information().begin(),
                                   conditioned.uniform_information().end());
-  ScaledFactor factor(set.dimension());
+  InverseCholesky factor(set.dimension());
   ReweighPass pass(set.dimension(), options.threads);
   std::int64_t iteration = 0;
   // The sensitivities belong to the weights before the step: those are the answer.
@@ -53,7 +53,7 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
                          std::move(message));
   };
   while (true) {
-    if (!factor.factorise(information)) {
+    if (!factor.factor(information)) {
       return finish(SolveStatus::kNumericalFailure, "the information matrix became singular");
     }
     std::ranges::copy(weights, former.begin());

@@ -10,8 +10,8 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/scaled_factor.hpp"
 #include "graybox/solvers/screening.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/tracer.hpp"
@@ -43,7 +43,7 @@ class AcceleratedRun {
     std::iota(index_.begin(), index_.end(), std::size_t{0});
     former_ = w_ = second_w_ = weights_;
     trial_information_ = information_;
-    if (!factor_.factorise(information_)) message_ = "the uniform design is singular";
+    if (!factor_.factor(information_)) message_ = "the uniform design is singular";
   }
 
   Solution solve() {
@@ -76,7 +76,7 @@ class AcceleratedRun {
   }
 
   void factorise() {
-    if (!factor_.factorise(information_)) message_ = "the information matrix became singular";
+    if (!factor_.factor(information_)) message_ = "the information matrix became singular";
   }
 
   // The second plain step and the extrapolation from former_ through both.
@@ -89,7 +89,7 @@ class AcceleratedRun {
     const double plain_log_det = factor_.log_det();
     watch_progress(plain_log_det);
     if (!extrapolate()) return;
-    if (factor_.factorise(trial_information_) && factor_.log_det() >= plain_log_det) {
+    if (factor_.factor(trial_information_) && factor_.log_det() >= plain_log_det) {
       std::swap(weights_, trial_);
       std::swap(information_, trial_information_);
       if (length_ >= cap_) cap_ *= 2.0;
@@ -243,7 +243,7 @@ class AcceleratedRun {
   std::vector<std::size_t> index_;
   std::vector<double> weights_;
   std::vector<double> information_;
-  ScaledFactor factor_;
+  InverseCholesky factor_;
   ReweighPass pass_;
   double survivors_target_;
   std::vector<double> former_;    // weights before the iteration's first step

@@ -53,7 +53,7 @@ double squared_whitened_norm(const double* packed, std::span<const double> inver
     double* row = product + i * d;
     std::fill_n(row, d, 0.0);
     for (std::size_t k = 0; k <= i; ++k) {
-      const double factor = inverse_factor[i * d + k];
+      const double factor = inverse_factor[packed_index(i, k)];
       for (std::size_t j = 0; j < d; ++j) row[j] += factor * full[k * d + j];
     }
   }
@@ -61,7 +61,8 @@ double squared_whitened_norm(const double* packed, std::span<const double> inver
   for (std::size_t i = 0; i < d; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       double entry = 0.0;
-      for (std::size_t k = 0; k <= j; ++k) entry += product[i * d + k] * inverse_factor[j * d + k];
+      for (std::size_t k = 0; k <= j; ++k)
+        entry += product[i * d + k] * inverse_factor[packed_index(j, k)];
       total += (i == j ? 1.0 : 2.0) * entry * entry;
     }
   }

@@ -10,9 +10,10 @@
 //
 // Three facts follow from the equivalence theorem (certificate.hpp):
 //
-//   tr A    = tr(M*^-1 M) = sum_i lambda_i  tr(M*^-1 H_i) <= d          since tr(M*^-1 H_i) <= d,
-//   (1) tr A^-1 = tr(M^-1 M*) = sum_i lambda*_i w_i           <= d + eps, (2) lambda*_i > 0 in some
-//   optimum  =>  tr(A B_i) = tr(M*^-1 H_i) = d.                              (3)
+//   tr A    = tr(M*^-1 M) = sum_i lambda_i  tr(M*^-1 H_i) <= d,            (1)
+//                                                  since tr(M*^-1 H_i) <= d;
+//   tr A^-1 = tr(M^-1 M*) = sum_i lambda*_i w_i           <= d + eps;      (2)
+//   lambda*_i > 0 in some optimum  =>  tr(A B_i) = tr(M*^-1 H_i) = d.      (3)
 //
 // Harman and Pronzato 2007 (Theorem 1; for matrix-valued candidates Harman and Trnovska 2009).
 // Let mu be the largest eigenvalue of A. By the Cauchy-Schwarz inequality the other d - 1, whose
@@ -44,7 +45,7 @@
 // Rounding. The sensitivities come from floating-point numbers, so both rules are loosened: the
 // largest sensitivity is raised and the requirement lowered by the relative margin. They stay safe
 // as long as each w_i and ||B_i||_F is known to within that margin, which holds for M of condition
-// up to about 1e6 (work in whitened coordinates, whitening.hpp).
+// up to about 1e6 (beyond that, work in whitened coordinates: conditioned_set.hpp).
 //
 //   const double threshold = graybox::harman_pronzato_threshold(max_w, d);
 //   if (w[i] < threshold) ...                                        // deletable
@@ -81,8 +82,8 @@ class FrobeniusRule {
   double requirement_;  // d, lowered by the margin
 };
 
-// ||B_i||_F^2 for one packed H_i, with inverse_factor = L^-1 (lower triangle in full row-major
-// d x d storage) and 2 d^2 numbers of scratch. O(d^3): compute it for Harman-Pronzato survivors
+// ||B_i||_F^2 for one packed H_i, with inverse_factor = L^-1 (packed lower triangle) and 2 d^2
+// numbers of scratch. O(d^3): compute it for Harman-Pronzato survivors
 // only.
 [[nodiscard]] double squared_whitened_norm(const double* packed,
                                            std::span<const double> inverse_factor,

@@ -1,12 +1,10 @@
 #include "graybox/solvers/sensitivity.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 
@@ -31,29 +29,10 @@ void information_matrix(const InformationSet& set, std::span<const double> weigh
 }
 
 bool invert(std::span<const double> packed, std::size_t dimension, InverseFactor& factor) {
-  const auto d = static_cast<Eigen::Index>(dimension);
-  Eigen::MatrixXd matrix(d, d);
-  unpack(packed.data(), dimension, matrix.data());
-  Eigen::VectorXd scale(d);
-  factor.log_det = 0.0;
-  for (Eigen::Index i = 0; i < d; ++i) {
-    if (!(matrix(i, i) > 0.0) || !std::isfinite(matrix(i, i))) return false;
-    scale(i) = 1.0 / std::sqrt(matrix(i, i));
-    factor.log_det += std::log(matrix(i, i));
-  }
-  matrix = scale.asDiagonal() * matrix * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> cholesky(matrix);
-  if (cholesky.info() != Eigen::Success) return false;
-  const double smallest = cholesky.matrixLLT().diagonal().minCoeff();
-  if (!(smallest * smallest >
-        4.0 * static_cast<double>(d) * std::numeric_limits<double>::epsilon())) {
-    return false;
-  }
-  factor.log_det += 2.0 * cholesky.matrixLLT().diagonal().array().log().sum();
-  Eigen::MatrixXd inverse = cholesky.solve(Eigen::MatrixXd::Identity(d, d));
-  inverse = scale.asDiagonal() * inverse * scale.asDiagonal();
-  factor.trace_dual.resize(graybox::packed_size(dimension));
-  pack_trace_dual(inverse.data(), dimension, factor.trace_dual.data());
+  InverseCholesky cholesky(dimension);
+  if (!cholesky.factor(packed)) return false;
+  factor.trace_dual.assign(cholesky.trace_dual().begin(), cholesky.trace_dual().end());
+  factor.log_det = cholesky.log_det();
   return true;
 }
 

@@ -12,76 +12,6 @@
 
 namespace graybox {
 
-InverseCholesky::InverseCholesky(std::size_t dimension)
-    : dimension_(dimension),
-      factor_(packed_size(dimension)),
-      inverse_(packed_size(dimension)),
-      dual_(packed_size(dimension)) {}
-
-bool InverseCholesky::cholesky(std::span<const double> packed, double& log_det) {
-  // A pivot this much smaller than its diagonal entry is rounding.
-  const double smallest =
-      4.0 * static_cast<double>(dimension_) * std::numeric_limits<double>::epsilon();
-  double product = 1.0;  // of pivots, flushed into log_det before it can overflow
-  log_det = 0.0;
-  for (std::size_t i = 0; i < dimension_; ++i) {
-    double* row = factor_.data() + i * (i + 1) / 2;
-    const double* source = packed.data() + i * (i + 1) / 2;
-    double pivot = source[i];
-    for (std::size_t j = 0; j < i; ++j) {
-      const double* other = factor_.data() + j * (j + 1) / 2;
-      double value = source[j];
-      for (std::size_t k = 0; k < j; ++k) value -= row[k] * other[k];
-      row[j] = value * other[j];  // the diagonal holds reciprocals
-      pivot -= row[j] * row[j];
-    }
-    if (!(pivot > smallest * source[i]) || !(pivot > 0.0)) return false;
-    row[i] = 1.0 / std::sqrt(pivot);
-    product *= pivot;
-    if (product > 1e200 || product < 1e-200) {
-      log_det += std::log(product);
-      product = 1.0;
-    }
-  }
-  log_det += std::log(product);
-  return std::isfinite(log_det);
-}
-
-double InverseCholesky::log_det_of(std::span<const double> packed) {
-  double log_det = 0.0;
-  return cholesky(packed, log_det) ? log_det : -std::numeric_limits<double>::infinity();
-}
-
-bool InverseCholesky::factor(std::span<const double> packed) {
-  if (!cholesky(packed, log_det_)) return false;
-  const std::size_t d = dimension_;
-  // Rows of X = L^-1: X_i = (e_i - sum_{k<i} L_ik X_k) / L_ii.
-  for (std::size_t i = 0; i < d; ++i) {
-    const double* l = factor_.data() + i * (i + 1) / 2;
-    double* x = inverse_.data() + i * (i + 1) / 2;
-    std::fill(x, x + i, 0.0);
-    for (std::size_t k = 0; k < i; ++k) {
-      const double* xk = inverse_.data() + k * (k + 1) / 2;
-      const double c = l[k];
-      for (std::size_t j = 0; j <= k; ++j) x[j] -= c * xk[j];
-    }
-    for (std::size_t j = 0; j < i; ++j) x[j] *= l[i];
-    x[i] = l[i];
-  }
-  // W = X^T X, off-diagonal entries doubled.
-  std::ranges::fill(dual_, 0.0);
-  for (std::size_t k = 0; k < d; ++k) {
-    const double* x = inverse_.data() + k * (k + 1) / 2;
-    for (std::size_t i = 0; i <= k; ++i) {
-      double* w = dual_.data() + i * (i + 1) / 2;
-      const double c = 2.0 * x[i];
-      for (std::size_t j = 0; j < i; ++j) w[j] += c * x[j];
-      w[i] += x[i] * x[i];
-    }
-  }
-  return true;
-}
-
 WorkingSet::WorkingSet(std::size_t dimension)
     : dimension_(dimension),
       packed_size_(graybox::packed_size(dimension)),
@@ -236,8 +166,10 @@ bool WorkingSet::search_line() {
 bool WorkingSet::multiplicative_steps(int count) {
   for (int k = 0; k < count; ++k) {
     std::ranges::fill(matrix_, 0.0);
-    dense_kernels().reweigh(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
-                            1.0 / static_cast<double>(dimension_), weights_.data(), matrix_.data());
+    kernels().reweigh(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
+                      1.0 / static_cast<double>(dimension_), weights_.data(), sensitivity_.data(),
+                      matrix_.data());
+    for (double& weight : weights_) weight = weight > kSmallestWeight ? weight : 0.0;
     if (!refresh()) return false;
   }
   return true;

@@ -31,31 +31,10 @@
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/nonnegative_quadratic.hpp"
 
 namespace graybox {
-
-// M = L L^T for packed M, with X = L^-1 (packed lower), W = X^T X in trace-dual packing.
-class InverseCholesky {
- public:
-  explicit InverseCholesky(std::size_t dimension);
-  // False if M is not numerically positive definite.
-  [[nodiscard]] bool factor(std::span<const double> packed);
-  // Only log det M; leaves the inverse as it is. Minus infinity where M is not positive definite.
-  [[nodiscard]] double log_det_of(std::span<const double> packed);
-  [[nodiscard]] std::span<const double> inverse_factor() const { return inverse_; }
-  [[nodiscard]] std::span<const double> trace_dual() const { return dual_; }
-  [[nodiscard]] double log_det() const { return log_det_; }
-
- private:
-  bool cholesky(std::span<const double> packed, double& log_det);
-
-  std::size_t dimension_;
-  std::vector<double> factor_;
-  std::vector<double> inverse_;
-  std::vector<double> dual_;
-  double log_det_ = 0.0;
-};
 
 enum class WorkingSetStatus {
   kConverged,   // max w_i / d - 1 over the working set is at most the tolerance

@@ -17,9 +17,9 @@
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/log_det_line.hpp"
 #include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/scaled_factor.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/start_design.hpp"
 
@@ -222,7 +222,7 @@ TEST(ConditionedSet, RefusesWhatIsNoProblem) {
   EXPECT_THROW(ConditionedSet(singular, 1e-9, singular_tracer), InputError);
 }
 
-TEST(ScaledFactor, InvertsWhateverTheUnits) {
+TEST(InverseCholesky, InvertsWhateverTheUnits) {
   Random random(12);
   for (Index d : {1, 2, 12, 40}) {
     const MatrixXd g = gaussian(d, 2 * d, random);
@@ -230,10 +230,14 @@ TEST(ScaledFactor, InvertsWhateverTheUnits) {
     for (double& s : scale) s = std::pow(10.0, 6.0 * random.uniform(-1.0, 1.0));
     const MatrixXd matrix = scale.asDiagonal() * (g * g.transpose()) * scale.asDiagonal();
     const InformationSet set = from_matrices({matrix});
-    ScaledFactor factor(static_cast<std::size_t>(d));
-    ASSERT_TRUE(factor.factorise(set.information(0)));
-    const auto x = Eigen::Map<const Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(
-        factor.inverse_factor().data(), d, d);
+    InverseCholesky factor(static_cast<std::size_t>(d));
+    ASSERT_TRUE(factor.factor(set.information(0)));
+    MatrixXd x = MatrixXd::Zero(d, d);
+    for (Index i = 0, k = 0; i < d; ++i) {
+      for (Index j = 0; j <= i; ++j, ++k) {
+        x(i, j) = factor.inverse_factor()[static_cast<std::size_t>(k)];
+      }
+    }
     EXPECT_LT((x * matrix * x.transpose() - MatrixXd::Identity(d, d)).norm(), 1e-9);
     double trace = 0.0;
     for (std::size_t k = 0; k < set.packed_size(); ++k) {
@@ -254,8 +258,8 @@ TEST(ReweighPass, EqualsPricingSteppingAndSumming) {
     for (double& weight : weights) weight /= total;
     std::vector<double> information(p);
     information_matrix(set, weights, information);
-    ScaledFactor factor(4);
-    ASSERT_TRUE(factor.factorise(information));
+    InverseCholesky factor(4);
+    ASSERT_TRUE(factor.factor(information));
 
     std::vector<double> w(count), fused_w(count), fused = weights, sum(p), fused_sum(p);
     sensitivities(set, factor.trace_dual(), w);
@@ -275,8 +279,8 @@ TEST(ReweighPass, EqualsPricingSteppingAndSumming) {
 TEST(ReweighPass, DoesNotDependOnTheThreadCount) {
   const InformationSet set = wishart(3, 7000, 3, 15);
   std::vector<double> first(7000, 1.0 / 7000), second = first, w(7000), sum(6), other(6);
-  ScaledFactor factor(3);
-  ASSERT_TRUE(factor.factorise(set.information(0)));
+  InverseCholesky factor(3);
+  ASSERT_TRUE(factor.factor(set.information(0)));
   ReweighPass(3, 1).run(set.data(), factor.trace_dual(), first, w, sum);
   ReweighPass(3, 3).run(set.data(), factor.trace_dual(), second, w, other);
   EXPECT_EQ(first, second);
@@ -287,8 +291,8 @@ TEST(ReweighPass, WeightsStopShortOfDenormalNumbers) {
   const InformationSet set = wishart(3, 10, 3, 16);
   std::vector<double> weights(10, 0.0), w(10), sum(6);
   weights[2] = 1.0;
-  ScaledFactor factor(3);
-  ASSERT_TRUE(factor.factorise(set.information(2)));
+  InverseCholesky factor(3);
+  ASSERT_TRUE(factor.factor(set.information(2)));
   ReweighPass(3, 1).run(set.data(), factor.trace_dual(), weights, w, sum);
   EXPECT_EQ(weights[0], kSmallestWeight);
   EXPECT_NEAR(weights[2], 1.0, 1e-12);

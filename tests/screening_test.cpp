@@ -97,14 +97,14 @@ Vector reference_optimum(const std::vector<Matrix>& all) {
   return weights;
 }
 
-// L^-1 in full row-major storage.
+// L^-1, packed lower triangle.
 std::vector<double> inverse_factor(const Matrix& information) {
   const Index d = information.rows();
   const Eigen::LLT<Matrix> factor(information);
   const Matrix inverse = factor.matrixL().solve(Matrix::Identity(d, d));
-  std::vector<double> rows(static_cast<std::size_t>(d * d));
+  std::vector<double> rows;
   for (Index i = 0; i < d; ++i) {
-    for (Index j = 0; j < d; ++j) rows[static_cast<std::size_t>(i * d + j)] = inverse(i, j);
+    for (Index j = 0; j <= i; ++j) rows.push_back(inverse(i, j));
   }
   return rows;
 }

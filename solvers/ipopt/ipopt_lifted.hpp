@@ -6,9 +6,10 @@
 // x = Q lambda and B_i whitened as in ipopt_primal.hpp. The Hessian is now p x p in the entries of
 // M, whatever Q is, and the weights enter linearly. The KKT matrix
 //
-//        x     M    y
-//      | D          A^T |    D: diagonal (barrier), Q x Q     A: B_i / Q as columns, and a row of
-//      ones |       H   -I   |    H: p x p | A    -I        |
+//        x    M    y
+//      | D         A^T |     D: diagonal (barrier), Q x Q
+//      |      H   -I   |     H: p x p
+//      | A   -I        |     A: the columns B_i / Q, and a row of ones
 //
 // is factored by eliminating x first, which leaves a dense block of order 2 p + 1: time per
 // iteration O(Q p^2), memory O(Q p). The same problem as ipopt_primal, told well.

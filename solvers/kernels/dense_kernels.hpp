@@ -14,11 +14,6 @@ struct DenseKernels {
   void (*price_indexed)(const double* data, const std::size_t* indices, std::size_t count,
                         std::size_t packed_size, const double* dual, double* out);
 
-  // sum_k += sum_i w_i' rows_ik with w_i' = weights_i = weights_i * (dual . row_i) / dimension: one
-  // multiplicative step fused with the information matrix of the new weights, one read of the rows.
-  void (*reweigh)(const double* rows, std::size_t count, std::size_t packed_size,
-                  const double* dual, double inverse_dimension, double* weights, double* sum);
-
   // B_k = X H_i X^T, i = members_k, for packed lower triangular X (d x d) and packed matrices in
   // `rows`, each as a row of `out` (stride doubles apart) in packed order with entries off the
   // diagonal multiplied by sqrt(2), so that out_k . out_l = tr(B_k B_l); traces_k = tr B_k. The

@@ -12,7 +12,6 @@ constexpr int kLanes = 8;
 }  // namespace
 
 extern const DenseKernels kTable;
-const DenseKernels kTable = {"avx512", &price_indexed, &reweigh,       &whiten,
-                             &gram,    &cholesky,      &cholesky_solve};
+const DenseKernels kTable = {"avx512", &price_indexed, &whiten, &gram, &cholesky, &cholesky_solve};
 
 }  // namespace graybox::dense_kernels_avx512

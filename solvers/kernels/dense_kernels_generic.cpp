@@ -12,7 +12,6 @@ constexpr int kLanes = 2;
 }  // namespace
 
 extern const DenseKernels kTable;
-const DenseKernels kTable = {"generic", &price_indexed, &reweigh,       &whiten,
-                             &gram,     &cholesky,      &cholesky_solve};
+const DenseKernels kTable = {"generic", &price_indexed, &whiten, &gram, &cholesky, &cholesky_solve};
 
 }  // namespace graybox::dense_kernels_generic
