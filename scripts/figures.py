@@ -590,7 +590,7 @@ def normalisation(study):
     sizes = study.sizes("normalisation")
     figure, all_axes = plt.subplots(1, len(families), sharey=True, squeeze=False,
                                     figsize=(4.6 * len(families), 3.9))
-    titles = {"rob": "log-normal Wishart (rob)", "decades": "parameters over twelve decades (decades)"}
+    titles = {"robot": "robot", "robot_units": "the same, parameters in units twelve decades apart"}
     for axes, family in zip(all_axes[0], families):
         axes.set_yscale("log")
         candidate_axis(axes, sizes)
@@ -613,7 +613,7 @@ def normalisation(study):
     all_axes[0][0].annotate("asked", (sizes[0], study.gap("normalisation")), xytext=(0, 3),
                             textcoords="offset points", fontsize=7, color="#444444")
     all_axes[0][-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle("What scaling does for the dual interior point (hollow: fell short; at 1000: no design)",
+    figure.suptitle("What scaling does for the dual interior point (hollow: fell short)",
                     x=0.06, ha="left", fontsize=10.5)
     figure.subplots_adjust(left=0.06, right=0.99, top=0.84, wspace=0.08)
     save(study, figure, "normalisation")

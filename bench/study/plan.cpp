@@ -15,7 +15,7 @@ constexpr std::array<std::size_t, 8> kSizes{50, 100, 200, 500, 1000, 2000, 4000,
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kGigabyte = 1'000'000'000;
 // The pair that shows what scaling is worth.
-constexpr std::array kNormalisationFamilies{"rob", "decades"};
+constexpr std::array kNormalisationFamilies{"robot", "robot_units"};
 constexpr std::array kNormalisationPair{"dual_interior_point_unscaled", "dual_interior_point"};
 
 // Solvers of the ablation experiments stay out of the comparison of back-ends.

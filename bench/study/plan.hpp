@@ -4,8 +4,8 @@
 // Three experiments, in the order scaling, normalisation, families:
 //   scaling        the robot set's nested subsets, every solver, at one gap: time against Q
 //   families       every family at full size, every solver, at gap 1e-9: passes and time to gaps
-//   normalisation  the dual interior point with and without scaling, on growing `rob` sets and on
-//                  `decades`, whose parameters are scaled over twelve decades
+//   normalisation  the dual interior point with and without scaling, on the robot's subsets as they
+//                  are and with parameters in units twelve decades apart
 #pragma once
 
 #include <cstddef>

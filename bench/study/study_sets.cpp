@@ -1,9 +1,12 @@
 #include "graybox/bench/study/study_sets.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <thread>
+#include <vector>
 
 #include "graybox/problems/families/families.hpp"
+#include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/robot_grid.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/robot_model.hpp"
@@ -11,6 +14,7 @@
 namespace graybox::bench {
 namespace {
 
+constexpr double kUnitDecades = 12.0;
 constexpr std::size_t kCopies = 10;  // of every matrix of `dup`
 
 InformationSet robot_set(std::size_t candidates) {
@@ -29,6 +33,7 @@ const std::vector<std::string>& study_families() {
 
 InformationSet make_study_set(const std::string& family, std::size_t candidates) {
   if (family == "robot") return robot_set(candidates);
+  if (family == "robot_units") return in_units(robot_set(candidates), kUnitDecades);
   const auto known = std::ranges::find(families(), family, &Family::name);
   if (known == families().end()) return make_family(family);  // throws, listing all
   if (known->fixed_size) return make_family(family);
@@ -37,6 +42,25 @@ InformationSet make_study_set(const std::string& family, std::size_t candidates)
     return make_family(family, std::max(kCopies, most / kCopies * kCopies));
   }
   return make_family(family, candidates);
+}
+
+InformationSet in_units(const InformationSet& set, double decades) {
+  const std::size_t d = set.dimension(), p = set.packed_size();
+  std::vector<double> unit(d);
+  for (std::size_t j = 0; j < d; ++j) {
+    const double share = static_cast<double>(j) / static_cast<double>(d - 1);
+    unit[j] = std::pow(10.0, decades * (share - 0.5));
+  }
+  AlignedArray information(set.candidate_count() * p);
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    for (std::size_t a = 0; a < d; ++a) {
+      for (std::size_t b = 0; b <= a; ++b) {
+        const std::size_t k = packed_index(a, b);
+        information[i * p + k] = unit[a] * unit[b] * set.information(i)[k];
+      }
+    }
+  }
+  return InformationSet(d, std::move(information));
 }
 
 }  // namespace graybox::bench

@@ -17,6 +17,11 @@ namespace graybox::bench {
 // finer grid. A family of fixed size gives that size, and `dup` the next multiple of its ten copies
 // below `candidates`, at most its default; all others exactly `candidates`, nested. Throws
 // InputError for an unknown family.
+// "robot_units" is the robot's set with its parameters in units twelve decades apart: the same
+// problem to a mathematician, and to the checker.
 [[nodiscard]] InformationSet make_study_set(const std::string& family, std::size_t candidates);
+
+// The same set with parameter j in units of 10^(decades (j/(d-1) - 1/2)): H_jk times both units.
+[[nodiscard]] InformationSet in_units(const InformationSet& set, double decades);
 
 }  // namespace graybox::bench
