@@ -284,7 +284,7 @@ Pool ColumnGenerationRun::short_list(const Pool& all) {
   const std::size_t rank = std::max<std::size_t>(1, kSample * wanted / all.count);
   const double guess = quantile(rank);
   if (safe >= guess) return above(all, safe);
-  if (safe < quantile(4 * rank)) return above(all, guess);
+  if (safe < quantile(std::min(4 * rank, kSample - 1))) return above(all, guess);
   Pool list = above(all, safe);
   apply_frobenius_rule(list, largest);
   return list;
