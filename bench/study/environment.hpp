@@ -1,4 +1,4 @@
-// Where and with what a study ran: recorded once a session, at the head of its rows.
+// Where and with what a study ran: recorded at each start, before its rows.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

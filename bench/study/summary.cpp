@@ -146,7 +146,7 @@ std::string environment_text(const StudyRows& rows) {
                           "flags", "libraries", "kernels", "commit", "binary", "date", "load"}) {
     text += fmt::format("| {} | {} |\n", key, text_of(e, key));
   }
-  return fmt::format("| | |\n|---|---|\n{}| sessions | {} |\n", text, rows.environments.size());
+  return fmt::format("| | |\n|---|---|\n{}| starts | {} |\n", text, rows.environments.size());
 }
 
 std::string status_counts(const std::vector<RunRow>& runs) {
