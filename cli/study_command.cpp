@@ -124,7 +124,8 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "folder of the results")
       ->capture_default_str();
   auto* quick = command->add_flag("--quick", arguments->quick, "about 2 minutes: low limits");
-  command->add_flag("--full", arguments->full, "everything to its end: 15 minutes to hours")->excludes(quick);
+  command->add_flag("--full", arguments->full, "everything to its end: 15 minutes to hours")
+      ->excludes(quick);
   command->add_flag("--resume", options.resume, "go on with what the folder holds");
   command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")
       ->delimiter(',');

@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/log_det_line.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
+#include "graybox/solvers/log_det_line.hpp"
 
 namespace graybox {
 

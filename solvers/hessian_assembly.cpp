@@ -19,7 +19,7 @@ void HessianAssembly::assemble(const double* rows, std::size_t count,
 #pragma omp parallel for num_threads(threads_) if (threads_ > 1) schedule(static)
   for (std::size_t part = 0; part < parts; ++part) {
     gram_kernels().gram(rows, count, n, scales.data(), part, parts, gram.data(),
-                         workspace_.data() + part * gram_workspace_size(n));
+                        workspace_.data() + part * gram_workspace_size(n));
   }
 }
 

@@ -112,7 +112,7 @@ void NormalizedSet::transform_rows(const InformationSet& set, int threads) {
       const std::size_t size = std::min(kChunk, candidate_count_ - begin);
       if (!ill_conditioned_) {
         gram_kernels().congruence(set.data() + begin * p, size, d, transform_.data(),
-                                   rows_.data() + begin * p, workspace.data());
+                                  rows_.data() + begin * p, workspace.data());
         continue;
       }
       for (std::size_t i = begin; i < begin + size; ++i) {
