@@ -15,6 +15,7 @@
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/screening.hpp"
+#include "graybox/solvers/sensitivity_sample.hpp"
 #include "graybox/solvers/tracer.hpp"
 #include "graybox/solvers/working_set.hpp"
 
@@ -201,14 +202,10 @@ std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
   return added;
 }
 
-// Newton on the working set after a pass with the given gap; a good deal more precisely than that
-// gap, but no more than the next pass can use. False where no further step is possible.
+// Newton on the working set after a pass with the given gap. False where no further step is possible.
 bool ColumnGenerationRun::improve(double gap, double tolerance) {
   ++rounds_;
-  const double target = std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap));
-  const WorkingSetStatus status = working_.optimise(target, 30);
-  // Members that have left the support and would not come back at the next addition.
-  working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + gap)));
+  const WorkingSetStatus status = working_.improve(gap, tolerance);
   return status == WorkingSetStatus::kConverged || status == WorkingSetStatus::kStopped;
 }
 
@@ -271,20 +268,12 @@ Solution ColumnGenerationRun::run() {
 Pool ColumnGenerationRun::short_list(const Pool& all) {
   const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
   if (all.count <= 2 * wanted) return above(all, -kInfinity);
-  constexpr std::size_t kSample = 512;
-  std::vector<double> sample(kSample);
-  for (std::size_t k = 0; k < kSample; ++k) sample[k] = all.sensitivity[all.count * k / kSample];
-  const auto quantile = [&](std::size_t rank) {
-    std::ranges::nth_element(sample, sample.begin() + static_cast<std::ptrdiff_t>(rank),
-                             std::greater<>());
-    return sample[rank];
-  };
+  SensitivitySample sample(all.sensitivity.span());
   const double largest = all.sensitivity[all.best];
   const double safe = harman_pronzato_threshold(largest, set_.dimension());
-  const std::size_t rank = std::max<std::size_t>(1, kSample * wanted / all.count);
-  const double guess = quantile(rank);
+  const double guess = sample.exceeded_by(wanted);
   if (safe >= guess) return above(all, safe);
-  if (safe < quantile(std::min(4 * rank, kSample - 1))) return above(all, guess);
+  if (safe < sample.exceeded_by(4 * wanted)) return above(all, guess);
   Pool list = above(all, safe);
   apply_frobenius_rule(list, largest);
   return list;

@@ -205,4 +205,12 @@ WorkingSetStatus WorkingSet::optimise(double tolerance, int step_limit) {
   }
 }
 
+WorkingSetStatus WorkingSet::improve(double pool_gap, double tolerance) {
+  constexpr int kStepLimit = 30;
+  const double target = std::max(0.3 * tolerance, std::min(0.1 * pool_gap, pool_gap * pool_gap));
+  const WorkingSetStatus status = optimise(target, kStepLimit);
+  drop_below(static_cast<double>(dimension_) * (1.0 - std::sqrt(gap_ + pool_gap)));
+  return status;
+}
+
 }  // namespace graybox

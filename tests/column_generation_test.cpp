@@ -13,6 +13,7 @@
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/nonnegative_quadratic.hpp"
+#include "graybox/solvers/sensitivity_sample.hpp"
 #include "graybox/solvers/working_set.hpp"
 
 namespace graybox {
@@ -154,6 +155,24 @@ TEST(NonnegativeQuadratic, SatisfiesTheOptimalityConditions) {
       EXPECT_GE(mu[i], 0.0);
       EXPECT_GE(gradient, -1e-8);
       EXPECT_NEAR(mu[i] * gradient, 0.0, 1e-7);
+    }
+  }
+}
+
+TEST(SensitivitySample, CutsAListOfAboutTheLengthWanted) {
+  Random random(21);
+  for (const std::size_t count : {1UL, 100UL, 1500UL, 50000UL}) {
+    std::vector<double> values(count);
+    for (double& value : values) value = random.uniform();
+    SensitivitySample sample(values);
+    for (const std::size_t wanted : {1UL, count / 10, count / 2, count, 4 * count}) {
+      const double threshold = sample.exceeded_by(wanted);
+      const auto longer = static_cast<double>(
+          std::ranges::count_if(values, [&](double value) { return value > threshold; }));
+      const auto target = static_cast<double>(std::min(wanted, count));
+      // Five standard deviations of a quantile of 512 draws, and the ends of the sample.
+      EXPECT_NEAR(longer, target, 0.12 * static_cast<double>(count) + 2.0)
+          << count << " " << wanted;
     }
   }
 }

@@ -8,6 +8,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "graybox/solvers/sensitivity_sample.hpp"
 #include "graybox/solvers/working_set.hpp"
 
 namespace graybox {
@@ -62,14 +63,8 @@ class Slice {
   void choose_list() {
     const std::size_t count = set_.candidate_count();
     const std::size_t wanted = std::clamp(count / 64, std::size_t{512}, std::size_t{16384});
-    double threshold = -kInfinity;
-    if (count > 2 * wanted) {
-      sample_.resize(512);
-      for (std::size_t k = 0; k < 512; ++k) sample_[k] = sensitivity_[count * k / 512];
-      const auto rank = static_cast<std::ptrdiff_t>(512 * wanted / count);
-      std::ranges::nth_element(sample_, sample_.begin() + rank, std::greater<>());
-      threshold = sample_[static_cast<std::size_t>(rank)];
-    }
+    const double threshold =
+        count > 2 * wanted ? SensitivitySample(sensitivity_).exceeded_by(wanted) : -kInfinity;
     list_.clear();
     for (std::size_t k = 0; k < count; ++k) {
       if (sensitivity_[k] >= threshold) list_.push_back(k);
@@ -82,7 +77,6 @@ class Slice {
   std::vector<double> sensitivity_;
   std::vector<std::size_t> list_;
   std::vector<double> list_sensitivity_;
-  std::vector<double> sample_;
 };
 
 // Rows for the start: a strided sample of the slice, its share of `wanted`, gathered on the first
@@ -232,9 +226,7 @@ class Coordinator {
           working_.add(static_cast<std::size_t>(records_[k + 1]), &records_[k + 2], 0.0) ? 1U : 0U;
     }
     ++design_.counters.iterations;
-    const WorkingSetStatus status =
-        working_.optimise(std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap)), 30);
-    working_.drop_below(d * (1.0 - std::sqrt(working_.gap() + gap)));
+    const WorkingSetStatus status = working_.improve(gap, tolerance);
     return added > 0 || status == WorkingSetStatus::kConverged;
   }
 
