@@ -291,6 +291,23 @@ RobotModel load_robot_model(const std::filesystem::path& file) {
   return model;
 }
 
+RobotModel with_stiffness_factors(const RobotModel& robot, const Eigen::VectorXd& theta) {
+  if (theta.size() != static_cast<Eigen::Index>(robot.parameters.size())) {
+    throw InputError(fmt::format("{}: {} stiffness factors given for {} parameters", robot.name,
+                                 theta.size(), robot.parameters.size()));
+  }
+  RobotModel scaled = robot;
+  for (std::size_t p = 0; p < robot.parameters.size(); ++p) {
+    const double factor = theta(static_cast<Eigen::Index>(p));
+    if (!(factor > 0.0) || !std::isfinite(factor)) {
+      throw InputError(fmt::format("{}: stiffness factor {} of {} must be positive", robot.name,
+                                   factor, robot.parameter_names()[p]));
+    }
+    scaled.springs[robot.parameters[p]].stiffness *= factor;
+  }
+  return scaled;
+}
+
 std::filesystem::path default_robot_file() {
   namespace fs = std::filesystem;
   const fs::path name = "irb6600_like.yaml";

@@ -84,6 +84,13 @@ struct RobotModel {
 // Throws InputError of one line for whatever is wrong with the file or its URDF.
 [[nodiscard]] RobotModel load_robot_model(const std::filesystem::path& file);
 
+// The same robot with the stiffness of parameter p multiplied by theta_p: the robot one would have
+// if theta were true, with theta_0 = 1 again (so information about theta relative to it). Gravity
+// deflection follows the new springs. Throws InputError unless theta has one positive number for
+// each parameter.
+[[nodiscard]] RobotModel with_stiffness_factors(const RobotModel& robot,
+                                                const Eigen::VectorXd& theta);
+
 // The IRB 6600-like robot that comes with graybox: irb6600_like.yaml in $GRAYBOX_ROBOT_DIR, beside
 // the installed program (../share/graybox/robot), or in the source tree it was built from. Throws
 // InputError where none of them has it.

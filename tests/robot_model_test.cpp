@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <numbers>
 #include <sstream>
 
@@ -113,6 +114,23 @@ TEST(RobotModel, TheChainReachesTheFlange) {
 
 TEST(RobotModel, TheDefaultFileIsThePapersRobot) {
   EXPECT_EQ(load_robot_model(default_robot_file()).name, "irb6600_like");
+}
+
+TEST(RobotModel, StiffnessFactorsScaleTheParametrisedSpringsAlone) {
+  const RobotModel robot = robot_test::paper_robot();
+  Eigen::VectorXd theta = Eigen::VectorXd::LinSpaced(12, 0.5, 1.6);
+  const RobotModel scaled = with_stiffness_factors(robot, theta);
+  for (std::size_t p = 0; p < robot.parameters.size(); ++p) {
+    const ArmSpring& before = robot.springs[robot.parameters[p]];
+    const ArmSpring& after = scaled.springs[robot.parameters[p]];
+    EXPECT_DOUBLE_EQ(after.stiffness, before.stiffness * theta(static_cast<Eigen::Index>(p)));
+    EXPECT_EQ(after.damping, before.damping);
+  }
+  EXPECT_THROW((void)with_stiffness_factors(robot, theta.head(11)), InputError);
+  theta(3) = 0.0;
+  EXPECT_THROW((void)with_stiffness_factors(robot, theta), InputError);
+  theta(3) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW((void)with_stiffness_factors(robot, theta), InputError);
 }
 
 TEST_F(RobotFiles, UnchangedFilesLoad) { EXPECT_EQ(error(yaml_, urdf_), "loaded"); }

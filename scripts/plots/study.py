@@ -1,9 +1,7 @@
-"""Figures of a study, from its raw rows (rows.jsonl) and derived tables (tables/*.csv).
+"""Figures of the solver study, from its raw rows (rows.jsonl) and derived tables (tables/*.csv).
 
-    python3 scripts/figures.py results/latest
-
-Writes figures/NAME.svg and figures/NAME.png below the folder. Every figure carries one message,
-its title; what a study did not measure is left out, and a figure without data is not drawn.
+Every figure carries one message, its title; what a study did not measure is left out, and a figure
+without data is not drawn.
 """
 
 import csv
@@ -12,20 +10,15 @@ import math
 import pathlib
 import sys
 
-import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.colors import LogNorm  # noqa: E402
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator  # noqa: E402
+from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, save, scientific,
+                   seconds_axis, spread_labels)
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-
-# Colours that colour-blind readers can tell apart (Okabe and Ito 2008), one a group of methods;
-# within a group, markers and line styles differ.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
-    "#000000", "#D98E00", "#3A9BD9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#777777")
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 
 HIGHLIGHTS = {
     "primal_interior_point": VERMILION,
@@ -61,19 +54,6 @@ GROUPS = [
 ]
 STYLES = {name: style for _, group in GROUPS for name, style in group.items()}
 STYLES["column_generation"] = (BLACK, "*", "-")
-
-plt.rcParams.update({
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 10.5,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "svg.hashsalt": "graybox",
-})
 
 
 def style_of(solver):
@@ -140,30 +120,9 @@ class Study:
 # ---- drawing ----------------------------------------------------------------------------------
 
 
-def save(study, figure, name):
-    folder = study.folder / "figures"
-    folder.mkdir(exist_ok=True)
-    for suffix, options in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 150})):
-        figure.savefig(folder / f"{name}.{suffix}", bbox_inches="tight", **options)
-    plt.close(figure)
-    print(f"wrote {folder / name}.svg and .png")
-
-
 def legend_below(axes, y):
     axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(-0.03, y), ncol=2, columnspacing=1.0,
                 handlelength=2.4)
-
-
-def power_of_ten(exponent):
-    return f"$10^{{{exponent}}}$"
-
-
-def scientific(value):
-    if value <= 0 or not math.isfinite(value):
-        return "-"
-    exponent = math.floor(math.log10(value) + 1e-9)
-    mantissa = value / 10**exponent
-    return power_of_ten(exponent) if abs(mantissa - 1) < 0.05 else f"{mantissa:.1f}·" + power_of_ten(exponent)
 
 
 def candidate_axis(axes, sizes, label=True):
@@ -174,48 +133,6 @@ def candidate_axis(axes, sizes, label=True):
     axes.tick_params(axis="x", labelsize=8)
     if label:
         axes.set_xlabel("candidates Q")
-
-
-def seconds_axis(axes, which="y"):
-    axis = axes.yaxis if which == "y" else axes.xaxis
-    names = {1e-6: "1 µs", 1e-5: "10 µs", 1e-4: "0.1 ms", 1e-3: "1 ms", 1e-2: "10 ms", 1e-1: "0.1 s",
-             1.0: "1 s", 10.0: "10 s", 100.0: "100 s", 1e3: "1000 s", 1e4: "10 000 s"}
-    axis.set_major_formatter(FuncFormatter(
-        lambda value, _: next((text for at, text in names.items() if math.isclose(at, value)), "")))
-    axis.set_minor_formatter(FuncFormatter(lambda *_: ""))
-
-
-def spread_labels(axes, labels, x, minimum=0.030, fontsize=8):
-    """Writes labels [(y, text, colour, weight)] in a column at x (axes fraction), pushed apart so
-    that none overlap, each joined to its y by a thin line from the last data point."""
-    transform = axes.transData
-    to_axes = axes.transAxes.inverted()
-    items = []
-    for (data_x, data_y), text, colour, weight in labels:
-        at = to_axes.transform(transform.transform((data_x, data_y)))
-        items.append([at[1], at[0], at[1], text, colour, weight])
-    items.sort(key=lambda item: round(item[0], 6))
-    for _ in range(400):  # push neighbours apart, a little at a time
-        moved = False
-        for low, high in zip(items, items[1:]):
-            lack = minimum - (high[0] - low[0])
-            if lack > 1e-6:
-                low[0] -= lack / 2
-                high[0] += lack / 2
-                moved = True
-        if not moved:
-            break
-    # Keep the column inside the axes where it fits.
-    if items and items[-1][0] - items[0][0] <= 1.0:
-        shift = max(0.0, items[-1][0] - 1.0) - max(0.0, -items[0][0])
-        for item in items:
-            item[0] -= shift
-    for y, point_x, point_y, text, colour, weight in items:
-        axes.annotate(text, xy=(point_x, point_y), xycoords="axes fraction", xytext=(x, y),
-                      textcoords="axes fraction", color=colour, fontsize=fontsize, fontweight=weight,
-                      va="center", annotation_clip=False,
-                      arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6,
-                                  "relpos": (0, 0.5), "shrinkA": 1, "shrinkB": 3})
 
 
 def plot_curve(axes, x, y, solver, highlight=None, **extra):
@@ -279,7 +196,7 @@ def figure_3(study):
     axes.text(0, -0.12, "Medians (bands: quartiles, of the three heavy curves); robot set, nested subsets. Exponents: least squares over "
               "Q ≥ 500 with 95 % confidence.\nOnly answers whose gap the checker confirmed.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
-    save(study, figure, "figure_3")
+    save(study.folder, figure, "figure_3")
 
 
 def figure_3_peers(study):
@@ -316,7 +233,7 @@ def figure_3_peers(study):
               "other set of the same size (log-normal Wishart), CPU seconds,\ngaps of 1e-4 to 1e-11; see "
               "docs/peers.md. Ratios below 1.3 mean nothing.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
-    save(study, figure, "figure_3_peers")
+    save(study.folder, figure, "figure_3_peers")
 
 
 def group_panels(study, experiment):
@@ -358,7 +275,7 @@ def gap_against_candidates(study):
     figure.suptitle("What was asked is what the checker finds; hollow marks are runs that fell short",
                     x=0.06, ha="left", fontsize=10.5)
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.26, top=0.86, wspace=0.10)
-    save(study, figure, "gap_against_candidates")
+    save(study.folder, figure, "gap_against_candidates")
 
 
 def trace_of(study, family, solver):
@@ -409,7 +326,7 @@ def gap_against_time(study):
     figure.suptitle(f"Gap against time at Q = {full}, best so far; the mark is where a run ended, "
                     "hollow if short of $10^{-9}$", x=0.06, ha="left", fontsize=10.5)
     figure.subplots_adjust(left=0.06, right=0.99, wspace=0.10, hspace=0.14)
-    save(study, figure, "gap_against_time")
+    save(study.folder, figure, "gap_against_time")
 
 
 def memory_against_candidates(study):
@@ -446,7 +363,7 @@ def memory_against_candidates(study):
     axes.text(0, -0.13, "Peak resident memory of the process less what program, libraries and set took before "
               "the solve; one process a run. 0.1 MB is the least shown.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
-    save(study, figure, "memory_against_candidates")
+    save(study.folder, figure, "memory_against_candidates")
 
 
 def passes_per_family(study):
@@ -488,7 +405,7 @@ def passes_per_family(study):
     largest = max(int(row["candidates"]) for row in study.points_of("families"))
     figure.suptitle(f"Passes over the set that each method needs, Q up to {largest} "
                     "(– not reached in the time given; empty: not run)", x=0.01, ha="left", fontsize=10.5)
-    save(study, figure, "passes_per_family")
+    save(study.folder, figure, "passes_per_family")
 
 
 def short_number(value):
@@ -545,7 +462,7 @@ def performance_profile(study):
     figure.canvas.draw()
     labels.sort(key=lambda label: label[0])  # the better profile stands above where shares tie
     spread_labels(axes, [label for _, label in labels], 1.05, minimum=0.043)
-    save(study, figure, "performance_profile")
+    save(study.folder, figure, "performance_profile")
 
 
 def pairwise_profile(study):
@@ -579,7 +496,7 @@ def pairwise_profile(study):
     bar = figure.colorbar(image, ax=axes, fraction=0.04, pad=0.02)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f} %"))
     axes.set_title(f"Row beats column on this share (%) of {len(instances)} instances, gap $10^{{-6}}$")
-    save(study, figure, "pairwise_profile")
+    save(study.folder, figure, "pairwise_profile")
 
 
 def normalisation(study):
@@ -616,18 +533,18 @@ def normalisation(study):
     figure.suptitle("What scaling does for the dual interior point (hollow: fell short)",
                     x=0.06, ha="left", fontsize=10.5)
     figure.subplots_adjust(left=0.06, right=0.99, top=0.84, wspace=0.08)
-    save(study, figure, "normalisation")
-
-
-def main():
-    if len(sys.argv) != 2:
-        sys.exit("usage: python3 scripts/figures.py RESULTS_FOLDER")
-    study = Study(sys.argv[1])
-    for draw in (figure_3, figure_3_peers, gap_against_candidates, gap_against_time,
-                 memory_against_candidates, passes_per_family, performance_profile, pairwise_profile,
-                 normalisation):
-        draw(study)
+    save(study.folder, figure, "normalisation")
 
 
 if __name__ == "__main__":
     main()
+
+
+def draw(folder):
+    if not (folder / "rows.jsonl").exists():
+        return
+    study = Study(folder)
+    for figure in (figure_3, figure_3_peers, gap_against_candidates, gap_against_time,
+                   memory_against_candidates, passes_per_family, performance_profile,
+                   pairwise_profile, normalisation):
+        figure(study)

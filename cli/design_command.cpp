@@ -1,0 +1,12 @@
+// `graybox design ...`: designs that need more than one information set. One file each
+// (design_x_command.cpp), added here.
+#include "commands.hpp"
+
+namespace graybox::cli {
+
+void add_design_command(CLI::App& app, Invocation&) {
+  auto* command = app.add_subcommand("design", "Designs beyond one information set");
+  command->require_subcommand(1);
+}
+
+}  // namespace graybox::cli

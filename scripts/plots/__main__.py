@@ -1,0 +1,23 @@
+"""Draws every figure that a folder of results has data for.
+
+    python3 scripts/plots results/latest
+"""
+
+import pathlib
+import sys
+
+import study
+
+# One module for each group of figures: draw(folder) reads its tables and draws what they allow.
+GROUPS = [study]
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit("usage: python3 scripts/plots RESULTS_FOLDER")
+    for group in GROUPS:
+        group.draw(pathlib.Path(sys.argv[1]))
+
+
+if __name__ == "__main__":
+    main()
