@@ -23,5 +23,4 @@ void add_check_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);
 void add_design_command(CLI::App& app, Invocation& invocation);  // the group of the designs below
 
-
 }  // namespace graybox::cli

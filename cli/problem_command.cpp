@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -10,9 +9,8 @@
 #include "graybox/problems/families/families.hpp"
 #include "graybox/problems/families/regression.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/robot_grid.hpp"
 #include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "robot_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -24,36 +22,19 @@ void write(const std::string& path, const InformationSet& set) {
   fmt::print("wrote {}: {}\n", path, describe(set));
 }
 
-// "paper", a count, or a file.
-PositionTable positions_of(const std::string& grid, const RobotModel& robot) {
-  if (grid == "paper") return paper_grid();
-  std::size_t count = 0;
-  const char* end = grid.data() + grid.size();
-  const auto [rest, error] = std::from_chars(grid.data(), end, count);
-  if (error == std::errc() && rest == end) return robot_grid(count);
-  return read_positions(grid, robot.joint_names.size());
-}
-
 void add_output(CLI::App& command, std::string& output) {
   command.add_option("-o,--output", output, "file to write: .h5, .npy, .csv or .mat")->required();
 }
 
 void add_robot(CLI::App& problem) {
   struct Arguments {
-    std::string model;
-    std::string grid = "paper";
+    RobotArguments robot;
     RobotInformationOptions options;
     std::string output;
   };
   auto arguments = std::make_shared<Arguments>();
   auto* command = problem.add_subcommand("robot", "Information matrices of a flexible robot");
-  command->add_option("--model", arguments->model,
-                      "graybox-robot/1 file (YAML; default: the IRB 6600-like robot of graybox)");
-  command
-      ->add_option("--grid", arguments->grid,
-                   "paper (7920 positions), a number of positions, or a CSV file of joint "
-                   "angles in degrees")
-      ->capture_default_str();
+  add_robot_options(*command, arguments->robot);
   command->add_option("--threads", arguments->options.threads, "threads")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -64,9 +45,8 @@ void add_robot(CLI::App& problem) {
       "  graybox problem robot --grid 500 -o small.h5\n"
       "  graybox problem robot --model my_robot.yaml --grid positions.csv -o set.h5");
   command->callback([arguments] {
-    const RobotModel robot = arguments->model.empty() ? load_robot_model(default_robot_file())
-                                                      : load_robot_model(arguments->model);
-    const PositionTable positions = positions_of(arguments->grid, robot);
+    const RobotModel robot = load_robot(arguments->robot);
+    const PositionTable positions = load_positions(arguments->robot, robot);
     write(arguments->output, robot_information_set(robot, positions, arguments->options));
   });
 }

@@ -1,17 +1,16 @@
 // The real binary, as users and scripts see it: round trips, exit codes, one clear line for every
 // wrong input, and nothing written by halves.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "command_runner.hpp"
 #include "graybox/problems/families/families.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/certificate.hpp"
@@ -22,41 +21,14 @@
 namespace graybox {
 namespace {
 
+using testing::Outcome;
 using testing::read_text;
 using testing::TemporaryFolder;
 using testing::write_text;
 using Json = nlohmann::json;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string out;
-  std::string err;
-};
-
-class CommandLine : public ::testing::Test {
+class CommandLine : public testing::CommandRunner {
  protected:
-  // Runs `graybox arguments` in the test's folder; `before` may hold a wrapping command.
-  Outcome graybox(const std::string& arguments, const std::string& before = {}) {
-    const std::string command = "cd '" + folder_.file("") + "' && " + before +
-                                " '" GRAYBOX_COMMAND "' " + arguments + " >'" + logs_.file("out") +
-                                "' 2>'" + logs_.file("err") + "'";
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(logs_.file("out")),
-            read_text(logs_.file("err"))};
-  }
-
-  // Exit code 2, nothing on stdout, one line on stderr that contains the text, no new file.
-  void expect_refused(const std::string& arguments, const std::string& text) {
-    const std::size_t files = folder_.file_count();
-    const Outcome outcome = graybox(arguments);
-    EXPECT_EQ(outcome.exit_code, 2) << arguments;
-    EXPECT_EQ(outcome.out, "") << arguments;
-    EXPECT_EQ(outcome.err.find("graybox: "), 0U) << arguments << ": " << outcome.err;
-    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << arguments << ": " << outcome.err;
-    EXPECT_NE(outcome.err.find(text), std::string::npos) << arguments << ": " << outcome.err;
-    EXPECT_EQ(folder_.file_count(), files) << arguments;
-  }
-
   void make(const std::string& arguments) {
     const Outcome outcome = graybox("problem " + arguments);
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -72,9 +44,6 @@ class CommandLine : public ::testing::Test {
     }
     return first;
   }
-
-  TemporaryFolder folder_;
-  TemporaryFolder logs_;
 };
 
 const std::vector<std::string> kReportKeys{"solver",         "status",       "duality_gap",
