@@ -9,7 +9,7 @@
 //   0 <= log det M* - log det M <= d log(1 + duality_gap),   D-efficiency >= 1 / (1 + duality_gap).
 //
 // Arithmetic: sums in extended precision (64-bit significand), and `rounding_bound`, an
-// a-posteriori bound on the error of duality_gap, see certificate.cpp. Cost O(Q d^2 + d^3), one
+// a-posteriori bound on the error of duality_gap (extended_information.hpp). Cost O(Q d^2 + d^3), one
 // pass over the set.
 #pragma once
 
