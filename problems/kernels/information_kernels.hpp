@@ -40,6 +40,12 @@ struct InformationKernel {
   // information_workspace_size() doubles, aligned to 64 bytes.
   void (*information)(const InformationTables& tables, const double* mass, const double* gravity,
                       double* workspace, double* out);
+
+  // The summands of information() before the sum over the motors i = 1 .. m in m_p^H m_q, for each
+  // frequency f (padding included) and motor a a packed n x n matrix at
+  // out[(f m + a) n (n + 1)/2]: weight Re[(l_p^H l_q) conj(m_pa) m_qa].
+  void (*lines)(const InformationTables& tables, const double* mass, const double* gravity,
+                double* workspace, double* out);
 };
 
 // Doubles of workspace that any of the kernels needs.

@@ -13,6 +13,6 @@ constexpr int kLanes = 4;
 }  // namespace
 
 extern const InformationKernel kKernel;
-const InformationKernel kKernel = {"avx2", &information};
+const InformationKernel kKernel = {"avx2", &information, &lines};
 
 }  // namespace graybox::information_avx2

@@ -13,6 +13,6 @@ constexpr int kLanes = 8;
 }  // namespace
 
 extern const InformationKernel kKernel;
-const InformationKernel kKernel = {"avx512", &information};
+const InformationKernel kKernel = {"avx512", &information, &lines};
 
 }  // namespace graybox::information_avx512

@@ -13,6 +13,6 @@ constexpr int kLanes = 2;
 }  // namespace
 
 extern const InformationKernel kKernel;
-const InformationKernel kKernel = {"generic", &information};
+const InformationKernel kKernel = {"generic", &information, &lines};
 
 }  // namespace graybox::information_generic
