@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "criterion_arguments.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/solve_report.hpp"
@@ -18,6 +19,7 @@ struct CheckArguments {
   std::string set;
   std::string variable;
   std::string design;
+  CriterionArguments criterion;
   std::optional<double> gap;
   bool json = false;
 };
@@ -32,10 +34,13 @@ SolveStatus claimed_status(const std::string& status) {
 }
 
 int check(const CheckArguments& arguments) {
+  arguments.criterion.require_consistent();
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
   const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
   SolveOptions options;
+  const Criterion made_for = file.criterion.value_or(Criterion());
+  options.criterion = arguments.criterion.read(set).value_or(made_for);
   options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
   const Solution claim{.design = file.design,
                        .status = claimed_status(file.status),
@@ -44,6 +49,10 @@ int check(const CheckArguments& arguments) {
                        .message = {}};
   SolveReport report = judge(set, file.solver, options, claim);
   report.problem_hash = set.content_hash();
+  if (!(options.criterion == made_for) && report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
+    report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
+  }
   if (arguments.json) {
     fmt::print("{}\n", to_json(report).dump());
   } else {
@@ -63,6 +72,7 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
       ->required();
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
+  add_criterion_options(*command, arguments->criterion);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
   command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
@@ -72,7 +82,8 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
       "and iterations are those the design states.\n"
       "Examples:\n"
       "  graybox check set.h5 design.json\n"
-      "  graybox check set.h5 design.json --gap 1e-6 --json");
+      "  graybox check set.h5 design.json --gap 1e-6 --json\n"
+      "  graybox check set.h5 design.json --criterion A      (whatever it was made for)");
   command->callback([arguments, &invocation] { invocation.exit_code = check(*arguments); });
 }
 

@@ -25,6 +25,30 @@ std::string seconds_text(double seconds) {
   return seconds < 1.0 ? fmt::format("{:.3g} ms", 1e3 * seconds) : fmt::format("{:.3g} s", seconds);
 }
 
+// The criterion's value, and how far from the best it can be.
+std::string value_text(const SolveReport& report) {
+  const Certificate& certificate = report.certificate;
+  const double gap = std::max(certificate.duality_gap, 0.0);
+  switch (report.options.criterion.kind()) {
+    case CriterionKind::kA:
+    case CriterionKind::kL:
+      return fmt::format(
+          "  {:<12}  {:.10g}, at most a factor {:.2e} above the optimum\n",
+          report.options.criterion.kind() == CriterionKind::kA ? "tr M^-1" : "tr W M^-1",
+          certificate.criterion_value, gap);
+    case CriterionKind::kE:
+      return fmt::format("  lambda_min M  {:.10g}, at most a factor {:.2e} below the optimum\n",
+                         certificate.criterion_value, gap);
+    case CriterionKind::kD:
+    case CriterionKind::kDs:
+      break;
+  }
+  return fmt::format(
+      "  {:<12}  {:.10g}, at most {:.2e} below the optimum\n",
+      report.options.criterion.kind() == CriterionKind::kD ? "log det M" : "log det S",
+      certificate.criterion_value, certificate.log_det_gap);
+}
+
 std::string counted(std::size_t count, const char* noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
@@ -46,10 +70,12 @@ std::string describe(const SolveReport& report) {
   if (certificate.status == CertificateStatus::kCertified) {
     text += fmt::format(
         "  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
-        "  log det M     {:.10g}, at most {:.2e} below the optimum\n"
-        "  D-efficiency  at least {:.10f}\n",
+        "{}"
+        "  {:<12}  at least {:.10f}\n",
         certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
-        certificate.log_det, certificate.log_det_gap, certificate.efficiency);
+        value_text(report),
+        fmt::format("{}-efficiency", to_string(report.options.criterion.kind())),
+        certificate.efficiency);
   }
   text += fmt::format("  work          {} iterations, {:.1f} passes, {}; peak memory {}\n",
                       report.counters.iterations, report.counters.passes,

@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "criterion_arguments.hpp"
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
@@ -26,6 +27,7 @@ struct SolveArguments {
   std::string variable;
   std::string solver = "column_generation";
   SolveOptions options;
+  CriterionArguments criterion;
   std::string trace;
   std::string output;
   bool json = false;
@@ -65,13 +67,16 @@ void print(const SolveArguments& arguments, const InformationSet& set, const Sol
 }
 
 int solve(const SolveArguments& arguments, Invocation& invocation) {
+  arguments.criterion.require_consistent();
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
-  const Solution solution = run(solver, set, arguments.options);
-  SolveReport report = judge(set, solver.name(), arguments.options, solution);
+  SolveOptions options = arguments.options;
+  options.criterion = arguments.criterion.read(set).value_or(Criterion());
+  const Solution solution = run(solver, set, options);
+  SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
   if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
   if (!arguments.output.empty() && solution.status != SolveStatus::kUnsupported) {
@@ -84,13 +89,14 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
 }  // namespace
 
 void add_solve_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand("solve", "Find a D-optimal design and certify it");
+  auto* command = app.add_subcommand("solve", "Find an optimal design and certify it");
   auto arguments = std::make_shared<SolveArguments>();
   SolveOptions& options = arguments->options;
   command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
       ->required();
   command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
       ->capture_default_str();
+  add_criterion_options(*command, arguments->criterion);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   command->add_option("--iteration-limit", options.iteration_limit,
@@ -106,6 +112,8 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
       "the gap asked. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
+      "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
+      "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"
       "  graybox solve covdata.mat --variable Hi --solver dual_interior_point --json\n"
       "  graybox solve set.h5 --solver multiplicative --time-limit 10 --trace trace.jsonl");
   command->callback(

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "graybox/solvers/criterion_certificate.hpp"
 #include "graybox/solvers/extended_information.hpp"
 
 namespace graybox {
@@ -30,6 +31,18 @@ void price(const InformationSet& set, const ExtendedInformation& information,
                           std::numeric_limits<double>::epsilon() * std::abs(largest / d - 1));
 }
 
+// How many factors the determinant has in which the criterion measures.
+double log_det_size(const InformationSet& set, const Criterion& criterion) {
+  switch (criterion.kind()) {
+    case CriterionKind::kD:
+      return static_cast<double>(set.dimension());
+    case CriterionKind::kDs:
+      return static_cast<double>(criterion.interest().size());
+    default:
+      return std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
 }  // namespace
 
 std::string_view to_string(CertificateStatus status) {
@@ -44,11 +57,14 @@ std::string_view to_string(CertificateStatus status) {
   return "unknown";
 }
 
-Certificate certify(const InformationSet& set, const Design& design) {
+Certificate certify(const InformationSet& set, const Design& design, const Criterion& criterion) {
+  criterion.require_fits(set);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Certificate certificate;
   certificate.duality_gap = certificate.log_det_gap = certificate.rounding_bound = kInfinity;
   certificate.log_det = -kInfinity;
+  certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
+  certificate.dual_repair = std::numeric_limits<double>::quiet_NaN();
   CheckedWeights checked(set, design);
   certificate.support_size = checked.support_size;
   certificate.clipped = checked.clipped;
@@ -57,19 +73,27 @@ Certificate certify(const InformationSet& set, const Design& design) {
     certificate.message = checked.message;
     return certificate;
   }
-  const ExtendedInformation information(set, checked.weights);
+  const ExtendedInformation information(set, checked.weights, elimination_order(set, criterion));
   if (!information.regular()) {
     certificate.status = CertificateStatus::kSingular;
     certificate.message =
         "the design's information matrix is singular: it can't estimate all "
         "parameters";
+    if (criterion.kind() == CriterionKind::kL || criterion.kind() == CriterionKind::kDs) {
+      certificate.message += "; mix in a little of a design that can";
+    }
     return certificate;
   }
   certificate.status = CertificateStatus::kCertified;
   certificate.log_det = static_cast<double>(information.log_det());
-  price(set, information, certificate);
+  if (criterion.kind() == CriterionKind::kD) {
+    certificate.criterion_value = certificate.log_det;
+    price(set, information, certificate);
+  } else {
+    price_criterion(set, design, criterion, information, certificate);
+  }
   const double gap = std::max(certificate.duality_gap, 0.0);
-  certificate.log_det_gap = static_cast<double>(set.dimension()) * std::log1p(gap);
+  certificate.log_det_gap = log_det_size(set, criterion) * std::log1p(gap);
   certificate.efficiency = 1.0 / (1.0 + gap);
   return certificate;
 }

@@ -8,6 +8,39 @@
 //
 //   0 <= log det M* - log det M <= d log(1 + duality_gap),   D-efficiency >= 1 / (1 + duality_gap).
 //
+// The other criteria (criterion.hpp) have theorems of the same kind, from one lemma. Let Phi(M) be
+// concave and positively homogeneous, Phi(t M) = t Phi(M). With a supergradient G of log Phi at M,
+// tr(G M) = 1 by Euler, and for every design N = sum_i n_i H_i
+//
+//   Phi(N) <= Phi(M) + Phi(M) tr(G (N - M)) = Phi(M) tr(G N) <= Phi(M) max_i tr(G H_i),     (a)
+//
+// so that with duality_gap = max_i tr(G H_i) - 1 the efficiency Phi(M) / Phi(M*) is at least
+// 1/(1 + duality_gap). This one gap, which for D is the one above, is what "gap" means throughout:
+//
+//        Phi(M)                      G                                 w_i          optimum
+//   D    (det M)^(1/d)               M^-1 / d                          tr(M^-1 H_i)     max = d
+//   A,L  1 / phi, phi = tr(W M^-1)   M^-1 W M^-1 / phi                 tr(M^-1 W M^-1 H_i)  max = phi
+//   Ds   (det S)^(1/s)               (M^-1 - [M_nn^-1 in n, else 0])/s tr(M^-1 H_i)
+//                                                          - tr(M_nn^-1 H_i,nn)         max = s
+//   E    lambda_min(M)               E / lambda_min(M)                 tr(E H_i)    max = lambda_min
+//
+//   A, L   1/phi is concave: phi(M) = tr(K^T M^-1 K), W = K K^T, is the sum over the columns k of K
+//          of 1/g_k with g_k(M) = 1/(k^T M^-1 k) = min {x^T M x : k^T x = 1}, a minimum of linear
+//          functions; the harmonic sum of concave positive functions is concave. The efficiency is
+//          phi(M*) / phi(M): gap 0.01 says that phi is at most 1 % above the best.
+//   Ds     S = M_ss - M_sn M_nn^-1 M_ns is concave in the Loewner order (x^T S x is the minimum over y
+//          of the quadratic form of M at (x, y)) and det^(1/s) is concave and increasing. By the
+//          Schur determinant log det S = log det M - log det M_nn, whence G; s tr(G H_i) is w_i. The
+//          log det gap is s log(1 + gap).
+//   E      lambda_min(M) = min {tr(E M) : E >= 0, tr E = 1}: (a) holds for any such E, that is
+//          lambda_min(M*) <= max_i tr(E H_i). E is the design's dual_matrix, made positive
+//          semidefinite and of trace one here (dual_repair says by how much), or where it has none
+//          the best one for the set (smallest_eigenvalue_dual.hpp). A wrong E can only loosen the
+//          bound.
+//
+// M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
+// to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).
+//
 // Arithmetic: sums in extended precision (64-bit significand), and `rounding_bound`, an
 // a-posteriori bound on the error of duality_gap (extended_information.hpp). Cost O(Q d^2 + d^3), one
 // pass over the set.
@@ -18,6 +51,7 @@
 #include <string_view>
 
 #include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/criterion.hpp"
 #include "graybox/solvers/design.hpp"
 
 namespace graybox {
@@ -31,18 +65,25 @@ enum class CertificateStatus {
 
 struct Certificate {
   CertificateStatus status = CertificateStatus::kNotADesign;
-  double duality_gap = 0.0;         // max_i tr(M^-1 H_i)/d - 1, after clipping and renormalising
+  double duality_gap = 0.0;         // max_i tr(G H_i) - 1, after clipping and renormalising
   double rounding_bound = 0.0;      // |error of duality_gap| is at most this
   double log_det = 0.0;             // log det M
-  double log_det_gap = 0.0;         // d log(1 + duality_gap): how far log det M can be from optimal
+  double criterion_value = 0.0;     // D: log det M; A: tr M^-1; E: lambda_min(M); L: tr(W M^-1);
+                                    // Ds: log det S
+  double log_det_gap = 0.0;         // D, Ds: d (s) log(1 + duality_gap), how far log det M (S) can
+                                    // be from optimal; NaN for the others
   double efficiency = 0.0;          // at least 1/(1 + duality_gap)
   std::size_t worst_candidate = 0;  // where the maximum sensitivity stands
   std::size_t support_size = 0;     // weights above zero, after clipping
   double clipped = 0.0;             // sum of the negative weights set to zero, as a positive number
   double renormalised = 0.0;        // sum of the weights minus one, before renormalising
-  std::string message;              // why it is not certified
+  double dual_repair = 0.0;  // E: trace norm of what was changed of the design's dual_matrix;
+                             // NaN where it has none
+  std::string message;       // why it is not certified
 };
 
-[[nodiscard]] Certificate certify(const InformationSet& set, const Design& design);
+// Throws InputError where the criterion does not fit the set's dimension.
+[[nodiscard]] Certificate certify(const InformationSet& set, const Design& design,
+                                  const Criterion& criterion = {});
 
 }  // namespace graybox

@@ -8,6 +8,9 @@ namespace graybox {
 
 struct Design {
   std::vector<double> weights;  // length Q
+  // Criterion E only, and optional: the dual solution E >= 0, tr E = 1, that proves the design good
+  // (certificate.hpp), as a packed lower triangle of p numbers.
+  std::vector<double> dual_matrix = {};
 };
 
 }  // namespace graybox

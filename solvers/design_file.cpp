@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <type_traits>
+#include <vector>
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
@@ -23,6 +26,18 @@ Json support_entry(const InformationSet& set, std::size_t index, double weight) 
   const auto& names = set.candidates().names;
   const auto coordinates = set.coordinates(index);
   for (std::size_t k = 0; k < names.size(); ++k) entry["candidate"][names[k]] = coordinates[k];
+  return entry;
+}
+
+Json criterion_entry(const InformationSet& set, const Criterion& criterion) {
+  Json entry{{"name", to_string(criterion.kind())}};
+  if (criterion.kind() == CriterionKind::kL) entry["weights"] = criterion.weights();
+  if (criterion.kind() == CriterionKind::kDs) {
+    entry["interest"] = criterion.interest();
+    for (const std::size_t k : criterion.interest()) {
+      if (!set.parameters().empty()) entry["parameters"].push_back(set.parameters()[k]);
+    }
+  }
   return entry;
 }
 
@@ -45,7 +60,9 @@ class DesignReader {
     file.counters.passes = number(counters, "counters.", "passes").value_or(0.0);
     file.counters.iterations =
         static_cast<std::int64_t>(number(counters, "counters.", "iterations").value_or(0.0));
+    file.criterion = criterion();
     file.design.weights = weights(check);
+    file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
     return file;
   }
 
@@ -90,6 +107,50 @@ class DesignReader {
     if (found == parent.end() || found->is_null()) return std::nullopt;
     if (!found->is_number()) fail(fmt::format("{}{} must be a number", where, key));
     return found->get<double>();
+  }
+
+  // An array of numbers; empty where there is none.
+  template <typename Number>
+  [[nodiscard]] std::vector<Number> numbers(const Json& parent, const char* where,
+                                            const char* key) const {
+    const auto found = parent.find(key);
+    if (found == parent.end() || found->is_null()) return {};
+    const auto fits = [](const Json& entry) {
+      return std::is_integral_v<Number> ? entry.is_number_unsigned() : entry.is_number();
+    };
+    if (!found->is_array() || !std::ranges::all_of(*found, fits)) {
+      fail(fmt::format("{}{} must be an array of {}", where, key,
+                       std::is_integral_v<Number> ? "indices" : "numbers"));
+    }
+    return found->get<std::vector<Number>>();
+  }
+
+  [[nodiscard]] std::optional<Criterion> criterion() const {
+    if (!root_.contains("criterion")) return std::nullopt;
+    const Json entry = object("criterion");
+    try {
+      Criterion found = criterion_of(entry);
+      found.require_fits(set_);
+      return found;
+    } catch (const InputError& error) {
+      fail(error.what());
+    }
+  }
+
+  [[nodiscard]] Criterion criterion_of(const Json& entry) const {
+    switch (criterion_kind(text(entry, "name"))) {
+      case CriterionKind::kA:
+        return Criterion::a();
+      case CriterionKind::kE:
+        return Criterion::e();
+      case CriterionKind::kL:
+        return Criterion::l(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kDs:
+        return Criterion::ds(numbers<std::size_t>(entry, "criterion.", "interest"));
+      case CriterionKind::kD:
+        break;
+    }
+    return {};
   }
 
   void require_this_problem(const std::string& stated) const {
@@ -166,36 +227,39 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
   for (std::size_t i = 0; i < design.weights.size(); ++i) {
     if (design.weights[i] != 0.0) support.push_back(support_entry(set, i, design.weights[i]));
   }
-  const Json root{{"format", kFormat},
-                  {"problem", report.problem},
-                  {"problem_hash", report.problem_hash},
-                  {"candidates", set.candidate_count()},
-                  {"dimension", set.dimension()},
-                  {"solver", report.solver},
-                  {"options",
-                   {{"duality_gap", report.options.duality_gap},
-                    {"time_limit", report.options.time_limit},
-                    {"iteration_limit", report.options.iteration_limit},
-                    {"seed", report.options.seed},
-                    {"threads", report.options.threads}}},
-                  {"status", to_string(report.status)},
-                  {"message", report.message},
-                  {"support", std::move(support)},
-                  {"certificate",
-                   {{"status", to_string(certificate.status)},
-                    {"duality_gap", certificate.duality_gap},
-                    {"rounding_bound", certificate.rounding_bound},
-                    {"log_det", certificate.log_det},
-                    {"log_det_gap", certificate.log_det_gap},
-                    {"efficiency", certificate.efficiency},
-                    {"worst_candidate", certificate.worst_candidate},
-                    {"clipped", certificate.clipped},
-                    {"renormalised", certificate.renormalised}}},
-                  {"log_det", certificate.log_det},
-                  {"counters",
-                   {{"iterations", report.counters.iterations},
-                    {"passes", report.counters.passes},
-                    {"seconds", report.counters.seconds}}}};
+  Json root{{"format", kFormat},
+            {"problem", report.problem},
+            {"problem_hash", report.problem_hash},
+            {"candidates", set.candidate_count()},
+            {"dimension", set.dimension()},
+            {"solver", report.solver},
+            {"criterion", criterion_entry(set, report.options.criterion)},
+            {"options",
+             {{"duality_gap", report.options.duality_gap},
+              {"time_limit", report.options.time_limit},
+              {"iteration_limit", report.options.iteration_limit},
+              {"seed", report.options.seed},
+              {"threads", report.options.threads}}},
+            {"status", to_string(report.status)},
+            {"message", report.message},
+            {"support", std::move(support)},
+            {"certificate",
+             {{"status", to_string(certificate.status)},
+              {"duality_gap", certificate.duality_gap},
+              {"rounding_bound", certificate.rounding_bound},
+              {"criterion_value", certificate.criterion_value},
+              {"log_det", certificate.log_det},
+              {"log_det_gap", certificate.log_det_gap},
+              {"efficiency", certificate.efficiency},
+              {"worst_candidate", certificate.worst_candidate},
+              {"clipped", certificate.clipped},
+              {"renormalised", certificate.renormalised}}},
+            {"log_det", certificate.log_det},
+            {"counters",
+             {{"iterations", report.counters.iterations},
+              {"passes", report.counters.passes},
+              {"seconds", report.counters.seconds}}}};
+  if (!design.dual_matrix.empty()) root["dual_matrix"] = design.dual_matrix;
   write_text_file(path, root.dump(1) + "\n");
 }
 

@@ -4,6 +4,7 @@
 //     "format": "graybox-design/1",
 //     "problem": "set.h5", "problem_hash": "ab34...", "candidates": 7920, "dimension": 12,
 //     "solver": "column_generation",
+//     "criterion": {"name": "Ds", "interest": [0, 1], "parameters": ["joint_1.gearbox", ...]},
 //     "options": {"duality_gap": 1e-09, "time_limit": null, "iteration_limit": 0, "seed": 1,
 //                 "threads": 1},
 //     "status": "solved", "message": "",
@@ -14,6 +15,9 @@
 //     "log_det": ..., "counters": {"iterations": ..., "passes": ..., "seconds": ...}
 //   }
 //
+// "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
+// lower triangle); without it the design is meant for D. Criterion E may add "dual_matrix" (E,
+// packed lower triangle), which certify() makes use of.
 // Only candidates of non-zero weight are listed; indices count from zero; "candidate" holds the
 // coordinates where the set has some. Numbers are written with as many digits as read back exactly
 // (up to 17); infinite ones are null. A program that writes designs for graybox needs "format" and
@@ -38,6 +42,7 @@ struct DesignFile {
   std::string status;        //
   std::string message;       //
   std::optional<double> asked_gap;
+  std::optional<Criterion> criterion;
   SolveCounters counters;
 };
 
@@ -52,7 +57,7 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
                   const SolveReport& report);
 
 // Throws InputError, naming file, field and fix, for anything that is no design of this set: not
-// JSON, another format, the hash of another problem, an index out of range or twice, weights that
+// JSON, another format, a criterion that does not fit the set, the hash of another problem, an index out of range or twice, weights that
 // are no numbers or (strict) no design. Cost: one SHA-256 pass over the set if the file has a hash.
 [[nodiscard]] DesignFile read_design(const std::string& path, const InformationSet& set,
                                      WeightCheck check = WeightCheck::kStrict);

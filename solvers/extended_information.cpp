@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "graybox/problems/packed_matrix.hpp"
 
@@ -28,11 +29,12 @@ Matrix weighted_sum(const InformationSet& set, std::span<const Extended> weights
   return sum;
 }
 
-// Packed Cholesky factor L of the packed matrix scaled to unit diagonal; log det of the matrix.
+// Packed Cholesky factor L of the packed matrix scaled to unit diagonal; the logarithms of the
+// pivots of the matrix itself.
 bool factorise(const Matrix& packed, const std::vector<Extended>& scale, std::size_t d,
-               Matrix& factor, Extended& log_det) {
+               Matrix& factor, std::vector<Extended>& log_pivots) {
   factor = packed;
-  log_det = 0;
+  log_pivots.resize(d);
   for (std::size_t i = 0; i < d; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       Extended value = packed[packed_index(i, j)] * scale[i] * scale[j];
@@ -43,7 +45,7 @@ bool factorise(const Matrix& packed, const std::vector<Extended>& scale, std::si
         // The factor of a matrix of unit diagonal: a pivot at rounding level means singular.
         if (!(value > 8 * static_cast<Extended>(d) * kUnit)) return false;
         factor[packed_index(i, i)] = std::sqrt(value);
-        log_det += std::log(value) - 2 * std::log(scale[i]);
+        log_pivots[i] = std::log(value) - 2 * std::log(scale[i]);
       } else {
         factor[packed_index(i, j)] = value / factor[packed_index(j, j)];
       }
@@ -53,7 +55,7 @@ bool factorise(const Matrix& packed, const std::vector<Extended>& scale, std::si
 }
 
 // Inverse X = L^-1 S of the scaled factor, packed lower triangle: X M X^T = I up to rounding.
-Matrix inverse_factor(const Matrix& factor, const std::vector<Extended>& scale, std::size_t d) {
+Matrix invert_factor(const Matrix& factor, const std::vector<Extended>& scale, std::size_t d) {
   Matrix inverse(factor.size(), 0);
   for (std::size_t j = 0; j < d; ++j) {
     for (std::size_t i = j; i < d; ++i) {
@@ -118,6 +120,17 @@ Matrix trace_dual(const Matrix& inverse, std::size_t d) {
   return dual;
 }
 
+// The packed matrix with rows and columns in another order.
+Matrix reordered(const Matrix& packed, std::span<const std::size_t> order) {
+  Matrix out(packed.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      out[packed_index(i, j)] = packed[packed_index(order[i], order[j])];
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 CheckedWeights::CheckedWeights(const InformationSet& set, const Design& design) {
@@ -154,10 +167,16 @@ CheckedWeights::CheckedWeights(const InformationSet& set, const Design& design) 
 }
 
 ExtendedInformation::ExtendedInformation(const InformationSet& set,
-                                         std::span<const Extended> weights)
+                                         std::span<const Extended> weights,
+                                         std::span<const std::size_t> order)
     : dimension_(set.dimension()) {
   const std::size_t d = dimension_;
-  const Matrix information = weighted_sum(set, weights);
+  std::vector<std::size_t> place(order.begin(), order.end());
+  if (place.empty()) {
+    place.resize(d);
+    std::iota(place.begin(), place.end(), std::size_t{0});
+  }
+  const Matrix information = reordered(weighted_sum(set, weights), place);
   std::vector<Extended> scale(d);
   for (std::size_t i = 0; i < d; ++i) {
     const Extended diagonal = information[packed_index(i, i)];
@@ -165,11 +184,20 @@ ExtendedInformation::ExtendedInformation(const InformationSet& set,
     scale[i] = 1 / std::sqrt(diagonal);
   }
   Matrix factor;
-  if (!factorise(information, scale, d, factor, log_det_)) return;
-  const Matrix inverse = inverse_factor(factor, scale, d);
+  if (!factorise(information, scale, d, factor, log_pivots_)) return;
+  log_det_ = std::accumulate(log_pivots_.begin(), log_pivots_.end(), Extended{0});
+  const Matrix inverse = invert_factor(factor, scale, d);
   const auto support = std::ranges::count_if(weights, [](Extended w) { return w > 0; });
   residual_ = inverse_residual(inverse, information, d, static_cast<std::size_t>(support));
-  dual_ = trace_dual(inverse, d);
+  const Matrix dual = trace_dual(inverse, d);
+  dual_.resize(dual.size());
+  inverse_.assign(d * d, 0);
+  for (std::size_t i = 0; i < d; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      dual_[packed_index(place[i], place[j])] = dual[packed_index(i, j)];
+      inverse_[i * d + place[j]] = inverse[packed_index(i, j)];
+    }
+  }
 }
 
 // Four chains hide the latency of extended additions.

@@ -43,7 +43,11 @@ struct CheckedWeights {
 
 class ExtendedInformation {
  public:
-  ExtendedInformation(const InformationSet& set, std::span<const Extended> weights);
+  // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows of
+  // inverse_factor() then whiten the Schur complement of the others, the information about
+  // order[d-k] .. order[d-1] that is left when the others are unknown too.
+  ExtendedInformation(const InformationSet& set, std::span<const Extended> weights,
+                      std::span<const std::size_t> order = {});
 
   // False where M is not numerically positive definite; the rest is then undefined.
   [[nodiscard]] bool regular() const { return residual_ < Extended{0.1}; }
@@ -53,9 +57,17 @@ class ExtendedInformation {
   [[nodiscard]] Extended sensitivity(std::span<const double> packed) const;
   [[nodiscard]] Extended magnitude(std::span<const double> packed) const;
   [[nodiscard]] Extended trace_unit() const;
+  // X, d x d row-major: its columns are the parameters in their own order, its rows those in the
+  // order of elimination.
+  [[nodiscard]] std::span<const Extended> inverse_factor() const { return inverse_; }
+  // The logarithm of the information about the parameter eliminated k-th, given those after it;
+  // log_det() is the sum over k.
+  [[nodiscard]] Extended log_pivot(std::size_t k) const { return log_pivots_[k]; }
 
  private:
   std::size_t dimension_;
+  std::vector<Extended> inverse_;
+  std::vector<Extended> log_pivots_;
   std::vector<Extended> dual_;  // M^-1 in trace-dual packing
   Extended log_det_ = 0;
   Extended residual_ = 1;

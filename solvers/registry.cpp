@@ -24,10 +24,39 @@
 #include "graybox/solvers/primal_interior_point.hpp"
 #include "graybox/solvers/primal_interior_point_low_rank.hpp"
 #include "graybox/solvers/randomized_exchange.hpp"
+#include "graybox/solvers/tracer.hpp"
 #include "graybox/solvers/vertex_exchange.hpp"
 
 namespace graybox {
 namespace {
+
+// A back-end as the registry hands it out: criteria that its traits do not list are answered with
+// `unsupported` here, so that no back-end has to.
+class CheckedSolver final : public Solver {
+ public:
+  explicit CheckedSolver(std::unique_ptr<Solver> solver) : solver_(std::move(solver)) {}
+
+  [[nodiscard]] std::string_view name() const override { return solver_->name(); }
+  [[nodiscard]] std::string_view description() const override { return solver_->description(); }
+  [[nodiscard]] SolverTraits traits() const override { return solver_->traits(); }
+  [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
+                               SolveObserver* observer) const override {
+    options.criterion.require_fits(set);
+    const CriterionKind asked = options.criterion.kind();
+    const std::vector<CriterionKind> known = solver_->traits().criteria;
+    if (std::ranges::find(known, asked) != known.end()) {
+      return solver_->solve(set, options, observer);
+    }
+    Tracer tracer(set, options, observer);
+    return tracer.finish({}, SolveStatus::kUnsupported, 0,
+                         fmt::format("{} does not solve criterion {}; 'graybox solvers' shows "
+                                     "which do",
+                                     name(), to_string(asked)));
+  }
+
+ private:
+  std::unique_ptr<Solver> solver_;
+};
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
@@ -67,7 +96,8 @@ void SolverRegistry::add(std::unique_ptr<Solver> solver) {
     throw InputError(fmt::format("solver {} is registered already", name));
   }
   std::string description(solver->description());
-  entries_.push_back({name, std::move(description), std::move(solver), ""});
+  entries_.push_back(
+      {name, std::move(description), std::make_unique<CheckedSolver>(std::move(solver)), ""});
 }
 
 void SolverRegistry::add_unavailable(std::string name, std::string description,
@@ -80,7 +110,8 @@ const Solver& SolverRegistry::at(std::string_view name) const {
     for (const auto& solver : external_) {
       if (solver->name() == name) return *solver;
     }
-    return *external_.emplace_back(std::make_unique<ExternalSolver>(std::string(name)));
+    return *external_.emplace_back(
+        std::make_unique<CheckedSolver>(std::make_unique<ExternalSolver>(std::string(name))));
   }
   const Entry* nearest = nullptr;
   std::size_t nearest_distance = name.size();

@@ -1,4 +1,5 @@
-// The list of back-ends. Adding one is a file pair and one line in registry.cpp; the property tests
+// The list of back-ends. Each is handed out behind a check of the criterion: one that its traits do
+// not list is answered with status unsupported. Adding one is a file pair and one line in registry.cpp; the property tests
 // and the study then run it with no further work. Programs may also add their own at run time:
 //
 //   graybox::SolverRegistry registry = graybox::make_registry();

@@ -106,8 +106,9 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
     report.certificate.duality_gap = std::numeric_limits<double>::infinity();
     report.certificate.log_det_gap = std::numeric_limits<double>::infinity();
     report.certificate.log_det = -std::numeric_limits<double>::infinity();
+    report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
   } else {
-    report.certificate = certify(set, solution.design);
+    report.certificate = certify(set, solution.design, options.criterion);
   }
   report.status = judge(solution.status, options.duality_gap, report.certificate);
   report.message = explain(report.status, options, solution, report.certificate);
@@ -118,6 +119,8 @@ nlohmann::ordered_json to_json(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
   return {{"solver", report.solver},
           {"status", to_string(report.status)},
+          {"criterion", to_string(report.options.criterion.kind())},
+          {"criterion_value", certificate.criterion_value},
           {"duality_gap", certificate.duality_gap},
           {"rounding_bound", certificate.rounding_bound},
           {"log_det", certificate.log_det},

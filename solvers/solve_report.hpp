@@ -58,10 +58,10 @@ struct SolveReport {
 [[nodiscard]] SolveReport judge(const InformationSet& set, std::string_view solver,
                                 const SolveOptions& options, const Solution& solution);
 
-// Keys: solver, status, duality_gap, rounding_bound, log_det, log_det_gap, efficiency, seconds,
-// passes, iterations, support_size, peak_memory_bytes, problem, problem_hash, candidates,
-// dimension, asked_gap, threads, seed, message. Infinite numbers (a singular design's gap) are
-// null.
+// Keys: solver, status, criterion, criterion_value, duality_gap, rounding_bound, log_det,
+// log_det_gap, efficiency, seconds, passes, iterations, support_size, peak_memory_bytes, problem,
+// problem_hash, candidates, dimension, asked_gap, threads, seed, message. Infinite numbers (a
+// singular design's gap) and those that a criterion does not have are null.
 [[nodiscard]] nlohmann::ordered_json to_json(const SolveReport& report);
 
 // Peak resident memory of this process so far.

@@ -1,8 +1,9 @@
-// Solver: the interface of every back-end for D-optimal design,
+// Solver: the interface of every back-end for optimal design,
 //
 //   minimise  log det (sum_i lambda_i H_i)^-1   subject to  lambda >= 0, sum_i lambda_i = 1
 //
-// (paper, formula (9); its dual is formula (10)).
+// (paper, formula (9); its dual is formula (10)), or another criterion of criterion.hpp in place of
+// log det.
 //
 //   const graybox::SolverRegistry registry = graybox::make_registry();
 //   const graybox::Solver& solver = registry.at("column_generation");
@@ -10,8 +11,8 @@
 //   const graybox::Certificate proof = graybox::certify(set, answer.design);  // trust only this
 //   assert(proof.duality_gap <= 1e-9);
 //
-// A solver stops as soon as its own figure for the duality gap max_i tr(M^-1 H_i)/d - 1 is at most
-// options.duality_gap. What counts as solved is decided by certify() (certificate.hpp), never by
+// A solver stops as soon as its own figure for the duality gap (for D, max_i tr(M^-1 H_i)/d - 1; for
+// each criterion as certificate.hpp has it) is at most options.duality_gap. What counts as solved is decided by certify() (certificate.hpp), never by
 // the solver. Bad problems throw InputError; everything numerical is a status.
 #pragma once
 
@@ -23,6 +24,7 @@
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/criterion.hpp"
 #include "graybox/solvers/design.hpp"
 
 namespace graybox {
@@ -39,12 +41,13 @@ enum class SolveStatus : std::int8_t {
 [[nodiscard]] std::string_view to_string(SolveStatus status);  // "solved", "iteration_limit", ...
 
 struct SolveOptions {
-  double duality_gap = 1e-6;  // stop at max_i tr(M^-1 H_i)/d - 1 <= duality_gap; > 0
+  double duality_gap = 1e-6;  // stop at a gap (certificate.hpp) of at most this; > 0
   double time_limit =
       std::numeric_limits<double>::infinity();  // wall seconds, checked each iteration
   std::int64_t iteration_limit = 0;             // 0: the solver's own default
-  std::uint64_t seed = 1;  // of the randomised methods; equal seeds give equal answers
-  int threads = 1;         // the answer does not depend on it
+  std::uint64_t seed = 1;    // of the randomised methods; equal seeds give equal answers
+  int threads = 1;           // the answer does not depend on it
+  Criterion criterion = {};  // D; others only where the back-end's traits list them
 };
 
 // One point of a run's history. `passes` counts bytes of the set read, over the bytes of the set.
@@ -82,6 +85,8 @@ struct SolverTraits {
   double reachable_gap = 1e-9;  // checked gap it reaches on well-posed sets of moderate size
   int memory_exponent = 1;      // memory grows as Q^memory_exponent
   bool randomised = false;      // the path depends on options.seed
+  // The criteria it can solve for.
+  std::vector<CriterionKind> criteria = {CriterionKind::kD};
 };
 
 class Solver {
@@ -90,7 +95,9 @@ class Solver {
   [[nodiscard]] virtual std::string_view name() const = 0;
   [[nodiscard]] virtual std::string_view description() const = 0;  // one line
   [[nodiscard]] virtual SolverTraits traits() const { return {}; }
-  // Throws InputError for options out of range (gap <= 0, negative limits).
+  // Throws InputError for options out of range (gap <= 0, negative limits). A back-end need not look
+  // at options.criterion unless its traits list more than D: the registry hands out every back-end
+  // behind a check that answers `unsupported` for the others.
   [[nodiscard]] virtual Solution solve(const InformationSet& set, const SolveOptions& options,
                                        SolveObserver* observer = nullptr) const = 0;
 };
