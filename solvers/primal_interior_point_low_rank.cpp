@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "graybox/solvers/augmented_system.hpp"
-#include "graybox/solvers/primal_newton.hpp"
 
 namespace graybox {
 namespace {
@@ -40,11 +39,14 @@ class LowRankPrimalSystem final : public PrimalSystem {
 
 }  // namespace
 
+std::unique_ptr<PrimalSystem> make_low_rank_primal_system(const NormalizedSet& normal,
+                                                          int threads) {
+  return std::make_unique<LowRankPrimalSystem>(normal, threads);
+}
+
 Solution PrimalInteriorPointLowRank::solve(const InformationSet& set, const SolveOptions& options,
                                            SolveObserver* observer) const {
-  return solve_primal(set, options, observer, [](const NormalizedSet& normal, int threads) {
-    return std::make_unique<LowRankPrimalSystem>(normal, threads);
-  });
+  return solve_primal(set, options, observer, make_low_rank_primal_system);
 }
 
 }  // namespace graybox

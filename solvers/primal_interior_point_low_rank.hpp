@@ -9,9 +9,16 @@
 // Statuses as for primal_interior_point.
 #pragma once
 
+#include <memory>
+
+#include "graybox/solvers/primal_newton.hpp"
 #include "graybox/solvers/solver.hpp"
 
 namespace graybox {
+
+// The system K + D^-1 by way of p x p matrices, for this and other Newton methods on the weights.
+[[nodiscard]] std::unique_ptr<PrimalSystem> make_low_rank_primal_system(const NormalizedSet& normal,
+                                                                        int threads);
 
 class PrimalInteriorPointLowRank final : public Solver {
  public:

@@ -5,8 +5,7 @@
 #include <new>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/information_step.hpp"
 #include "graybox/solvers/interior_point.hpp"
 #include "graybox/solvers/lapack.hpp"
 #include "graybox/solvers/nesterov_todd.hpp"
@@ -28,9 +27,8 @@ class PrimalNewton {
         evaluator_(normal),
         run_(normal, options, tracer),
         scaling_(normal.dimension()),
-        d_(static_cast<Eigen::Index>(normal.dimension())),
+        information_step_(normal, scaling_),
         count_(normal.candidate_count()),
-        packed_(normal.packed_size()),
         weight_(count_, 1.0 / static_cast<double>(count_)),
         reduced_cost_(count_),
         target_(count_),
@@ -40,10 +38,8 @@ class PrimalNewton {
         schur_(constraints_.count * constraints_.count),
         price_(constraints_.count, 0.0),
         price_step_(constraints_.count),
-        w_(MatrixXd::Identity(d_, d_)),
-        w_step_(d_, d_),
-        scaled_step_(d_, d_),
-        product_(d_, d_) {}
+        w_(MatrixXd::Identity(static_cast<Eigen::Index>(normal.dimension()),
+                              static_cast<Eigen::Index>(normal.dimension()))) {}
 
   Solution run() {
     bool evaluated = evaluator_.evaluate(weight_);
@@ -111,7 +107,7 @@ class PrimalNewton {
     if (!solve_direction()) return false;
 
     const double t = std::min(1.0, step_to_boundary(weight_, weight_step_));
-    const double u = std::min({1.0, scaling_.step_to_boundary(scaled_step_),
+    const double u = std::min({1.0, scaling_.step_to_boundary(information_step_.scaled_w_step()),
                                step_to_boundary(reduced_cost_, reduced_cost_step_)});
     double predicted = 0.0;
     for (std::size_t i = 0; i < count_; ++i) {
@@ -123,7 +119,7 @@ class PrimalNewton {
   }
 
   bool correct() {
-    scaling_.add_second_order(scaled_step_);
+    scaling_.add_second_order(information_step_.scaled_w_step());
     for (std::size_t i = 0; i < count_; ++i) {
       target_[i] += centring_ - weight_step_[i] * reduced_cost_step_[i];
     }
@@ -157,21 +153,9 @@ class PrimalNewton {
     return std::isfinite(size);
   }
 
-  // dW~ = E - dM~, dW and ds = F^T dnu - tr(dW B_i) from dlambda and dnu.
+  // dW~, dW and ds = F^T dnu - tr(dW B_i) from dlambda and dnu.
   void complete_direction() {
-    const std::size_t p = normal_.packed_size();
-    const MatrixXd& g = scaling_.scaling();
-    std::ranges::fill(packed_, 0.0);
-    kernels().accumulate(normal_.rows(), count_, p, weight_step_.data(), packed_.data());
-    unpack(packed_.data(), normal_.dimension(), w_step_.data());
-    product_.noalias() = w_step_ * g;
-    scaled_step_.noalias() = g.transpose() * product_;
-    scaled_step_ = scaling_.residual() - scaled_step_;
-    product_.noalias() = scaled_step_ * g.transpose();
-    w_step_.noalias() = g * product_;
-
-    pack_trace_dual(w_step_.data(), normal_.dimension(), packed_.data());
-    kernels().price(normal_.rows(), count_, p, packed_.data(), reduced_cost_step_.data());
+    information_step_.compute(weight_step_, reduced_cost_step_);
     for (std::size_t i = 0; i < count_; ++i) {
       reduced_cost_step_[i] = -reduced_cost_step_[i];
       for (std::size_t k = 0; k < price_.size(); ++k) {
@@ -184,7 +168,7 @@ class PrimalNewton {
   void step() {
     const double fraction = boundary_fraction(evaluator_.gap());
     const double t = std::min(1.0, fraction * step_to_boundary(weight_, weight_step_));
-    const double boundary = std::min(scaling_.step_to_boundary(scaled_step_),
+    const double boundary = std::min(scaling_.step_to_boundary(information_step_.scaled_w_step()),
                                      step_to_boundary(reduced_cost_, reduced_cost_step_));
     const double u = std::min(1.0, fraction * boundary);
     for (std::size_t i = 0; i < count_; ++i) {
@@ -192,7 +176,7 @@ class PrimalNewton {
       reduced_cost_[i] += u * reduced_cost_step_[i];
     }
     for (std::size_t k = 0; k < price_.size(); ++k) price_[k] += u * price_step_[k];
-    w_ += u * w_step_;
+    w_ += u * information_step_.w_step();
   }
 
   const NormalizedSet& normal_;
@@ -202,9 +186,8 @@ class PrimalNewton {
   DesignEvaluator evaluator_;
   InteriorPointRun run_;
   NesterovTodd scaling_;
-  Eigen::Index d_;
+  InformationStep information_step_;
   std::size_t count_;
-  std::vector<double> packed_;
   std::vector<double> weight_;        // lambda
   std::vector<double> reduced_cost_;  // s
   std::vector<double> target_;        // c
@@ -213,9 +196,7 @@ class PrimalNewton {
   std::vector<double> schur_;         // F V
   std::vector<double> price_;         // nu
   std::vector<double> price_step_;
-  MatrixXd w_, w_step_;
-  MatrixXd scaled_step_;  // dW~
-  MatrixXd product_;
+  MatrixXd w_;
   double centring_ = 0.0;  // sigma mu
 };
 

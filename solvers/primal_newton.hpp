@@ -32,8 +32,8 @@
 //             (K + D^-1)^-1 = D - D A (P^-1 (x) P^-1 + A^T D A)^-1 A^T D,
 //             in the form of augmented_system.hpp.
 //
-// Predictor and corrector as in Mehrotra 1992. Start: lambda_i = 1/Q, where M = I, and W = I; nu = 1.1 max tr B_i, s = nu - tr B_i: feasible,
-// and all of (a) but the last holds. Every lambda > 0 gives a design whose true gap is evaluated
+// Predictor and corrector as in Mehrotra 1992. Start: lambda_i = 1/Q, where M = I, and W = I; nu =
+// 1.1 max tr B_i, s = nu - tr B_i: feasible, and all of (a) but the last holds. Every lambda > 0 gives a design whose true gap is evaluated
 // each iteration and ends the run; nothing relies on W. 8 to 20 iterations.
 #pragma once
 
