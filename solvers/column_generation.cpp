@@ -12,6 +12,7 @@
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/solvers/candidate_pool.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/screening.hpp"
@@ -23,18 +24,6 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// A pool of candidates with their sensitivities at the last pricing. An empty list of indices
-// stands for the whole set.
-struct Pool {
-  std::vector<std::size_t> indices;
-  AlignedArray sensitivity;
-  std::size_t count = 0;
-  std::size_t best = 0;  // position of the largest sensitivity
-
-  [[nodiscard]] bool whole() const { return indices.empty(); }
-  [[nodiscard]] std::size_t candidate(std::size_t k) const { return whole() ? k : indices[k]; }
-};
 
 class ColumnGenerationRun {
  public:
@@ -49,20 +38,18 @@ class ColumnGenerationRun {
   Solution run();
 
  private:
-  [[nodiscard]] Pool sample_pool(std::size_t count);
-  [[nodiscard]] bool start(const Pool& pool);
+  [[nodiscard]] bool start(const CandidatePool& pool);
   [[nodiscard]] bool start_from(const std::vector<std::size_t>& candidates, bool equalise);
-  double price(Pool& pool);
-  std::size_t add_violators(const Pool& pool);
-  void solve_pool(Pool& pool, double tolerance, int round_limit);
+  double price(CandidatePool& pool);
+  std::size_t add_violators(const CandidatePool& pool);
+  void solve_pool(CandidatePool& pool, double tolerance, int round_limit);
   [[nodiscard]] bool out_of_rounds() const {
     return options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit;
   }
   bool improve(double gap, double tolerance);
   [[nodiscard]] bool warm_up();
-  [[nodiscard]] Pool short_list(const Pool& all);
-  [[nodiscard]] Pool above(const Pool& all, double threshold) const;
-  void apply_frobenius_rule(Pool& list, double max_sensitivity);
+  [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
+  void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
   Solution finish(SolveStatus status, std::string message = {});
   void keep_if_better(double gap);
 
@@ -78,27 +65,10 @@ class ColumnGenerationRun {
   std::vector<std::pair<double, std::size_t>> violators_;
 };
 
-// `count` candidates, one drawn at random from each of as many equal strata of the order.
-Pool ColumnGenerationRun::sample_pool(std::size_t count) {
-  const std::size_t total = set_.candidate_count();
-  Pool pool;
-  if (count < total) {
-    pool.indices.resize(count);
-    for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t from = total * k / count;
-      const std::size_t to = total * (k + 1) / count;
-      pool.indices[k] = from + random_.below(to - from);
-    }
-  }
-  pool.count = count;
-  pool.sensitivity = AlignedArray(count);
-  return pool;
-}
-
 // First working set: a dozen multiplicative steps on the pool from equal weights, then the heaviest
 // few. Where the pool sees too few directions (candidates that inform about one parameter each) the
 // whole set is tried, and last with weights that give each candidate's matrix the same size.
-bool ColumnGenerationRun::start(const Pool& pool) {
+bool ColumnGenerationRun::start(const CandidatePool& pool) {
   std::vector<std::size_t> candidates(pool.count);
   for (std::size_t k = 0; k < pool.count; ++k) candidates[k] = pool.candidate(k);
   if (start_from(candidates, false)) return true;
@@ -152,33 +122,15 @@ bool ColumnGenerationRun::start_from(const std::vector<std::size_t>& candidates,
 }
 
 // w_i for the pool; returns the largest.
-double ColumnGenerationRun::price(Pool& pool) {
-  const double* dual = working_.inverse().trace_dual().data();
-  const std::size_t p = set_.packed_size();
-  constexpr std::size_t kBlock = 4096;
-  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
-  const int threads = blocks < 8 ? 1 : options_.threads;
-#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
-  for (std::ptrdiff_t b = 0; b < blocks; ++b) {
-    const std::size_t from = static_cast<std::size_t>(b) * kBlock;
-    const std::size_t count = std::min(kBlock, pool.count - from);
-    double* out = pool.sensitivity.data() + from;
-    if (pool.whole()) {
-      kernels().price(set_.data() + from * p, count, p, dual, out);
-    } else {
-      dense_kernels().price_indexed(set_.data(), pool.indices.data() + from, count, p, dual, out);
-    }
-  }
+double ColumnGenerationRun::price(CandidatePool& pool) {
+  price_pool(set_, working_.inverse().trace_dual(), options_.threads, pool);
   tracer_.count_candidates(pool.count);
-  pool.best = static_cast<std::size_t>(
-      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
-      pool.sensitivity.begin());
-  return pool.sensitivity[pool.best];
+  return pool.largest();
 }
 
 // Adds the largest sensitivity of each of a few dozen stretches of the pool, the best 2 d of them.
 // The stretches are shifted at random from round to round.
-std::size_t ColumnGenerationRun::add_violators(const Pool& pool) {
+std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
   const std::size_t stretches = std::min(pool.count, 4 * set_.dimension());
   const std::size_t length = (pool.count + stretches - 1) / stretches;
   const std::size_t shift = random_.below(length);
@@ -210,7 +162,7 @@ bool ColumnGenerationRun::improve(double gap, double tolerance) {
 }
 
 // Rounds of price, add, solve on one pool until its gap is at most `tolerance`.
-void ColumnGenerationRun::solve_pool(Pool& pool, double tolerance, int round_limit) {
+void ColumnGenerationRun::solve_pool(CandidatePool& pool, double tolerance, int round_limit) {
   for (int round = 0; round < round_limit && !out_of_rounds() && !tracer_.out_of_time(); ++round) {
     const double gap = price(pool) / dimension_ - 1.0;
     if (gap <= tolerance) return;
@@ -225,12 +177,12 @@ bool ColumnGenerationRun::warm_up() {
   const std::size_t total = set_.candidate_count();
   const std::size_t first =
       total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
-  Pool sample = sample_pool(first);
+  CandidatePool sample = sample_pool(total, first, random_);
   if (!start(sample)) return false;
   working_.optimise(kRoughGap, 4);
   if (first < total) solve_pool(sample, kRoughGap, 4);
   for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
-    sample = sample_pool(size);
+    sample = sample_pool(total, size, random_);
     solve_pool(sample, kRoughGap, 3);
   }
   return true;
@@ -241,7 +193,7 @@ Solution ColumnGenerationRun::run() {
     return finish(SolveStatus::kUnsupported,
                   "the sum of all information matrices is singular in double precision");
   }
-  Pool all = sample_pool(set_.candidate_count());
+  CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
   for (int passes_without_progress = 0;;) {
     const double gap = price(all) / dimension_ - 1.0;
     tracer_.record(gap, rounds_);
@@ -254,7 +206,8 @@ Solution ColumnGenerationRun::run() {
       return finish(SolveStatus::kNumericalFailure,
                     fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
     }
-    Pool list = short_list(all);  // before the working set moves: the rules hold for this design
+    CandidatePool list =
+        short_list(all);  // before the working set moves: the rules hold for this design
     add_violators(all);
     improve(gap, options_.duality_gap);
     solve_pool(list, 0.5 * options_.duality_gap, 30);
@@ -265,36 +218,22 @@ Solution ColumnGenerationRun::run() {
 // enough, those: they hold every support point, so that the next pass over the set is the last.
 // Otherwise about as many as are wanted of the largest sensitivities, a guess that the next pass
 // corrects; its threshold is a quantile of a sample.
-Pool ColumnGenerationRun::short_list(const Pool& all) {
+CandidatePool ColumnGenerationRun::short_list(const CandidatePool& all) {
   const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
-  if (all.count <= 2 * wanted) return above(all, -kInfinity);
+  if (all.count <= 2 * wanted) return pool_above(all, all.sensitivity.span(), -kInfinity);
   SensitivitySample sample(all.sensitivity.span());
-  const double largest = all.sensitivity[all.best];
+  const double largest = all.largest();
   const double safe = harman_pronzato_threshold(largest, set_.dimension());
   const double guess = sample.exceeded_by(wanted);
-  if (safe >= guess) return above(all, safe);
-  if (safe < sample.exceeded_by(4 * wanted)) return above(all, guess);
-  Pool list = above(all, safe);
+  if (safe >= guess) return pool_above(all, all.sensitivity.span(), safe);
+  if (safe < sample.exceeded_by(4 * wanted)) return pool_above(all, all.sensitivity.span(), guess);
+  CandidatePool list = pool_above(all, all.sensitivity.span(), safe);
   apply_frobenius_rule(list, largest);
   return list;
 }
 
-// The candidates with a sensitivity of at least `threshold`, with their sensitivities.
-Pool ColumnGenerationRun::above(const Pool& all, double threshold) const {
-  Pool list;
-  for (std::size_t k = 0; k < all.count; ++k) {
-    if (all.sensitivity[k] >= threshold) list.indices.push_back(k);
-  }
-  list.count = list.indices.size();
-  list.sensitivity = AlignedArray(list.count);
-  for (std::size_t k = 0; k < list.count; ++k) {
-    list.sensitivity[k] = all.sensitivity[list.indices[k]];
-  }
-  return list;
-}
-
 // Keeps the candidates that formula (6) of screening.hpp can't exclude from every optimal support.
-void ColumnGenerationRun::apply_frobenius_rule(Pool& list, double max_sensitivity) {
+void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_sensitivity) {
   constexpr std::size_t kBatch = 64;
   const FrobeniusRule rule(max_sensitivity, set_.dimension());
   const std::size_t stride = (set_.packed_size() + 7) / 8 * 8;

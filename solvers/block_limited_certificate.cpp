@@ -1,0 +1,100 @@
+#include "graybox/solvers/block_limited_certificate.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/solvers/extended_information.hpp"
+
+namespace graybox {
+namespace {
+
+// The gap and how far rounding can have moved it: each sensitivity is known to within the factor
+// 1/(1 -+ residual) and the rounding of its trace, and the gap is a mean of sensitivities.
+void price(const InformationSet& set, const CandidateBlocks& blocks, double limit,
+           const ExtendedInformation& information, Certificate& certificate) {
+  const auto d = static_cast<Extended>(set.dimension());
+  std::vector<Extended> maxima(blocks.count, 0);
+  Extended largest = 0, magnitude = 0;
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    const Extended sensitivity = information.sensitivity(set.information(i));
+    Extended& block_maximum = maxima[blocks.label[i]];
+    if (sensitivity <= block_maximum) continue;
+    block_maximum = sensitivity;
+    magnitude = std::max(magnitude, information.magnitude(set.information(i)));
+    if (sensitivity > largest) {
+      largest = sensitivity;
+      certificate.worst_candidate = i;
+    }
+  }
+  const Extended mean = largest_limited_mean(std::span(maxima), limit);
+  const Extended delta = information.residual();
+  certificate.duality_gap = static_cast<double>(mean / d - 1);
+  certificate.rounding_bound =
+      static_cast<double>((mean * delta / (1 - delta) + information.trace_unit() * magnitude) / d +
+                          std::numeric_limits<double>::epsilon() * std::abs(mean / d - 1));
+}
+
+std::string broken_limit(const CandidateBlocks& blocks, const std::vector<double>& shares,
+                         double limit) {
+  for (std::size_t b = 0; b < blocks.count; ++b) {
+    if (shares[b] > limit + kShareTolerance) {
+      return fmt::format("block {} has the share {:.12g}, more than the limit {:.12g}", b,
+                         shares[b], limit);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+void check_block_limit(const CandidateBlocks& blocks, double limit) {
+  constexpr double kFreedom = 1e-6;
+  if (!(limit > 0.0) || !std::isfinite(limit)) {
+    throw InputError(fmt::format("limit: the share of a block must be positive, is {}", limit));
+  }
+  const auto count = static_cast<double>(blocks.count);
+  if (!(limit * count > 1.0 + kFreedom)) {
+    throw InputError(fmt::format(
+        "limit: {} blocks with at most {:.6g} of the weight each can't share it freely; "
+        "the limit must exceed 1/{} = {:.6g}",
+        blocks.count, limit, blocks.count, 1.0 / count));
+  }
+}
+
+Certificate certify_block_limited(const InformationSet& set, const Design& design,
+                                  const CandidateBlocks& blocks, double limit) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  check_blocks(set, blocks);
+  check_block_limit(blocks, limit);
+  Certificate certificate;
+  certificate.duality_gap = certificate.log_det_gap = certificate.rounding_bound = kInfinity;
+  certificate.log_det = -kInfinity;
+  const CheckedWeights checked(set, design);
+  certificate.support_size = checked.support_size;
+  certificate.clipped = checked.clipped;
+  certificate.renormalised = checked.renormalised;
+  certificate.message = checked.message;
+  if (certificate.message.empty()) {
+    certificate.message = broken_limit(blocks, block_shares(blocks, design.weights), limit);
+  }
+  if (!certificate.message.empty()) return certificate;
+  const ExtendedInformation information(set, checked.weights);
+  if (!information.regular()) {
+    certificate.status = CertificateStatus::kSingular;
+    certificate.message = "the design's information matrix is singular";
+    return certificate;
+  }
+  certificate.status = CertificateStatus::kCertified;
+  certificate.log_det = static_cast<double>(information.log_det());
+  price(set, blocks, limit, information, certificate);
+  const double gap = std::max(certificate.duality_gap, 0.0);
+  certificate.log_det_gap = static_cast<double>(set.dimension()) * std::log1p(gap);
+  certificate.efficiency = 1.0 / (1.0 + gap);
+  return certificate;
+}
+
+}  // namespace graybox

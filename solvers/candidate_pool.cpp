@@ -1,0 +1,65 @@
+#include "graybox/solvers/candidate_pool.hpp"
+
+#include <algorithm>
+
+#include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/solvers/kernels/dense_kernels.hpp"
+
+namespace graybox {
+
+CandidatePool sample_pool(std::size_t total, std::size_t count, Random& random) {
+  CandidatePool pool;
+  pool.count = std::min(count, total);
+  if (count < total) {
+    pool.indices.resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t from = total * k / count;
+      const std::size_t to = total * (k + 1) / count;
+      pool.indices[k] = from + random.below(to - from);
+    }
+  }
+  pool.sensitivity = AlignedArray(pool.count);
+  return pool;
+}
+
+CandidatePool pool_above(const CandidatePool& all, std::span<const double> values,
+                         double threshold) {
+  CandidatePool list;
+  std::vector<std::size_t> positions;
+  for (std::size_t k = 0; k < all.count; ++k) {
+    if (values[k] >= threshold) positions.push_back(k);
+  }
+  list.count = positions.size();
+  list.sensitivity = AlignedArray(list.count);
+  list.indices.resize(list.count);
+  for (std::size_t k = 0; k < list.count; ++k) {
+    list.sensitivity[k] = all.sensitivity[positions[k]];
+    list.indices[k] = all.candidate(positions[k]);
+  }
+  return list;
+}
+
+void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
+                CandidatePool& pool) {
+  const std::size_t p = set.packed_size();
+  constexpr std::size_t kBlock = 4096;
+  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
+  const int used = blocks < 8 ? 1 : threads;
+#pragma omp parallel for num_threads(used) schedule(static) if (used > 1)
+  for (std::ptrdiff_t b = 0; b < blocks; ++b) {
+    const std::size_t from = static_cast<std::size_t>(b) * kBlock;
+    const std::size_t count = std::min(kBlock, pool.count - from);
+    double* out = pool.sensitivity.data() + from;
+    if (pool.whole()) {
+      kernels().price(set.data() + from * p, count, p, trace_dual.data(), out);
+    } else {
+      dense_kernels().price_indexed(set.data(), pool.indices.data() + from, count, p,
+                                    trace_dual.data(), out);
+    }
+  }
+  pool.best = static_cast<std::size_t>(
+      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
+      pool.sensitivity.begin());
+}
+
+}  // namespace graybox

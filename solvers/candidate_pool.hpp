@@ -1,0 +1,44 @@
+// CandidatePool: the candidates that one pricing looks at, all of a set or some of them, with their
+// sensitivities. Shared by the column generations.
+//
+//   CandidatePool pool = sample_pool(set.candidate_count(), 4096, random);
+//   price_pool(set, inverse.trace_dual(), threads, pool);
+//   const double gap = pool.largest() / d - 1;
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "graybox/problems/aligned_array.hpp"
+#include "graybox/problems/information_set.hpp"
+#include "graybox/problems/random.hpp"
+
+namespace graybox {
+
+struct CandidatePool {
+  std::vector<std::size_t> indices;  // empty for the whole set
+  AlignedArray sensitivity;          // at the last pricing
+  std::size_t count = 0;
+  std::size_t best = 0;  // position of the largest sensitivity
+
+  [[nodiscard]] bool whole() const { return indices.empty(); }
+  [[nodiscard]] std::size_t candidate(std::size_t k) const { return whole() ? k : indices[k]; }
+  [[nodiscard]] double largest() const { return sensitivity[best]; }
+};
+
+// `count` candidates, one drawn at random from each of as many equal strata of the order; all of
+// them where count is at least `total`.
+[[nodiscard]] CandidatePool sample_pool(std::size_t total, std::size_t count, Random& random);
+
+// The candidates of `all` with a value of at least `threshold` in `values` (count numbers), with
+// their sensitivities.
+[[nodiscard]] CandidatePool pool_above(const CandidatePool& all, std::span<const double> values,
+                                       double threshold);
+
+// tr(W H_i) for all candidates of the pool, W in trace-dual packing. One read of their rows. Each is
+// computed alone, so that the result does not depend on the number of threads.
+void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
+                CandidatePool& pool);
+
+}  // namespace graybox
