@@ -4,9 +4,10 @@
 
 namespace graybox::cli {
 
-void add_design_command(CLI::App& app, Invocation&) {
+void add_design_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("design", "Designs beyond one information set");
   command->require_subcommand(1);
+  add_design_spectrum_command(*command, invocation);
 }
 
 }  // namespace graybox::cli

@@ -58,8 +58,7 @@ SpectrumProblem make_problem(const SpectrumArguments& arguments) {
       robot_spectrum_bytes(robot, positions.count()) + positions.count() * lines * kWorkBytes,
       fmt::format("the set of {} positions with {} lines each", positions.count(), lines),
       "choose a smaller --grid");
-  InformationSet set =
-      robot_spectrum_set(robot, positions, {.threads = arguments.options.threads});
+  InformationSet set = robot_spectrum_set(robot, positions, {.threads = arguments.options.threads});
   CandidateBlocks blocks = equal_blocks(set.candidate_count(), lines);
   return {std::move(robot), std::move(positions), std::move(set), std::move(blocks)};
 }
@@ -154,19 +153,19 @@ void print(const SpectrumArguments& arguments, const SpectrumProblem& problem,
   }
   fmt::print("{}: {} positions, {} lines each: {}\n{}{}  covariance    {:.6g} in {} positions\n",
              problem.set.name(), problem.positions.count(), line_count(problem.robot),
-             describe(problem.set), describe(report),
-             describe_support(problem.set, main.of.design), main.covariance, main.positions);
+             describe(problem.set), describe(report), describe_support(problem.set, main.of.design),
+             main.covariance, main.positions);
   if (rows.size() > 1) fmt::print("{}", comparison_text(rows));
-  for (const std::string* file : {&arguments.output, &arguments.spectra, &arguments.comparison,
-                                  &arguments.robustness}) {
+  for (const std::string* file :
+       {&arguments.output, &arguments.spectra, &arguments.comparison, &arguments.robustness}) {
     if (!file->empty()) fmt::print("wrote {}\n", *file);
   }
 }
 
 // Folders that are missing are found before the work, not after it.
 void check_outputs(const SpectrumArguments& arguments) {
-  for (const std::string* file : {&arguments.output, &arguments.spectra, &arguments.comparison,
-                                  &arguments.robustness}) {
+  for (const std::string* file :
+       {&arguments.output, &arguments.spectra, &arguments.comparison, &arguments.robustness}) {
     if (!file->empty()) const AtomicFile writable(*file);
   }
 }
@@ -233,9 +232,8 @@ void add_design_spectrum_command(CLI::App& design, Invocation& invocation) {
       "  graybox design spectrum --grid 500 --compare --json\n"
       "  graybox design spectrum --position-limit 0.1 -o design.json\n"
       "  graybox design spectrum --position-limit 1,0.1,0.05,0.02 --comparison comparison.csv");
-  command->callback([arguments, &invocation] {
-    invocation.exit_code = design_spectrum(*arguments, invocation);
-  });
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = design_spectrum(*arguments, invocation); });
 }
 
 }  // namespace graybox::cli

@@ -81,7 +81,7 @@ std::string describe(const BlockDesign& design) {
 
 std::string comparison_csv(const std::vector<ComparedDesign>& designs) {
   std::string text =
-      "design,position_limit,covariance,over_joint,log_det,own_gap,joint_gap,positions,lines,"
+      "design,position_limit,covariance,over_first,log_det,own_gap,joint_gap,positions,lines,"
       "passes,seconds,status\n";
   for (const ComparedDesign& row : designs) {
     text += fmt::format("{},{:.10g},{:.6g},{:.12g},{:.3g},{:.6g},{},{},{:.4g},{:.4g},{}\n",
@@ -93,14 +93,14 @@ std::string comparison_csv(const std::vector<ComparedDesign>& designs) {
 }
 
 std::string comparison_text(const std::vector<ComparedDesign>& designs) {
-  std::string text = fmt::format("  {:<42} {:>11} {:>10} {:>9} {:>9} {:>6} {:>7}\n", "design",
-                                 "covariance", "over first", "own gap", "positions", "lines",
-                                 "passes");
+  std::string text =
+      fmt::format("  {:<42} {:>11} {:>10} {:>9} {:>9} {:>6} {:>7}\n", "design", "covariance",
+                  "over first", "own gap", "positions", "lines", "passes");
   for (const ComparedDesign& row : designs) {
-    text += fmt::format("  {:<42} {:>11.5g} {:>10.4g} {:>9.1e} {:>9} {:>6} {:>7.1f}\n",
-                        describe(row.of), row.covariance,
-                        row.covariance / designs.front().covariance, row.of.own_gap, row.positions,
-                        row.lines, row.of.counters.passes);
+    text +=
+        fmt::format("  {:<42} {:>11.5g} {:>10.4g} {:>9.1e} {:>9} {:>6} {:>7.1f}\n",
+                    describe(row.of), row.covariance, row.covariance / designs.front().covariance,
+                    row.of.own_gap, row.positions, row.lines, row.of.counters.passes);
   }
   return text;
 }
@@ -124,8 +124,7 @@ nlohmann::ordered_json comparison_json(const std::vector<ComparedDesign>& design
 }
 
 std::string spectra_csv(const RobotModel& robot, const InformationSet& set,
-                        const CandidateBlocks& blocks,
-                        const std::vector<ComparedDesign>& designs) {
+                        const CandidateBlocks& blocks, const std::vector<ComparedDesign>& designs) {
   std::string text = "design,position_limit,position";
   for (std::size_t k = 0; k + 2 < set.candidates().names.size(); ++k) {
     text += "," + set.candidates().names[k];
@@ -162,14 +161,14 @@ std::string robustness_csv(const RobotModel& robot, const PositionTable& positio
     const PositionTable chosen = positions.subset(used.positions);
     for (const double deviation : {0.0, 0.01, 0.03, 0.1, 0.3, 0.5}) {
       // Without deviation all draws are the robot itself.
-      const auto factors = random_stiffness({.uncertainty = deviation, .seed = 1},
-                                            deviation == 0.0 ? 1 : samples,
-                                            robot.parameters.size());
+      const auto factors =
+          random_stiffness({.uncertainty = deviation, .seed = 1}, deviation == 0.0 ? 1 : samples,
+                           robot.parameters.size());
       std::vector<double> covariance;
       for (const Eigen::VectorXd& theta : factors) {
         if (interrupted()) return text;
-        covariance.push_back(covariance_on(with_stiffness_factors(robot, theta), chosen,
-                                           used.weights, threads));
+        covariance.push_back(
+            covariance_on(with_stiffness_factors(robot, theta), chosen, used.weights, threads));
       }
       std::ranges::sort(covariance);
       text += fmt::format("{},{:g},{},{:.6g},{:.6g},{:.6g}\n", key(row.of), deviation,

@@ -29,7 +29,7 @@ struct ComparedDesign {
 // "joint" or "joint, at most 10 % a position" for people; `design,position_limit` for files.
 [[nodiscard]] std::string describe(const BlockDesign& design);
 
-// Columns: design, position_limit, covariance, over_joint (covariance over that of the first row),
+// Columns: design, position_limit, covariance, over_first (covariance over that of the first row),
 // log_det, own_gap, joint_gap, positions, lines, passes, seconds, status.
 [[nodiscard]] std::string comparison_csv(const std::vector<ComparedDesign>& designs);
 [[nodiscard]] std::string comparison_text(const std::vector<ComparedDesign>& designs);

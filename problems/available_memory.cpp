@@ -26,7 +26,9 @@ std::optional<std::size_t> number_in(const char* file, const std::string& name) 
   return std::nullopt;  // no such file, or "max"
 }
 
-std::size_t difference(std::size_t limit, std::size_t used) { return limit > used ? limit - used : 0; }
+std::size_t difference(std::size_t limit, std::size_t used) {
+  return limit > used ? limit - used : 0;
+}
 
 }  // namespace
 

@@ -26,10 +26,11 @@
 namespace graybox {
 
 struct BlockDesign {
-  std::string name;        // as above; "joint" with a limit too
-  double limit = 1.0;      // on the share of a block
-  Design design;           // for every candidate of the set; empty if unsupported
-  double own_gap = 0.0;    // certified, in the problem of its kind; of two_step the larger of both steps
+  std::string name;    // as above; "joint" with a limit too
+  double limit = 1.0;  // on the share of a block
+  Design design;       // for every candidate of the set; empty if unsupported
+  double own_gap =
+      0.0;  // certified, in the problem of its kind; of two_step the larger of both steps
   SolveStatus status = SolveStatus::kNumericalFailure;
   SolveCounters counters;  // passes over the set of its own problem
   std::string message;
