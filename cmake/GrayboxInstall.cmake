@@ -3,7 +3,7 @@ get_property(graybox_libraries GLOBAL PROPERTY GRAYBOX_LIBRARIES)
 install(TARGETS ${graybox_libraries} EXPORT graybox-targets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-foreach(folder problems solvers)
+foreach(folder problems solvers diagnosis)
   install(DIRECTORY ${CMAKE_SOURCE_DIR}/${folder}/
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/graybox/${folder}
     FILES_MATCHING PATTERN "*.hpp")
