@@ -6,8 +6,13 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+#include <span>
 #include <utility>
 
+#include "graybox/problems/frequency_response.hpp"
+#include "graybox/problems/local_model.hpp"
 #include "graybox/problems/robot_spectrum_information.hpp"
 #include "graybox/problems/stiffness_samples.hpp"
 #include "graybox/solvers/certificate.hpp"
@@ -24,6 +29,26 @@ std::string key(const BlockDesign& design) {
 double covariance_of(double log_det, std::size_t dimension) {
   return std::exp(-log_det / static_cast<double>(dimension));
 }
+
+// The natural frequency of the robot at a position (motors free) that is nearest to a line, Hz.
+class NearestResonance {
+ public:
+  NearestResonance(const RobotModel& robot, std::span<const double> degrees) {
+    LocalModelBuilder builder(robot);
+    Eigen::VectorXd angles(static_cast<Eigen::Index>(degrees.size()));
+    for (std::size_t j = 0; j < degrees.size(); ++j) {
+      angles(static_cast<Eigen::Index>(j)) = degrees[j] * (std::numbers::pi / 180.0);
+    }
+    frequencies_ = natural_frequencies(builder.build(angles)) / (2.0 * std::numbers::pi);
+  }
+  [[nodiscard]] double to(double line) const {
+    return *std::ranges::min_element(
+        frequencies_, {}, [line](double resonance) { return std::abs(resonance - line); });
+  }
+
+ private:
+  Eigen::VectorXd frequencies_;
+};
 
 // The part of a design in the positions that it uses.
 struct UsedPositions {
@@ -129,22 +154,25 @@ std::string spectra_csv(const RobotModel& robot, const InformationSet& set,
   for (std::size_t k = 0; k + 2 < set.candidates().names.size(); ++k) {
     text += "," + set.candidates().names[k];
   }
-  text += ",share,frequency,axis,power,weight\n";
+  text += ",share,frequency,axis,power,weight,resonance\n";
   for (const ComparedDesign& row : designs) {
     if (row.of.name == "flat") continue;
     const std::vector<double>& weights = row.of.design.weights;
     const std::vector<double> shares = block_shares(blocks, weights);
+    std::size_t last_block = blocks.count;
+    std::optional<NearestResonance> nearest;
     for (std::size_t i = 0; i < weights.size(); ++i) {
       if (weights[i] == 0.0) continue;
       const auto coordinates = set.coordinates(i);
+      const auto angles = coordinates.first(coordinates.size() - 2);
+      const double frequency = coordinates[angles.size()];
       const std::size_t block = blocks.label[i];
+      if (std::exchange(last_block, block) != block) nearest.emplace(robot, angles);
       text += fmt::format("{},{}", key(row.of), block);
-      for (std::size_t k = 0; k + 2 < coordinates.size(); ++k) {
-        text += fmt::format(",{:.10g}", coordinates[k]);
-      }
-      text += fmt::format(",{:.8g},{:.8g},{:.0f},{:.8g},{:.8g}\n", shares[block],
-                          coordinates[coordinates.size() - 2], coordinates.back(),
-                          flat_power(robot) * weights[i] / shares[block], weights[i]);
+      for (const double angle : angles) text += fmt::format(",{:.10g}", angle);
+      text += fmt::format(",{:.8g},{:.8g},{:.0f},{:.8g},{:.8g},{:.8g}\n", shares[block], frequency,
+                          coordinates.back(), flat_power(robot) * weights[i] / shares[block],
+                          weights[i], nearest->to(frequency));
     }
   }
   return text;

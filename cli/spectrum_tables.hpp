@@ -37,7 +37,8 @@ struct ComparedDesign {
 
 // A row for each line that carries power, of every design but `flat`: design, position_limit,
 // position (its index in the grid), q1, q2, ... (deg), share (of the time), frequency (Hz), axis,
-// power (rho, in the unit of Phi_r), weight (share times power over the power limit).
+// power (rho, in the unit of Phi_r), weight (share times power over the power limit), resonance (the
+// nearest natural frequency of the position with free motors, Hz).
 [[nodiscard]] std::string spectra_csv(const RobotModel& robot, const InformationSet& set,
                                       const CandidateBlocks& blocks,
                                       const std::vector<ComparedDesign>& designs);

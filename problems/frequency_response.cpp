@@ -1,5 +1,6 @@
 #include "graybox/problems/frequency_response.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 
@@ -19,6 +20,12 @@ Eigen::MatrixXcd dynamic_stiffness(const LocalModel& model, double w) {
   d.real() = model.stiffness - w * w * model.mass;
   d.imag() = w * model.damping;
   return d;
+}
+
+Eigen::VectorXd natural_frequencies(const LocalModel& model) {
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> modes(
+      0.5 * (model.stiffness + model.stiffness.transpose()), model.mass, Eigen::EigenvaluesOnly);
+  return modes.eigenvalues().cwiseMax(0.0).cwiseSqrt();
 }
 
 Eigen::MatrixXcd frequency_response(const LocalModel& model, double w, double sample_time) {

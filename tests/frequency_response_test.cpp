@@ -195,5 +195,26 @@ TEST(FrequencyResponse, CovarianceOfSimulatedEstimatesIsLambda) {
   }
 }
 
+// Without damping D is singular there, and for a motor that nothing holds at zero.
+TEST(FrequencyResponse, NaturalFrequenciesAreWhereTheUndampedModelIsSingular) {
+  const RobotModel robot = robot_test::paper_robot();
+  LocalModelBuilder builder(robot);
+  LocalModel model = builder.build(robot_test::some_positions()[1]);
+  model.damping.setZero();
+  const Eigen::VectorXd frequencies = natural_frequencies(model);
+  ASSERT_EQ(frequencies.size(), model.degrees_of_freedom());
+  EXPECT_TRUE(std::is_sorted(frequencies.begin(), frequencies.end()));
+  for (Eigen::Index k = 6; k < frequencies.size(); ++k) {  // after the six motors' zeros
+    EXPECT_GT(frequencies(k), 1.0);
+    const auto determinant = [&](double w) {
+      // Scaled by the mass, so that the numbers stay in range.
+      const Eigen::MatrixXd d = dynamic_stiffness(model, w).real() / 1e5;
+      return d.determinant();
+    };
+    EXPECT_LT(determinant(frequencies(k) * (1 - 1e-6)) * determinant(frequencies(k) * (1 + 1e-6)),
+              0.0);
+  }
+}
+
 }  // namespace
 }  // namespace graybox
