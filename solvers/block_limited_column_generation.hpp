@@ -20,9 +20,9 @@
 // regular design within the limits is `unsupported`.
 //
 // Cost: 2 Q p flops and one read of the set a pass, a few passes; per Newton step n d^3 + n^2 p/2 +
-// n^3/3 for a working set of n, which grows like d + 1/c: seconds where 1/c is some hundreds, minutes
-// where it is thousands. Memory: 8 Q bytes and 8 n^2 bytes beyond the set and the
-// labels. Results do not depend on the number of threads.
+// n^3/3 for a working set of n, which grows like d + 1/c: fit for limits down to some thousandths.
+// Memory: 8 Q and 8 n^2 bytes beyond the set and the labels. Results do not depend on the number of
+// threads.
 //
 //   const CandidateBlocks blocks = equal_blocks(set.candidate_count(), 300);
 //   const Solution s = solve_block_limited(set, blocks, 0.1, {.duality_gap = 1e-6});

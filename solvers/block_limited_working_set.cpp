@@ -79,7 +79,7 @@ bool BlockLimitedWorkingSet::start(double pool_gap) {
       mixed * static_cast<double>(dimension_) / static_cast<double>(size() + occurring_.size());
   for (std::size_t i = 0; i < size(); ++i) reduced_cost_[i] = mu / weights_[i];
   for (std::size_t b = 0; b < slack_.size(); ++b) price_[b] = mu / slack_[b];
-  level_variable_ = static_cast<double>(dimension_);
+  multiplier_ = static_cast<double>(dimension_);
   return evaluate();
 }
 
@@ -89,7 +89,7 @@ void BlockLimitedWorkingSet::information(std::span<const double> weights,
   kernels().accumulate(rows_.data(), size(), packed_size_, weights.data(), packed.data());
 }
 
-// M, its inverse, B, the sensitivities and the bound of the gap at the present point.
+// M, its inverse, the whitened rows, the sensitivities and the bound of the gap at the present point.
 bool BlockLimitedWorkingSet::evaluate() {
   information(weights_, matrix_);
   if (!inverse_.factor(matrix_)) return false;
@@ -137,7 +137,7 @@ bool BlockLimitedWorkingSet::direction() {
   if (!factorise()) return false;
   for (std::size_t i = 0; i < size(); ++i) {
     right_[i] =
-        sensitivity_[i] - level_variable_ + centring_ / weights_[i] - centring_ / slack_[block_[i]];
+        sensitivity_[i] - multiplier_ + centring_ / weights_[i] - centring_ / slack_[block_[i]];
   }
   weight_step_ = right_;
   lapack::solve_cholesky(size(), system_.data(), 1, weight_step_.data());
@@ -146,10 +146,10 @@ bool BlockLimitedWorkingSet::direction() {
   const auto sum = [](const std::vector<double>& x) {
     return std::accumulate(x.begin(), x.end(), 0.0);
   };
-  level_step_ = (sum(weight_step_) - (1.0 - sum(weights_))) / sum(ones_solution_);
+  multiplier_step_ = (sum(weight_step_) - (1.0 - sum(weights_))) / sum(ones_solution_);
   std::ranges::fill(slack_step_, 0.0);
   for (std::size_t i = 0; i < size(); ++i) {
-    weight_step_[i] -= level_step_ * ones_solution_[i];
+    weight_step_[i] -= multiplier_step_ * ones_solution_[i];
     slack_step_[block_[i]] -= weight_step_[i];
     reduced_cost_step_[i] =
         (centring_ - reduced_cost_[i] * weight_step_[i]) / weights_[i] - reduced_cost_[i];
@@ -157,17 +157,17 @@ bool BlockLimitedWorkingSet::direction() {
   for (std::size_t b = 0; b < slack_.size(); ++b) {
     price_step_[b] = (centring_ - price_[b] * slack_step_[b]) / slack_[b] - price_[b];
   }
-  return std::isfinite(level_step_) && std::isfinite(sum(weight_step_));
+  return std::isfinite(multiplier_step_) && std::isfinite(sum(weight_step_));
 }
 
 // -log det M - mu (sum log lambda + sum log s) after `step` of the direction.
-double BlockLimitedWorkingSet::barrier(std::span<const double> weight, double step) {
+double BlockLimitedWorkingSet::barrier(double step) {
   for (std::size_t k = 0; k < packed_size_; ++k) {
     trial_matrix_[k] = matrix_[k] + step * matrix_step_[k];
   }
   double value = -trial_.log_det_of(trial_matrix_);
   for (std::size_t i = 0; i < size(); ++i) {
-    value -= centring_ * std::log(weight[i] + step * weight_step_[i]);
+    value -= centring_ * std::log(weights_[i] + step * weight_step_[i]);
   }
   for (std::size_t b = 0; b < slack_.size(); ++b) {
     value -= centring_ * std::log(slack_[b] + step * slack_step_[b]);
@@ -185,12 +185,12 @@ bool BlockLimitedWorkingSet::step() {
                                          step_to_boundary(price_, price_step_)));
   double slope = 0.0;
   for (std::size_t i = 0; i < size(); ++i) {
-    slope += (right_[i] + level_variable_) * weight_step_[i];
+    slope += (right_[i] + multiplier_) * weight_step_[i];
   }
   if (slope > 1e-3) {  // below that Newton's model is exact enough to take the full step
     information(weight_step_, matrix_step_);
-    const double value = barrier(weights_, 0.0);
-    while (!(barrier(weights_, t) <= value - 1e-4 * t * slope)) {
+    const double value = barrier(0.0);
+    while (!(barrier(t) <= value - 1e-4 * t * slope)) {
       t *= 0.5;
       if (t < 1e-8) return false;
     }
@@ -206,7 +206,7 @@ bool BlockLimitedWorkingSet::step() {
     price_[b] = std::clamp(price_[b] + u * price_step_[b], 1e-8 * centring_ / slack_[b],
                            1e8 * centring_ / slack_[b]);
   }
-  level_variable_ += u * level_step_;
+  multiplier_ += u * multiplier_step_;
   return true;
 }
 

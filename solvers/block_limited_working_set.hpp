@@ -14,7 +14,7 @@
 //   (K + T) dlambda + 1 dnu = w - nu + mu/lambda - E^T mu/s,    1^T dlambda = 1 - 1^T lambda,
 //   T = D + E^T Gamma E,    D = diag(z_i / lambda_i),   Gamma = diag(kappa_b / s_b).
 //
-// positive definite and solved by a dense Cholesky factor. (The form of Sherman, Morrison and
+// K + T is positive definite; it is factorised dense. (The form of Sherman, Morrison and
 // Woodbury through the range of K would be linear in the number of members, but D^-1 grows without
 // bound on the support and takes the digits with it.)
 //
@@ -81,7 +81,7 @@ class BlockLimitedWorkingSet {
   [[nodiscard]] bool factorise();
   [[nodiscard]] bool direction();
   [[nodiscard]] bool step();
-  [[nodiscard]] double barrier(std::span<const double> weight, double step);
+  [[nodiscard]] double barrier(double step);
   [[nodiscard]] bool drop_below(double threshold);
   [[nodiscard]] bool drop_negligible(double tolerance);
 
@@ -99,8 +99,8 @@ class BlockLimitedWorkingSet {
   // Iterate and step: lambda, z by member, s and kappa by block.
   std::vector<double> weights_, reduced_cost_, slack_, price_;
   std::vector<double> weight_step_, reduced_cost_step_, slack_step_, price_step_;
-  double level_variable_ = 0.0, level_step_ = 0.0;  // nu
-  double centring_ = 0.0;                           // mu
+  double multiplier_ = 0.0, multiplier_step_ = 0.0;  // nu
+  double centring_ = 0.0;                            // mu
   bool started_ = false;
 
   std::vector<double> sensitivity_;  // w of the members

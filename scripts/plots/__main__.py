@@ -6,10 +6,11 @@
 import pathlib
 import sys
 
+import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study]
+GROUPS = [study, spectrum]
 
 
 def main():

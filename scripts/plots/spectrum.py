@@ -1,0 +1,140 @@
+"""Joint design of positions and excitation spectra: `graybox design spectrum`."""
+
+import matplotlib.pyplot as plt
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, read_table, save
+
+AXIS_COLOURS = {1: BLUE, 2: ORANGE, 3: GREEN, 4: SKY, 5: PURPLE, 6: VERMILION}
+NAMES = {"flat": "flat spectrum,\nbest positions",
+         "blocks_first": "positions of the flat design,\nthen spectra",
+         "two_step": "spectrum of each position,\nthen positions",
+         "joint": "joint"}
+COLOURS = {"flat": GREY, "blocks_first": GREEN, "two_step": ORANGE, "joint": BLUE}
+ASSUMED = "IRB 6600-like robot: stiffness, damping, motors and controller are assumed."
+
+
+def draw(folder):
+    tables = folder / "tables"
+    draw_spectra(folder, read_table(tables / "spectrum_optimal.csv"))
+    draw_comparison(folder, read_table(tables / "spectrum_comparison.csv"),
+                    read_table(tables / "spectrum_robustness.csv"))
+
+
+def unlimited(row):
+    return float(row["position_limit"]) >= 1.0
+
+
+def plain_numbers(axis):
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def draw_spectra(folder, rows):
+    joint = [row for row in rows if row["design"] == "joint" and unlimited(row)]
+    steps = [row for row in rows if row["design"] == "two_step"]
+    if not joint or not steps:
+        return
+    figure, panels = plt.subplots(2, 1, figsize=(7.2, 5.4), sharex=True, layout="constrained")
+    for axes, lines in zip(panels, (joint, steps)):
+        draw_stems(axes, lines)
+    for number in sorted({int(row["axis"]) for row in joint + steps}):
+        panels[1].plot([], [], "o", color=AXIS_COLOURS[number], markersize=4, label=str(number))
+    worst = max(abs(float(row["resonance"]) / float(row["frequency"]) - 1) for row in joint)
+    panels[0].set_title(
+        f"Joint design: {len(joint)} lines in {count_positions(joint)} positions, "
+        f"each within {100 * worst:.1f} % of a resonance there")
+    panels[1].set_title(f"Spectrum of each position first: {len(steps)} lines in "
+                        f"{count_positions(steps)} positions")
+    panels[1].legend(title="excited axis", ncol=2, loc="upper left", columnspacing=1.0,
+                     handletextpad=0.3)
+    panels[1].set_xlabel("frequency (Hz); lines of one frequency are drawn side by side\n" + ASSUMED)
+    save(folder, figure, "spectrum_optimal")
+
+
+def count_positions(lines):
+    return len({row["position"] for row in lines})
+
+
+def draw_stems(axes, lines):
+    """A stem for each line; those of one frequency stand side by side."""
+    taken = {}
+    for row in sorted(lines, key=lambda row: (int(row["axis"]), -float(row["weight"]))):
+        frequency = float(row["frequency"])
+        place = taken.get(frequency, 0)
+        taken[frequency] = place + 1
+        x = frequency * (1.0 + 0.006 * (place if place % 2 == 0 else -place - 1) / 2)
+        colour = AXIS_COLOURS[int(row["axis"])]
+        height = 100 * float(row["weight"])
+        axes.plot([x, x], [0, height], color=colour, linewidth=1)
+        axes.plot(x, height, "o", color=colour, markersize=3)
+    axes.set_xscale("log")
+    axes.set_xlim(0.95, 63)
+    axes.set_xticks([1, 2, 5, 10, 20, 50])
+    plain_numbers(axes.xaxis)
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("share of time times\nshare of power (%)")
+
+
+def draw_comparison(folder, comparison, robustness):
+    if not comparison or not robustness:
+        return
+    figure, panels = plt.subplots(1, 3, figsize=(11.5, 3.9), layout="constrained",
+                                  gridspec_kw={"width_ratios": [1.25, 1, 1.25]})
+    draw_designs(panels[0], comparison)
+    draw_limits(panels[1], comparison)
+    draw_robustness(panels[2], robustness)
+    figure.supxlabel(ASSUMED + " Equal time and reference power.", fontsize=8)
+    save(folder, figure, "spectrum_comparison")
+
+
+def draw_designs(axes, rows):
+    chosen = [row for row in rows if unlimited(row)]
+    chosen.sort(key=lambda row: -float(row["covariance"]))
+    flat = float(chosen[0]["covariance"])
+    for k, row in enumerate(reversed(chosen)):
+        value = float(row["covariance"])
+        axes.barh(k, value, color=COLOURS[row["design"]], height=0.6)
+        gain = "" if row["design"] == "flat" else f", {flat / value:.0f}× less"
+        axes.text(value * 1.15, k, f"{value:#.2g}{gain}", va="center", fontsize=8)
+    axes.set_yticks(range(len(chosen)), [NAMES[row["design"]] for row in reversed(chosen)],
+                    fontsize=8)
+    axes.set_xscale("log")
+    axes.set_xlim(0.004, 20)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel(r"covariance $(\det H^{-1})^{1/d}$")
+    axes.set_title("Choosing both saves most")
+
+
+def draw_limits(axes, rows):
+    joint = sorted((row for row in rows if row["design"] == "joint"),
+                   key=lambda row: float(row["position_limit"]))
+    best = float(joint[-1]["covariance"])
+    axes.plot([100 * float(row["position_limit"]) for row in joint],
+              [float(row["covariance"]) / best for row in joint], "o-", color=BLUE, markersize=4)
+    axes.set_xscale("log")
+    axes.set_xticks([0.5, 1, 2, 5, 10, 20, 100])
+    plain_numbers(axes.xaxis)
+    axes.set_xlabel("most time in any position (%)")
+    axes.set_ylabel("covariance over that without limit")
+    axes.set_title("Spreading the time costs little")
+
+
+def draw_robustness(axes, rows):
+    for name in ("flat", "two_step", "blocks_first", "joint"):
+        mine = [row for row in rows if row["design"] == name and unlimited(row)]
+        x = [100 * float(row["deviation"]) for row in mine]
+        axes.plot(x, [float(row["covariance_median"]) for row in mine], "o-", markersize=3,
+                  color=COLOURS[name], label=NAMES[name].replace("\n", " "))
+        axes.plot(x, [float(row["covariance_worst"]) for row in mine], ":", color=COLOURS[name])
+    axes.plot([], [], ":", color=BLACK, label=f"worst of {mine[-1]['samples']} draws")
+    axes.set_xscale("symlog", linthresh=1, linscale=0.5)
+    axes.set_xticks([0, 1, 3, 10, 30, 50])
+    plain_numbers(axes.xaxis)
+    axes.set_xlim(0, 55)
+    axes.set_yscale("log")
+    axes.set_ylim(top=3000)
+    axes.set_xlabel("true stiffness differs by up to (%)")
+    axes.set_ylabel("covariance, median")
+    axes.legend(fontsize=7.5, loc="upper left", ncol=1)
+    axes.set_title("The gain presumes known resonances")
