@@ -220,8 +220,7 @@ class DesignReader {
 
 }  // namespace
 
-void write_design(const std::string& path, const InformationSet& set, const Design& design,
-                  const SolveReport& report) {
+Json design_json(const InformationSet& set, const Design& design, const SolveReport& report) {
   const Certificate& certificate = report.certificate;
   Json support = Json::array();
   for (std::size_t i = 0; i < design.weights.size(); ++i) {
@@ -260,7 +259,12 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
               {"passes", report.counters.passes},
               {"seconds", report.counters.seconds}}}};
   if (!design.dual_matrix.empty()) root["dual_matrix"] = design.dual_matrix;
-  write_text_file(path, root.dump(1) + "\n");
+  return root;
+}
+
+void write_design(const std::string& path, const InformationSet& set, const Design& design,
+                  const SolveReport& report) {
+  write_text_file(path, design_json(set, design, report).dump(1) + "\n");
 }
 
 DesignFile read_design(const std::string& path, const InformationSet& set, WeightCheck check) {

@@ -24,6 +24,7 @@
 // "support" with "index" and "weight"; all else is optional on reading.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 
@@ -50,6 +51,10 @@ enum class WeightCheck {
   kStrict,      // weights must form a design: each at least -1e-12, their sum within 1e-9 of 1
   kForChecker,  // any finite weights: the caller hands them to certify()
 };
+
+// What write_design() writes, for files that say more (exact/exact_design_file.hpp).
+[[nodiscard]] nlohmann::ordered_json design_json(const InformationSet& set, const Design& design,
+                                                 const SolveReport& report);
 
 // Writes the file in full or not at all. report.problem_hash must be set. Throws InputError if the
 // file can't be written.

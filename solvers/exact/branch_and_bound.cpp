@@ -1,0 +1,313 @@
+#include "graybox/solvers/exact/branch_and_bound.hpp"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/solvers/exact/exact_screening.hpp"
+#include "graybox/solvers/exact/exchange.hpp"
+#include "graybox/solvers/exact/local_exchange.hpp"
+#include "graybox/solvers/exact/node_relaxation.hpp"
+#include "graybox/solvers/exact/rounded_solution.hpp"
+#include "graybox/solvers/exact/tree_checkpoint.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kBatch = 32;
+constexpr std::int64_t kExchangeEvery = 64;  // nodes, after the first that many
+constexpr double kSecondsBetweenCheckpoints = 60.0;
+
+// Best first, then in order of creation: std::push_heap keeps the largest in front.
+bool later(const TreeNode& a, const TreeNode& b) {
+  return a.bound < b.bound || (a.bound == b.bound && a.number > b.number);
+}
+
+std::vector<std::int64_t> counts_of(std::span<const std::uint32_t> runs, std::size_t pool_size) {
+  std::vector<std::int64_t> counts(pool_size, 0);
+  for (const std::uint32_t member : runs) ++counts[member];
+  return counts;
+}
+
+class Tree {
+ public:
+  Tree(const InformationSet& set, const Relaxation& relaxation, const ExactOptions& options,
+       ExactObserver* observer)
+      : set_(set),
+        relaxation_(relaxation),
+        options_(options),
+        observer_(observer),
+        dimension_(static_cast<double>(set.dimension())),
+        tolerance_(dimension_ * std::log1p(options.gap)),
+        start_(std::chrono::steady_clock::now()) {}
+
+  ExactSolution run() {
+    if (options_.resume) {
+      state_ = read_checkpoint(options_.checkpoint, set_, options_);
+      earlier_seconds_ = state_.seconds;
+      earlier_newton_steps_ = state_.newton_steps;
+    } else {
+      find_incumbent();
+    }
+    const WhitenedPool pool(set_, relaxation_, state_.pool, options_.threads);
+    pool_ = &pool;
+    if (!options_.resume) plant(pool);
+    for (const TreeNode& node : state_.open) bytes_ += bytes_of(node);
+    prepare_workers();
+    const ExactStatus status = grow();
+    if (!options_.checkpoint.empty()) save();
+    return solution(status);
+  }
+
+ private:
+  struct Worker {
+    NodeRelaxation relaxation;
+    LocalExchange exchange;
+  };
+
+  void find_incumbent() {
+    ExchangeResult found = search_by_exchange(set_, relaxation_, options_, observer_);
+    state_.incumbent = std::move(found.counts);
+    screened_ = screen_counts(relaxation_, options_.experiments, found.log_det);
+    state_.pool = screened_.candidates;
+  }
+
+  // The root: the screened box, with the relaxed optimum as its start.
+  void plant(const WhitenedPool& pool) {
+    std::vector<std::int64_t> counts(pool.size());
+    auto box = std::make_shared<CountBox>();
+    for (std::size_t k = 0; k < pool.size(); ++k) {
+      const std::size_t candidate = pool.candidates()[k];
+      counts[k] = state_.incumbent[candidate];
+      box->push_back({.member = static_cast<std::uint32_t>(k),
+                      .lower = 0,
+                      .upper = screened_.upper[k],
+                      .start = static_cast<float>(relaxation_.weights[candidate] *
+                                                  static_cast<double>(options_.experiments))});
+    }
+    state_.incumbent_log_det = LocalExchange(pool).log_det(counts);
+    const double bound = relaxation_bound();
+    push({.bound = bound, .number = state_.created++, .box = std::move(box)});
+  }
+
+  void prepare_workers() {
+    for (int thread = 0; thread < options_.threads; ++thread) {
+      workers_.push_back(std::make_unique<Worker>(Worker{
+          NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_), LocalExchange(*pool_)}));
+    }
+  }
+
+  // Bounds inside the tree are in the coordinates of the pool.
+  [[nodiscard]] double relaxation_bound() const {
+    return relaxation_.log_det_bound(options_.experiments) - pool_->log_det_shift();
+  }
+  [[nodiscard]] double threshold() const { return state_.incumbent_log_det + tolerance_; }
+  [[nodiscard]] double bound() const {
+    const double open = state_.open.empty() ? -kInfinity : state_.open.front().bound;
+    return std::min(relaxation_bound(),
+                    std::max({open, state_.given_up_bound, state_.incumbent_log_det}));
+  }
+  [[nodiscard]] double efficiency() const {
+    return std::exp(std::min(state_.incumbent_log_det - bound(), 0.0) / dimension_);
+  }
+  [[nodiscard]] double seconds() const {
+    const std::chrono::duration<double> here = std::chrono::steady_clock::now() - start_;
+    return earlier_seconds_ + relaxation_.seconds + here.count();
+  }
+  static double bytes_of(const TreeNode& node) {
+    return static_cast<double>(sizeof(TreeNode) + node.box->size() * sizeof(BoxEntry) / 2);
+  }
+
+  void push(TreeNode node) {
+    bytes_ += bytes_of(node);
+    state_.open.push_back(std::move(node));
+    std::ranges::push_heap(state_.open, &later);
+  }
+
+  TreeNode pop() {
+    std::ranges::pop_heap(state_.open, &later);
+    TreeNode node = std::move(state_.open.back());
+    state_.open.pop_back();
+    bytes_ -= bytes_of(node);
+    return node;
+  }
+
+  ExactStatus grow() {
+    double next_checkpoint = seconds() + kSecondsBetweenCheckpoints;
+    for (;;) {
+      give_up_hopeless();
+      mark();
+      if (state_.open.empty()) return ExactStatus::kOptimal;
+      if (seconds() >= options_.time_limit || !report()) return ExactStatus::kTimeLimit;
+      if (bytes_ > options_.memory_limit) return ExactStatus::kMemoryLimit;
+      if (!options_.checkpoint.empty() && seconds() >= next_checkpoint) {
+        save();
+        next_checkpoint = seconds() + kSecondsBetweenCheckpoints;
+      }
+      take_batch();
+      process_batch();
+      merge_batch();
+    }
+  }
+
+  // Once the best open node is hopeless, all are.
+  void give_up_hopeless() {
+    if (state_.open.empty() || state_.open.front().bound > threshold()) return;
+    state_.given_up_bound = std::max(state_.given_up_bound, state_.open.front().bound);
+    state_.open.clear();
+    bytes_ = 0.0;
+  }
+
+  void take_batch() {
+    batch_.clear();
+    while (batch_.size() < kBatch && !state_.open.empty() &&
+           state_.open.front().bound > threshold()) {
+      batch_.push_back(pop());
+    }
+    outcomes_.resize(batch_.size());
+  }
+
+  void process_batch() {
+    held_to_ = threshold();
+    const auto count = static_cast<std::ptrdiff_t>(batch_.size());
+#pragma omp parallel num_threads(options_.threads)
+    {
+      Worker& worker = *workers_[static_cast<std::size_t>(omp_get_thread_num())];
+#pragma omp for schedule(dynamic, 1)
+      for (std::ptrdiff_t k = 0; k < count; ++k) {
+        const auto at = static_cast<std::size_t>(k);
+        outcomes_[at] = worker.relaxation.process(batch_[at], held_to_);
+        const std::int64_t number = batch_[at].number;
+        if (number < kExchangeEvery || number % kExchangeEvery == 0) {
+          improve(worker.exchange, outcomes_[at]);
+        }
+      }
+    }
+  }
+
+  void improve(LocalExchange& exchange, NodeOutcome& outcome) const {
+    if (outcome.design.empty() || outcome.design_log_det == -kInfinity) return;
+    std::vector<std::int64_t> counts = counts_of(outcome.design, pool_->size());
+    outcome.design_log_det = exchange.improve(counts);
+    outcome.design.clear();
+    for (std::size_t k = 0; k < counts.size(); ++k) {
+      outcome.design.insert(outcome.design.end(), static_cast<std::size_t>(counts[k]),
+                            static_cast<std::uint32_t>(k));
+    }
+  }
+
+  void merge_batch() {
+    for (std::size_t k = 0; k < batch_.size(); ++k) {
+      NodeOutcome& outcome = outcomes_[k];
+      ++state_.nodes;
+      if (outcome.design_log_det > state_.incumbent_log_det + 1e-12) adopt(outcome);
+      if (outcome.box == nullptr) {
+        state_.given_up_bound = std::max(state_.given_up_bound, outcome.bound);
+        continue;
+      }
+      if (outcome.shrunk) state_.given_up_bound = std::max(state_.given_up_bound, held_to_);
+      add_half(outcome, outcome.down_bound, 0, outcome.floor);
+      add_half(outcome, outcome.up_bound, outcome.floor + 1,
+               std::numeric_limits<std::int32_t>::max());
+    }
+  }
+
+  void add_half(const NodeOutcome& outcome, double half_bound, std::int32_t lower,
+                std::int32_t upper) {
+    push({.bound = half_bound,
+          .number = state_.created++,
+          .box = outcome.box,
+          .entry = outcome.entry,
+          .lower = lower,
+          .upper = upper});
+  }
+
+  void adopt(const NodeOutcome& outcome) {
+    state_.incumbent_log_det = outcome.design_log_det;
+    std::ranges::fill(state_.incumbent, 0);
+    for (const std::uint32_t member : outcome.design) {
+      ++state_.incumbent[pool_->candidates()[member]];
+    }
+  }
+
+  void mark() {
+    if (efficiency() >= kMarkedEfficiency && !std::isfinite(state_.seconds_to_mark)) {
+      state_.seconds_to_mark = seconds();
+    }
+  }
+
+  bool report() {
+    if (observer_ == nullptr) return true;
+    return observer_->on_progress({.seconds = seconds(),
+                                   .nodes = state_.nodes,
+                                   .open = state_.open.size(),
+                                   .survivors = state_.pool.size(),
+                                   .log_det = state_.incumbent_log_det + pool_->log_det_shift(),
+                                   .log_det_bound = bound() + pool_->log_det_shift(),
+                                   .proven_efficiency = efficiency()});
+  }
+
+  void save() {
+    state_.seconds = seconds() - relaxation_.seconds;
+    state_.newton_steps = newton_steps();
+    write_checkpoint(options_.checkpoint, set_, options_, state_);
+  }
+
+  [[nodiscard]] std::int64_t newton_steps() const {
+    std::int64_t steps = earlier_newton_steps_;
+    for (const auto& worker : workers_) steps += worker->relaxation.newton_steps();
+    return steps;
+  }
+
+  ExactSolution solution(ExactStatus status) {
+    ExactSolution answer;
+    answer.design.counts = state_.incumbent;
+    answer.log_det_bound = bound() + pool_->log_det_shift();
+    answer.iterations = newton_steps();
+    answer.nodes = state_.nodes;
+    answer.open_nodes = state_.open.size();
+    answer.survivors = state_.pool.size();
+    answer.seconds = seconds();
+    answer.seconds_to_mark = state_.seconds_to_mark;
+    judge(set_, relaxation_, options_, answer);
+    if (answer.status == ExactStatus::kFeasible) answer.status = status;
+    return answer;
+  }
+
+  const InformationSet& set_;
+  const Relaxation& relaxation_;
+  const ExactOptions& options_;
+  ExactObserver* observer_;
+  double dimension_;
+  double tolerance_;
+  std::chrono::steady_clock::time_point start_;
+  double earlier_seconds_ = 0.0;
+  std::int64_t earlier_newton_steps_ = 0;
+  CountLimits screened_;
+  const WhitenedPool* pool_ = nullptr;
+  TreeState state_;
+  double bytes_ = 0.0;
+  double held_to_ = 0.0;  // threshold of the present batch
+  std::vector<std::unique_ptr<Worker>> workers_;
+  std::vector<TreeNode> batch_;
+  std::vector<NodeOutcome> outcomes_;
+};
+
+}  // namespace
+
+ExactSolution BranchAndBound::solve(const InformationSet& set, const Relaxation& relaxation,
+                                    const ExactOptions& options, ExactObserver* observer) const {
+  require_exact_problem(set, options);
+  if (options.resume && options.checkpoint.empty()) {
+    throw InputError("resume needs a checkpoint to resume from");
+  }
+  return Tree(set, relaxation, options, observer).run();
+}
+
+}  // namespace graybox

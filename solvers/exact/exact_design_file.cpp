@@ -1,0 +1,162 @@
+#include "graybox/solvers/exact/exact_design_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/solvers/design_file.hpp"
+
+namespace graybox {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json counts_json(const ExactDesign& design) {
+  Json counts = Json::array();
+  for (std::size_t i = 0; i < design.counts.size(); ++i) {
+    if (design.counts[i] != 0) counts.push_back({{"index", i}, {"count", design.counts[i]}});
+  }
+  return counts;
+}
+
+void add_exact_keys(const ExactReport& report, Json& root) {
+  const ExactSolution& solution = report.solution;
+  const ExactCertificate& certificate = report.certificate;
+  root["status"] = to_string(solution.status);
+  root["message"] = solution.message;
+  root["method"] = report.share.solver;
+  root["experiments"] = certificate.experiments;
+  root["counts"] = counts_json(solution.design);
+  root["proven_efficiency"] = certificate.proven_efficiency;
+  root["exact_log_det"] = certificate.log_det;
+  root["exact_log_det_bound"] = certificate.log_det_bound;
+  root["covariance"] = certificate.covariance;
+  root["covariance_bound"] = certificate.covariance_bound;
+  root["nodes"] = solution.nodes;
+  root["open_nodes"] = solution.open_nodes;
+  root["survivors"] = solution.survivors;
+  root["eliminated"] = report.share.candidates - solution.survivors;
+  root["time_to_efficiency"] = solution.seconds_to_mark;
+}
+
+// Checks what it reads; `path` begins every message.
+class ClaimReader {
+ public:
+  ClaimReader(const std::string& path, const InformationSet& set, const Design& weights)
+      : path_(path), set_(set), weights_(weights) {
+    std::ifstream stream(path, std::ios::binary);
+    root_ = Json::parse(stream, nullptr, false);
+  }
+
+  std::optional<ExactClaim> read() {
+    if (!root_.is_object() || !root_.contains("counts")) return std::nullopt;
+    ExactClaim claim;
+    claim.design.counts.assign(set_.candidate_count(), 0);
+    if (!root_["counts"].is_array()) fail("counts must be a list");
+    for (const Json& entry : root_["counts"]) read_count(entry, claim);
+    claim.experiments = whole(root_, "experiments", "experiments");
+    if (claim.design.experiments() != claim.experiments || claim.experiments < 1) {
+      fail(fmt::format("the counts sum to {}, experiments is {}", claim.design.experiments(),
+                       claim.experiments));
+    }
+    require_weights(claim);
+    if (root_.contains("method") && root_["method"].is_string()) {
+      claim.method = root_["method"].get<std::string>();
+    }
+    if (root_.contains("exact_log_det_bound") && root_["exact_log_det_bound"].is_number()) {
+      claim.log_det_bound = root_["exact_log_det_bound"].get<double>();
+    }
+    return claim;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(fmt::format("{}: {}", path_, problem));
+  }
+
+  [[nodiscard]] std::int64_t whole(const Json& parent, const char* key,
+                                   const std::string& where) const {
+    if (!parent.is_object() || !parent.contains(key) || !parent[key].is_number_integer()) {
+      fail(fmt::format("{} is missing or no whole number", where));
+    }
+    const auto value = parent[key].get<std::int64_t>();
+    if (value < 0 || value > kMostExperiments) {
+      fail(fmt::format("{} is {}; it must be from 0 to {}", where, value, kMostExperiments));
+    }
+    return value;
+  }
+
+  void read_count(const Json& entry, ExactClaim& claim) const {
+    const std::int64_t index = whole(entry, "index", "an index in counts");
+    if (index >= static_cast<std::int64_t>(set_.candidate_count())) {
+      fail(fmt::format("counts: index {} is not below {}", index, set_.candidate_count()));
+    }
+    std::int64_t& count = claim.design.counts[static_cast<std::size_t>(index)];
+    if (count != 0) fail(fmt::format("counts: index {} stands there twice", index));
+    count = whole(entry, "count", fmt::format("the count of index {}", index));
+  }
+
+  void require_weights(const ExactClaim& claim) const {
+    const Design shares = claim.design.weights();
+    for (std::size_t i = 0; i < shares.weights.size(); ++i) {
+      if (std::abs(shares.weights[i] - weights_.weights[i]) > 1e-9) {
+        fail(fmt::format("index {} has weight {} in support, but count {} of {}", i,
+                         weights_.weights[i], claim.design.counts[i], claim.experiments));
+      }
+    }
+  }
+
+  const std::string& path_;
+  const InformationSet& set_;
+  const Design& weights_;
+  Json root_;
+};
+
+}  // namespace
+
+ExactReport report_exact(const InformationSet& set, const Relaxation& relaxation,
+                         std::string_view method, const ExactOptions& options,
+                         ExactSolution solution) {
+  ExactReport report;
+  report.certificate =
+      certify_exact(set, solution.design, options.experiments, relaxation, solution.log_det_bound);
+  SolveReport& share = report.share;
+  share.solver = method;
+  share.problem = set.name();
+  share.candidates = set.candidate_count();
+  share.dimension = set.dimension();
+  share.options = {.duality_gap = options.gap,
+                   .time_limit = options.time_limit,
+                   .seed = options.seed,
+                   .threads = options.threads};
+  share.certificate = certify(set, solution.design.weights());
+  share.counters = {.iterations = solution.iterations, .passes = 0.0, .seconds = solution.seconds};
+  share.peak_memory_bytes = peak_memory_bytes();
+  report.solution = std::move(solution);
+  return report;
+}
+
+Json to_json(const ExactReport& report) {
+  Json root = to_json(report.share);
+  add_exact_keys(report, root);
+  return root;
+}
+
+void write_exact_design(const std::string& path, const InformationSet& set,
+                        const ExactReport& report) {
+  Json root = design_json(set, report.solution.design.weights(), report.share);
+  add_exact_keys(report, root);
+  write_text_file(path, root.dump(1) + "\n");
+}
+
+std::optional<ExactClaim> read_exact_claim(const std::string& path, const InformationSet& set,
+                                           const Design& weights) {
+  return ClaimReader(path, set, weights).read();
+}
+
+}  // namespace graybox

@@ -1,0 +1,31 @@
+#include "graybox/solvers/exact/exact_screening.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "graybox/solvers/screening.hpp"
+
+namespace graybox {
+
+CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments,
+                          double incumbent_log_det) {
+  const auto d = static_cast<double>(relaxation.dimension);
+  const auto m = static_cast<double>(experiments);
+  const double largest =
+      *std::ranges::max_element(relaxation.sensitivities) * (1.0 + kScreeningMargin);
+  // Loss of the incumbent against M(lambda), per experiment; raised by what log det is not known to.
+  const double loss =
+      relaxation.certificate.log_det + d * std::log(m) - incumbent_log_det + kScreeningMargin;
+  const double budget = m * (largest - d * std::exp(-loss / d));
+  CountLimits limits;
+  for (std::size_t i = 0; i < relaxation.sensitivities.size(); ++i) {
+    const double cost = largest - relaxation.sensitivities[i] * (1.0 + kScreeningMargin);
+    if (cost > budget) continue;
+    limits.candidates.push_back(i);
+    limits.upper.push_back(cost * m > budget ? static_cast<std::int32_t>(budget / cost)
+                                             : static_cast<std::int32_t>(experiments));
+  }
+  return limits;
+}
+
+}  // namespace graybox

@@ -1,0 +1,30 @@
+// Which candidates can appear in an optimal exact design, and how often at most: rule (6) of
+// box_bound.hpp, from the relaxed problem's solution and one good design, over the whole set.
+//
+//   const CountLimits limits = screen_counts(relaxation, 20, incumbent_log_det);
+//   limits.candidates;   // survivors, ascending
+//   limits.upper;        // the most repetitions of each of them
+//
+// Safe: every design of M experiments with log det M(m) >= incumbent_log_det lies inside the limits,
+// all optimal designs among them. Sensitivities are taken to be known to kScreeningMargin (relative),
+// which they are for M(lambda) of condition up to 1e9 (they come from extended precision). O(Q).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "graybox/solvers/exact/relaxation.hpp"
+
+namespace graybox {
+
+struct CountLimits {
+  std::vector<std::size_t> candidates;
+  std::vector<std::int32_t> upper;
+};
+
+// incumbent_log_det may be minus infinity: then all candidates are left, M times each.
+[[nodiscard]] CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments,
+                                        double incumbent_log_det);
+
+}  // namespace graybox
