@@ -53,6 +53,10 @@ int check(const CheckArguments& arguments) {
     report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
     report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
   }
+  if (!file.objective.empty() && report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;
+    report.message = fmt::format("made for the objective {}", file.objective);
+  }
   if (arguments.json) {
     fmt::print("{}\n", to_json(report).dump());
   } else {

@@ -132,4 +132,19 @@ bool Progress::on_progress(const TracePoint& point) {
   return !interrupted();
 }
 
+CountProgress::CountProgress(std::string noun, std::size_t total)
+    : noun_(std::move(noun)), total_(total), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+CountProgress::~CountProgress() {
+  if (terminal_) std::fputs("\r\033[K", stderr);
+}
+
+bool CountProgress::update(std::size_t done) {
+  if (terminal_) {
+    fmt::print(stderr, "\r\033[K{} {} of {}", noun_, done, total_);
+    std::fflush(stderr);
+  }
+  return !interrupted();
+}
+
 }  // namespace graybox::cli

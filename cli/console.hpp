@@ -35,4 +35,20 @@ class Progress : public SolveObserver {
   std::chrono::steady_clock::time_point next_{};
 };
 
+// "sample 12 of 50" on stderr in the same way, for work that is counted.
+class CountProgress {
+ public:
+  CountProgress(std::string noun, std::size_t total);
+  ~CountProgress();
+  CountProgress(const CountProgress&) = delete;
+  CountProgress& operator=(const CountProgress&) = delete;
+  // False once the user has asked to stop.
+  bool update(std::size_t done);
+
+ private:
+  std::string noun_;
+  std::size_t total_;
+  bool terminal_;
+};
+
 }  // namespace graybox::cli

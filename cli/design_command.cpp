@@ -8,6 +8,8 @@ void add_design_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("design", "Designs beyond one information set");
   command->require_subcommand(1);
   add_design_spectrum_command(*command, invocation);
+  add_design_robust_command(*command, invocation);
+  add_design_efficiency_command(*command, invocation);
 }
 
 }  // namespace graybox::cli

@@ -61,6 +61,7 @@ class DesignReader {
     file.counters.iterations =
         static_cast<std::int64_t>(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
+    file.objective = text(object("objective"), "name");
     file.design.weights = weights(check);
     file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
     return file;

@@ -18,6 +18,8 @@
 // "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
 // lower triangle); without it the design is meant for D. Criterion E may add "dual_matrix" (E,
 // packed lower triangle), which certify() makes use of.
+// A design made for more than one information set, or under a limit, says so in "objective", an object
+// with a "name" ("average", "worst_case", "concentration_limit") and what else its maker reports.
 // Only candidates of non-zero weight are listed; indices count from zero; "candidate" holds the
 // coordinates where the set has some. Numbers are written with as many digits as read back exactly
 // (up to 17); infinite ones are null. A program that writes designs for graybox needs "format" and
@@ -44,6 +46,7 @@ struct DesignFile {
   std::string message;       //
   std::optional<double> asked_gap;
   std::optional<Criterion> criterion;
+  std::string objective;  // name of the "objective", empty for a plain optimal design
   SolveCounters counters;
 };
 

@@ -145,7 +145,7 @@ ConcentrationCertificate certify_concentrated(const InformationSet& set, const D
   const auto d = static_cast<Extended>(set.dimension());
   const Extended delta = information.residual();
   certificate.status = CertificateStatus::kCertified;
-  certificate.log_det = static_cast<double>(information.log_det());
+  certificate.log_det = certificate.criterion_value = static_cast<double>(information.log_det());
   certificate.worst_candidate =
       static_cast<std::size_t>(std::ranges::max_element(sensitivity) - sensitivity.begin());
   certificate.duality_gap = static_cast<double>(maximum.value / d - 1);

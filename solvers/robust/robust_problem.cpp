@@ -178,7 +178,7 @@ RobustCertificate certify_robust(const RobustProblem& problem, const Design& des
   const Extended gap = pricing.largest / d * spread - 1;
 
   certificate.status = CertificateStatus::kCertified;
-  certificate.log_det = static_cast<double>(objective);
+  certificate.log_det = certificate.criterion_value = static_cast<double>(objective);
   certificate.worst_candidate = pricing.candidate;
   certificate.duality_gap = static_cast<double>(gap);
   // Prices sum to one, and log dets are known, to double precision at least.
