@@ -74,6 +74,7 @@ Samples make_samples(const RobustArguments& arguments) {
   Samples samples;
   samples.thetas =
       latin_hypercube_stiffness(stiffness.options, stiffness.samples, robot.parameters.size());
+  samples.sets.reserve(stiffness.samples);
   CountProgress progress("information matrices of sample", stiffness.samples);
   for (const Eigen::VectorXd& theta : samples.thetas) {
     if (!progress.update(samples.sets.size() + 1)) {
