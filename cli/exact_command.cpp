@@ -7,10 +7,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "exact_report_text.hpp"
+#include "exact_table.hpp"
 #include "graybox/bench/pin_threads.hpp"
+#include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_method.hpp"
@@ -23,8 +28,10 @@ struct ExactArguments {
   std::string set;
   std::string variable;
   std::string method = "branch_and_bound";
+  std::string experiments;
   ExactOptions options;
   std::string output;
+  std::string table;
   bool json = false;
 };
 
@@ -76,57 +83,38 @@ ExactReport run(const ExactArguments& arguments, const InformationSet& set) {
   return report_exact(set, relaxation, method.name(), options, std::move(solution));
 }
 
-std::string describe_exact(const ExactReport& report) {
-  const ExactCertificate& certificate = report.certificate;
-  const ExactSolution& solution = report.solution;
-  std::string text = fmt::format("{}: {}", report.share.solver, to_string(solution.status));
-  if (!solution.message.empty()) text += fmt::format(" ({})", solution.message);
-  text += '\n';
-  if (certificate.status == CertificateStatus::kCertified) {
-    text += fmt::format(
-        "  experiments   {} in {} candidates\n"
-        "  covariance    {:.10g}; no design of {} experiments is below {:.10g}\n"
-        "  D-efficiency  at least {:.8f} of the best exact design\n",
-        certificate.experiments, certificate.support_size, certificate.covariance,
-        certificate.experiments, certificate.covariance_bound, certificate.proven_efficiency);
-  }
-  if (solution.survivors > 0) {
-    text += fmt::format("  candidates    {} of {} left by screening\n", solution.survivors,
-                        report.share.candidates);
-  }
-  text += fmt::format("  work          {} nodes ({} open), {} iterations, {:.3g} s\n",
-                      solution.nodes, solution.open_nodes, solution.iterations, solution.seconds);
-  return text;
-}
-
-std::string describe_counts(const InformationSet& set, const ExactDesign& design) {
-  constexpr std::size_t kShown = 40;
-  const CandidateTable& table = set.candidates();
-  std::string text = fmt::format("  {:>10} {:>12}", "count", "candidate");
-  for (std::size_t k = 0; k < table.names.size(); ++k) {
-    const std::string unit = table.units[k].empty() ? "" : " [" + table.units[k] + "]";
-    text += fmt::format(" {:>12}", table.names[k] + unit);
-  }
-  text += '\n';
-  std::size_t listed = 0;
-  for (std::size_t i = 0; i < design.counts.size(); ++i) {
-    if (design.counts[i] == 0 || listed++ >= kShown) continue;
-    text += fmt::format("  {:>10} {:>12}", design.counts[i], i);
-    for (const double value : set.coordinates(i)) text += fmt::format(" {:>12.6g}", value);
-    text += '\n';
-  }
-  if (listed > kShown) text += fmt::format("  {:>10} and {} more\n", "...", listed - kShown);
-  return text;
-}
-
 int exit_code(ExactStatus status) {
   return status == ExactStatus::kOptimal || status == ExactStatus::kFeasible ? kDone : kShort;
 }
 
-int exact(const ExactArguments& arguments, Invocation& invocation) {
+int table(const ExactArguments& arguments, const InformationSet& set) {
+  ExactLine line{arguments.method};
+  catch_interrupts();
+  const bool complete = write_exact_table(
+      arguments.table, set, parse_experiments(arguments.experiments), arguments.options, line);
+  if (!arguments.json) fmt::print("wrote {}\n", arguments.table);
+  return complete ? kDone : kShort;
+}
+
+// Throws InputError for what does not go together.
+void require_one_run(const ExactArguments& arguments, std::size_t runs) {
+  if (arguments.table.empty() && runs > 1) {
+    throw InputError(fmt::format("experiments: {} values need --table FILE", runs));
+  }
+  if (!arguments.table.empty() &&
+      !(arguments.output.empty() && arguments.options.checkpoint.empty())) {
+    throw InputError("--table takes neither --output nor --checkpoint");
+  }
+}
+
+int exact(ExactArguments& arguments, Invocation& invocation) {
+  const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
+  require_one_run(arguments, runs.size());
+  arguments.options.experiments = runs.front();
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
+  if (!arguments.table.empty()) return table(arguments, set);
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();
   const bool regular = report.solution.status != ExactStatus::kSingular;
@@ -150,7 +138,10 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   ExactOptions& options = arguments->options;
   command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
       ->required();
-  command->add_option("-M,--experiments", options.experiments, "experiments to run, M")->required();
+  command
+      ->add_option("-M,--experiments", arguments->experiments,
+                   "experiments to run, M; with --table a list as 1:20,25,30")
+      ->required();
   command
       ->add_option("--method", arguments->method,
                    "rounding, efficient_rounding, exchange or branch_and_bound")
@@ -166,6 +157,8 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--resume", options.resume, "go on from the checkpoint");
   command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_option("-o,--output", arguments->output, "write the design as JSON, with counts");
+  command->add_option("--table", arguments->table,
+                      "run every method for each M and write a CSV table");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Covariance is (det sum_i m_i H_i)^(-1/d). The proven efficiency compares with the best "
@@ -177,7 +170,8 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
       "  graybox exact set.h5 --experiments 20 --time-limit 300 --threads 2 -o design.json\n"
       "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --time-limit 60\n"
       "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --resume\n"
-      "  graybox exact set.h5 --experiments 20 --method rounding --json");
+      "  graybox exact set.h5 --experiments 20 --method rounding --json\n"
+      "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });
 }

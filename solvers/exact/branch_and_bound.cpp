@@ -13,7 +13,6 @@
 #include "graybox/solvers/exact/exchange.hpp"
 #include "graybox/solvers/exact/local_exchange.hpp"
 #include "graybox/solvers/exact/node_relaxation.hpp"
-#include "graybox/solvers/exact/rounded_solution.hpp"
 #include "graybox/solvers/exact/tree_checkpoint.hpp"
 
 namespace graybox {
@@ -275,7 +274,7 @@ class Tree {
     answer.survivors = state_.pool.size();
     answer.seconds = seconds();
     answer.seconds_to_mark = state_.seconds_to_mark;
-    judge(set_, relaxation_, options_, answer);
+    judge_exact(set_, relaxation_, options_, answer);
     if (answer.status == ExactStatus::kFeasible) answer.status = status;
     return answer;
   }

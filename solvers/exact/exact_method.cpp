@@ -5,12 +5,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/exact/branch_and_bound.hpp"
 #include "graybox/solvers/exact/efficient_rounding.hpp"
+#include "graybox/solvers/exact/exact_certificate.hpp"
 #include "graybox/solvers/exact/exchange.hpp"
 #include "graybox/solvers/exact/rounding.hpp"
 
@@ -96,6 +98,23 @@ void require_exact_problem(const InformationSet& set, const ExactOptions& option
     throw InputError(fmt::format(
         "{}: {} experiments of rank at most {} can't estimate {} parameters; take at least {}",
         set.name(), options.experiments, rank, d, least));
+  }
+}
+
+void judge_exact(const InformationSet& set, const Relaxation& relaxation,
+                 const ExactOptions& options, ExactSolution& solution) {
+  const ExactCertificate certificate =
+      certify_exact(set, solution.design, options.experiments, relaxation, solution.log_det_bound);
+  if (certificate.status != CertificateStatus::kCertified) {
+    solution.status = ExactStatus::kSingular;
+    solution.message = certificate.message;
+    return;
+  }
+  solution.status = certificate.proven_efficiency * (1.0 + options.gap) >= 1.0
+                        ? ExactStatus::kOptimal
+                        : ExactStatus::kFeasible;
+  if (certificate.proven_efficiency >= kMarkedEfficiency) {
+    solution.seconds_to_mark = std::min(solution.seconds_to_mark, solution.seconds);
   }
 }
 

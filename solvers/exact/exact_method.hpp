@@ -80,7 +80,7 @@ struct ExactSolution {
   std::size_t survivors = 0;  // candidates that were left after screening
   double seconds = 0.0;       // with the relaxation; over all runs if resumed
   double seconds_to_mark = std::numeric_limits<double>::infinity();  // kMarkedEfficiency proven
-  std::string message;
+  std::string message = {};
 };
 
 class ExactMethod {
@@ -101,5 +101,10 @@ class ExactMethod {
 // the rank of a sum is at most the sum of ranks, so at least d / max_i rank H_i are needed. (For
 // candidates of rank one or full rank that many are also enough.)
 void require_exact_problem(const InformationSet& set, const ExactOptions& options);
+
+// kOptimal if the proven efficiency is at least 1 / (1 + gap), else kFeasible; kSingular for a
+// singular design. Also fills seconds_to_mark where the mark is reached and was not before.
+void judge_exact(const InformationSet& set, const Relaxation& relaxation,
+                 const ExactOptions& options, ExactSolution& solution);
 
 }  // namespace graybox

@@ -10,7 +10,6 @@
 #include "graybox/solvers/exact/efficient_rounding.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
 #include "graybox/solvers/exact/local_exchange.hpp"
-#include "graybox/solvers/exact/rounded_solution.hpp"
 #include "graybox/solvers/exact/rounding.hpp"
 
 namespace graybox {
@@ -183,7 +182,7 @@ ExactSolution Exchange::solve(const InformationSet& set, const Relaxation& relax
   solution.seconds =
       relaxation.seconds +
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  judge(set, relaxation, options, solution);
+  judge_exact(set, relaxation, options, solution);
   return solution;
 }
 

@@ -14,9 +14,4 @@ namespace graybox {
     const InformationSet& set, const Relaxation& relaxation, const ExactOptions& options,
     std::vector<std::int64_t> (*round)(std::span<const double> weights, std::int64_t experiments));
 
-// kOptimal if the proven efficiency is at least 1 / (1 + gap), else kFeasible; kSingular for a
-// singular design. Also fills seconds_to_mark where the mark is reached and was not before.
-void judge(const InformationSet& set, const Relaxation& relaxation, const ExactOptions& options,
-           ExactSolution& solution);
-
 }  // namespace graybox
