@@ -169,4 +169,9 @@ double RigidChainEvaluator::potential_energy(const Eigen::VectorXd& q) {
   return energy;
 }
 
+BodyPlaces RigidChainEvaluator::body_places(const Eigen::VectorXd& q) {
+  workspace_->forward_kinematics(q);
+  return {workspace_->origins, workspace_->centres};
+}
+
 }  // namespace graybox

@@ -55,6 +55,12 @@ class RigidChain {
   Eigen::Vector3d gravity_;
 };
 
+// Where the bodies of a chain are, in the base frame, m.
+struct BodyPlaces {
+  std::vector<Eigen::Vector3d> origins;          // of each rotation's frame
+  std::vector<Eigen::Vector3d> centres_of_mass;  // of each body; its frame's origin where massless
+};
+
 // Evaluates a chain at any q. Holds KDL's workspace, so each thread needs its own.
 class RigidChainEvaluator {
  public:
@@ -71,6 +77,7 @@ class RigidChainEvaluator {
                                          const Eigen::VectorXd& velocity);
   const Eigen::MatrixXd& gravity_stiffness(const Eigen::VectorXd& q);  // dg/dq, N m/rad
   double potential_energy(const Eigen::VectorXd& q);                   // U(q), J
+  BodyPlaces body_places(const Eigen::VectorXd& q);
 
  private:
   struct Workspace;

@@ -6,11 +6,12 @@
 import pathlib
 import sys
 
+import paper
 import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, spectrum]
+GROUPS = [study, paper, spectrum]
 
 
 def main():

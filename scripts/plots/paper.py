@@ -1,0 +1,234 @@
+"""The paper's Table I and Figures 2, 4 and 5, from tables/table_1.csv, figure_2.csv, figure_4.csv,
+figure_5.csv and exact_designs.csv (graybox paper, graybox exact)."""
+
+import math
+import pathlib
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+
+from style import BLACK, BLUE, GREY, SKY, VERMILION, read_table, save
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+JOINTS = [f"q{joint}_deg" for joint in range(1, 6)]
+
+
+def table_1(folder):
+    """tables/table_1.md: ours beside the paper's, and the features that can be compared."""
+    ours = read_table(folder / "tables" / "table_1.csv")
+    theirs = read_table(ROOT / "results" / "paper_table_1.csv")
+    curve = read_table(folder / "tables" / "figure_4.csv")
+    if not ours:
+        return
+    lines = ["| | q1 | q2 | q3 | q4 | q5 | cov | λ | | paper: q1 | q2 | q3 | q4 | q5 | cov | λ |",
+             "|" + "---|" * 16]
+    for name in dict.fromkeys([row["row"] for row in ours] + [row["row"] for row in theirs]):
+        mine = next((row for row in ours if row["row"] == name), None)
+        paper = next((row for row in theirs if row["row"] == name), None)
+        lines.append(f"| {name} | " + " | ".join(cells(mine)) + " | | " + " | ".join(cells(paper)) + " |")
+    lines += ["", "| feature | graybox | paper |", "|---|---|---|"]
+    lines += [f"| {what} | {mine} | {paper} |" for what, mine, paper in features(ours, theirs, curve)]
+    (folder / "tables" / "table_1.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(f"wrote {folder / 'tables' / 'table_1.md'}")
+
+
+def cells(row):
+    if row is None:
+        return [""] * 7
+    extreme = row["row"] in ("Min", "Med", "Max")
+    weight = "" if extreme else f"{float(row['weight']):.4f}"
+    return [f"{float(row[joint]):g}" for joint in JOINTS] + [f"{float(row['covariance']):.1f}", weight]
+
+
+def features(ours, theirs, curve):
+    """(what, ours, the paper's) for everything that does not depend on which positions they are."""
+    def of(rows, name):
+        return f"{float(next(row for row in rows if row['row'] == name)['covariance']):.1f}"
+
+    def weights(rows):
+        return [float(row["weight"]) for row in rows if row["row"].isdigit()]
+
+    def span(rows):
+        return f"{min(weights(rows)):.4f} to {max(weights(rows)):.4f}"
+
+    result = [("support positions", len(weights(ours)), len(weights(theirs))),
+              ("best single position over the optimal mix", of(ours, "Min"), of(theirs, "Min")),
+              ("median position", of(ours, "Med"), of(theirs, "Med")),
+              ("worst position", of(ours, "Max"), of(theirs, "Max")),
+              ("weights", span(ours), span(theirs))]
+    if curve:
+        at = {int(row["experiments"]): row for row in curve}
+        best = float(at[1]["best_single"])
+        result += [
+            (f"{m} rounded experiments equal … in the best single position",
+             f"{best / float(at[m]['rounded']):.1f}", paper) for m, paper in ((10, "almost 60"), (3, "10"))]
+        if 100 in at:
+            row = {name: float(value) for name, value in at[100].items() if value}
+            result += [("100 experiments: one random position over 100 random ones",
+                        f"{row['random_one_mean'] / row['random_mean']:.1f}", "10"),
+                       ("100 experiments: 100 random positions over the best single one",
+                        f"{row['random_mean'] / row['best_single']:.1f}", "3")]
+    return result
+
+
+def plain_log_axis(axis, ticks):
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def columns(rows, prefix):
+    names = [name for name in rows[0] if name.startswith(prefix)]
+    return [[float(row[name]) for row in rows] for name in names]
+
+
+def figure_2(folder):
+    rows = read_table(folder / "tables" / "figure_2.csv")
+    if not rows:
+        return
+    frequency = [float(row["frequency_hz"]) for row in rows]
+    figure, axes = plt.subplots(figsize=(7.2, 4.4))
+    for values in columns(rows, "response_"):
+        axes.loglog(frequency, values, color=BLUE, lw=1.2)
+    for values in columns(rows, "inverse_controller_"):
+        axes.loglog(frequency, values, color=VERMILION, lw=1.2, ls="--")
+    axes.plot([], [], color=BLUE, label="robot, $G$")
+    axes.plot([], [], color=VERMILION, ls="--", label="inverse controller, $F^{-1}$")
+    axes.set_xlim(frequency[0], frequency[-1])
+    plain_log_axis(axes.xaxis, [1, 2, 5, 10, 20, 50])
+    axes.set_xlabel("frequency, Hz")
+    axes.set_ylabel("singular values, rad/s per N m (motor side)")
+    axes.legend(loc="lower left", fontsize=8)
+    axes.set_title("Figure 2: frequency response at $q_m = 0$ and the inverse controller")
+    save(folder, figure, "figure_2")
+
+
+def known(rows, name):
+    """(M, value) where the column holds a number."""
+    pairs = [(int(row["experiments"]), float(row[name])) for row in rows if row.get(name)]
+    return [m for m, _ in pairs], [value for _, value in pairs]
+
+
+def figure_4(folder):
+    rows = read_table(folder / "tables" / "figure_4.csv")
+    if not rows:
+        return
+    exact = read_table(folder / "tables" / "exact_designs.csv")
+    figure, axes = plt.subplots(figsize=(7.6, 5.4))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    m, low = known(rows, "random_low")
+    _, high = known(rows, "random_high")
+    axes.fill_between(m, low, high, color=GREY, alpha=0.18, lw=0)
+    axes.plot(*known(rows, "random_one_mean"), color=GREY, lw=1.2, ls=(0, (1, 1.5)),
+              label="one random position, mean over all positions")
+    axes.plot(*known(rows, "random_mean"), color=GREY, lw=1.4, ls="-.",
+              label="M random positions, mean (band: 5 % to 95 %)")
+    axes.plot(*known(rows, "best_single"), color=VERMILION, lw=1.4, ls="--",
+              label="best single position")
+    axes.plot(*known(rows, "rounded"), color=SKY, lw=0, marker="o", ms=3.6, mfc="white",
+              label=r"rounded, $\tilde{m}$ (the paper's footnote 3)")
+    if exact:
+        axes.plot(*known(exact, "branch_and_bound"), color=BLACK, lw=0, marker=".", ms=4,
+                  label="best integer design found, $m^*$ (bound: docs/exact.md)")
+    axes.plot(*known(rows, "relaxed"), color=BLUE, lw=1.2, label=r"relaxed, $M\lambda^*$: lower bound")
+    axes.set_xlim(1, m[-1])
+    plain_log_axis(axes.xaxis, [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if tick <= m[-1]])
+    plain_log_axis(axes.yaxis, [0.01, 0.1, 1, 10, 100])
+    axes.set_xlabel("number of experiments M")
+    axes.set_ylabel("covariance, det($H$)$^{-1/d}$ (1: relaxed optimum, one experiment)")
+    axes.legend(fontsize=8, loc="upper right")
+    axes.set_title("Figure 4: " + figure_4_message(rows))
+    save(folder, figure, "figure_4")
+
+
+def figure_4_message(rows):
+    """How many experiments in the best single position equal ten rounded ones."""
+    best = float(rows[0]["best_single"])
+    ten = [float(row["rounded"]) for row in rows if row["experiments"] == "10" and row["rounded"]]
+    if not ten:
+        return "covariance against the number of experiments"
+    return f"ten chosen positions are worth {best / ten[0]:.0f} experiments in the best single one"
+
+
+def poses_of(rows):
+    poses = {}
+    for row in rows:
+        poses.setdefault(row["pose"], []).append(row)
+    return [(float(points[0]["weight"]),
+             np.array([[float(point[axis]) for axis in ("x_m", "y_m", "z_m")] for point in points]))
+            for points in poses.values()]
+
+
+def draw_arm(axes, places, width, project):
+    line = [project(place) for place in places]
+    axes.plot(*zip(*line), color=BLUE, lw=width, solid_capstyle="round", zorder=2)
+    axes.plot(*zip(*line[:-1]), ls="", marker="o", color=BLACK, ms=2.2, zorder=3)
+    axes.plot(*zip(line[-1]), ls="", marker="o", mfc="white", mec=VERMILION, mew=1.4, ms=6, zorder=4)
+
+
+def reach(poses):
+    """A cube that holds every pose."""
+    points = np.vstack([places for _, places in poses])
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    half = (points.max(axis=0) - points.min(axis=0)).max() / 2 * 1.06
+    return centre - half, centre + half
+
+
+def side_panels(figure, grid, poses):
+    """One panel a pose, seen from the side: along the plane in which the arm bends."""
+    across = math.ceil(len(poses) / 3)
+    panels = grid.subgridspec(3, across, wspace=0.08, hspace=0.28)
+    points = np.vstack([places for _, places in poses])
+    radius = np.hypot(points[:, 0], points[:, 1]).max() + 0.15
+    for k, (weight, places) in enumerate(poses):
+        axes = figure.add_subplot(panels[k // across, k % across])
+        turn = np.arctan2(places[2][1], places[2][0])  # joint 1, seen at the shoulder
+        forward = np.array([math.cos(turn), math.sin(turn)])
+        draw_arm(axes, places, 2.0, lambda place, f=forward: (place[:2] @ f, place[2]))
+        axes.set_xlim(-radius, radius)
+        axes.set_ylim(min(points[:, 2].min(), 0) - 0.2, points[:, 2].max() + 0.2)
+        axes.set_aspect("equal")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.axhline(0, color="#bbbbbb", lw=0.8)
+        for side in axes.spines.values():
+            side.set_visible(False)
+        axes.set_title(f"{k + 1}:  {weight:.3f}", fontsize=8, pad=2)
+
+
+def figure_5(folder):
+    rows = read_table(folder / "tables" / "figure_5.csv")
+    if not rows:
+        return
+    poses = poses_of(rows)
+    figure = plt.figure(figsize=(11.5, 5.2))
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1), wspace=0.0)
+    side_panels(figure, grid[0], poses)
+    axes = figure.add_subplot(grid[1], projection="3d")
+    for weight, places in poses:
+        draw_arm(axes, places, 0.8 + 14 * weight, lambda place: tuple(place))
+    low, high = reach(poses)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_zlim(low[2], high[2])
+    axes.set_box_aspect((1, 1, 1), zoom=1.02)
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.text2D(0.97, 0.83, "z, m", transform=axes.transAxes)
+    axes.view_init(elev=18, azim=-62)
+    axes.tick_params(labelsize=7)
+    figure.suptitle(f"Figure 5: the {len(poses)} optimal positions", x=0.12, ha="left", fontsize=11, y=0.97)
+    figure.text(0.12, 0.035, "Left: each from the side, in the vertical plane through its shoulder, with its "
+                "number in Table I and its weight. Right: all in space, line width by weight.\n"
+                "Dots: joints; circle: payload (centre of mass of the last link with its load). "
+                "Geometry from the URDF.", fontsize=7.5, color="#555555", va="top")
+    save(folder, figure, "figure_5")
+
+
+def draw(folder):
+    table_1(folder)
+    figure_2(folder)
+    figure_4(folder)
+    figure_5(folder)
