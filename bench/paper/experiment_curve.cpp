@@ -85,7 +85,8 @@ std::vector<CurvePoint> experiment_curve(const InformationSet& set, const Design
     std::vector<double>& draws = random[m - 1];
     std::ranges::sort(draws);
     CurvePoint point{.experiments = m, .relaxed = 1.0 / count};
-    point.rounded = counts_covariance(set, round_weights(relaxed.weights, static_cast<std::int64_t>(m))) / unit;
+    point.rounded =
+        counts_covariance(set, round_weights(relaxed.weights, static_cast<std::int64_t>(m))) / unit;
     point.best_single = best / count;
     point.random_mean = mean(draws) / unit;
     point.random_low = quantile(draws, 0.05) / unit;
