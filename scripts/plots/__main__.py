@@ -6,12 +6,13 @@
 import pathlib
 import sys
 
+import exact_designs
 import paper
 import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, spectrum]
+GROUPS = [study, paper, spectrum, exact_designs]
 
 
 def main():
