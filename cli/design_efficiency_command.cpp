@@ -127,6 +127,15 @@ class EfficiencyTable {
     }
   }
 
+  // Throws InputError where row k is not what the present designs and grid give.
+  void require_row(std::size_t k, const std::vector<double>& row) const {
+    for (std::size_t j = 0; j < row.size(); ++j) {
+      if (std::abs(rows_[k][j] - row[j]) <= 1e-6 * (1.0 + std::abs(row[j]))) continue;
+      throw InputError(fmt::format(
+          "{}: row {} is of other designs or positions; remove the file or use --fresh", path_, k));
+    }
+  }
+
   void add(std::vector<double> row) { rows_.push_back(std::move(row)); }
 
   void write() const {
@@ -239,16 +248,21 @@ int efficiency(const EfficiencyArguments& arguments) {
   const std::vector<NamedDesign> designs =
       read_designs(arguments, robot_information_set(robot, positions, options));
 
+  const auto row_of = [&](std::size_t k) {
+    const InformationSet set =
+        robot_information_set(with_stiffness_factors(robot, thetas[k]), positions, options);
+    return evaluate(set, k, thetas[k], designs);
+  };
   EfficiencyTable table(arguments.output, robot, designs);
-  if (!arguments.fresh && !arguments.output.empty()) table.resume(thetas);
+  if (!arguments.fresh && !arguments.output.empty()) {
+    table.resume(thetas);
+    if (table.size() > 0) table.require_row(0, row_of(0));
+  }
   {
     constexpr std::size_t kWriteEvery = 20;
     CountProgress progress("sample", thetas.size());
     while (table.size() < thetas.size() && progress.update(table.size() + 1)) {
-      const std::size_t k = table.size();
-      const InformationSet set =
-          robot_information_set(with_stiffness_factors(robot, thetas[k]), positions, options);
-      table.add(evaluate(set, k, thetas[k], designs));
+      table.add(row_of(table.size()));
       if (table.size() % kWriteEvery == 0) table.write();
     }
   }

@@ -21,6 +21,11 @@ void InformationStep::compute(std::span<const double> weight_step, std::span<dou
   price_scaled_step(traces);
 }
 
+void InformationStep::residual_traces(std::span<double> traces) {
+  scaled_step_ = scaling_.residual();
+  price_scaled_step(traces);
+}
+
 void InformationStep::apply_hessian(std::span<const double> weight_step, std::span<double> traces) {
   scale_information_step(weight_step);
   price_scaled_step(traces);

@@ -4,7 +4,7 @@
 //
 //   dM~ = G^T dM G,   dW~ = E - dM~,   dW = G dW~ G^T = G E G^T - P dM P.
 //
-// Two passes over the rows each; no allocation after construction.
+// Two passes over the rows, one for residual_traces(); no allocation after construction.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,6 +25,9 @@ class InformationStep {
   void compute(std::span<const double> weight_step, std::span<double> traces);
   [[nodiscard]] const Eigen::MatrixXd& scaled_w_step() const { return scaled_step_; }  // dW~
   [[nodiscard]] const Eigen::MatrixXd& w_step() const { return w_step_; }              // dW
+
+  // traces_i = tr(G E G^T B_i): compute() for no step of the weights.
+  void residual_traces(std::span<double> traces);
 
   // traces_i = tr(P dM P B_i) = (K dlambda)_i, which is compute() with E = 0 and the other sign;
   // leaves dW~ and dW undefined.

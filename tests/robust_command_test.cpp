@@ -126,6 +126,8 @@ TEST_F(RobustCommand, EfficiencyGoesOnWhereItStopped) {
   EXPECT_EQ(read_text(folder_.file("table.csv")), whole);
   expect_refused(run + "6 --seed 9", "of other samples");
   expect_refused(run + "6 --best-single", "with other columns");
+  ASSERT_EQ(graybox("design robust --grid 40 --samples 3 -o design.json").exit_code, 0);
+  expect_refused(run + "6", "of other designs");
 }
 
 TEST_F(RobustCommand, RefusesBadInputInOneLine) {

@@ -8,11 +8,12 @@ import sys
 
 import exact_designs
 import paper
+import robust
 import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, spectrum, exact_designs]
+GROUPS = [study, paper, spectrum, exact_designs, robust]
 
 
 def main():

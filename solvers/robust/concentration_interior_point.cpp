@@ -89,6 +89,7 @@ class ConcentrationNewton {
         follow_image_(count_),
         constant_(count_),
         ratios_(count_),
+        residual_traces_(count_),
         right_side_(count_),
         border_{Vector(count_), Vector(count_), Vector(count_)} {
     const auto d = static_cast<Eigen::Index>(normal.dimension());
@@ -206,7 +207,14 @@ class ConcentrationNewton {
     return schur.allFinite() && border_factor_.isInvertible();
   }
 
+  // g = tr(G E G^T B_i); again whenever E has changed.
+  void price_residual() {
+    information_step_.residual_traces(residual_traces_);
+    tracer_.count_passes(1.0);
+  }
+
   bool predict() {
+    price_residual();
     for (std::size_t i = 0; i < count_; ++i) {
       targets_.weight[i] = -at_.weight[i] * at_.reduced_cost[i];
       targets_.excess[i] = -at_.excess[i] * at_.excess_price[i];
@@ -226,6 +234,7 @@ class ConcentrationNewton {
 
   bool correct() {
     scaling_.add_second_order(information_step_.scaled_w_step());
+    price_residual();
     for (std::size_t i = 0; i < count_; ++i) {
       targets_.weight[i] += centring_ - step_.weight[i] * step_.reduced_cost[i];
       targets_.excess[i] += centring_ - step_.excess[i] * step_.excess_price[i];
@@ -301,21 +310,19 @@ class ConcentrationNewton {
       step_.weight[i] = solved_[i] - x(0) * inverse_border_[0][i] - x(1) * inverse_border_[1][i] -
                         x(2) * inverse_border_[2][i] + follow_[i] * x(1);
     }
-    tracer_.count_passes(system_->solve_passes() + 4.0);
+    tracer_.count_passes(system_->solve_passes() + 2.0);
     recover_pairs();
     return std::isfinite(sum_of(step_.weight)) && x.allFinite();
   }
 
   // R = c/lambda + g - b, and the right side of the border.
   Eigen::Vector3d form_right_side() {
-    std::ranges::fill(step_.weight, 0.0);
-    information_step_.compute(step_.weight, right_side_);  // g
     double constants = 0.0, spread = 0.0;
     for (std::size_t i = 0; i < count_; ++i) {
       const double from_excess = targets_.excess[i] / at_.excess[i];
       const double from_room = targets_.room[i] / at_.room[i];
       constant_[i] = (1.0 - share_[i]) * from_room - share_[i] * from_excess;
-      right_side_[i] += targets_.weight[i] / at_.weight[i] - constant_[i];
+      right_side_[i] = residual_traces_[i] + targets_.weight[i] / at_.weight[i] - constant_[i];
       constants += constant_[i];
       spread += (from_excess + from_room) * compliance_[i];
     }
@@ -440,13 +447,14 @@ class ConcentrationNewton {
   Iterate at_;
   Iterate step_;
   Targets targets_, kept_targets_;
-  Vector stiffness_;     // h
-  Vector share_;         // kappa
-  Vector compliance_;    // 1/(p + q)
-  Vector follow_;        // k
-  Vector follow_image_;  // K k
-  Vector constant_;      // b
-  Vector ratios_;        // D
+  Vector stiffness_;        // h
+  Vector share_;            // kappa
+  Vector compliance_;       // 1/(p + q)
+  Vector follow_;           // k
+  Vector follow_image_;     // K k
+  Vector constant_;         // b
+  Vector ratios_;           // D
+  Vector residual_traces_;  // g
   Vector right_side_, solved_;
   double compliance_sum_ = 0.0;           // tau
   std::array<Vector, 3> border_;          // 1, K k, kappa

@@ -35,7 +35,7 @@
 // with tau = sum 1/(p + q) + v/eta. K + D^-1 is solved with as before, through the p x p range of K
 // (make_low_rank_primal_system): three solves for the border, one for the predictor and one for the
 // corrector, against one, one and one without the limit. Up to two correctors of Gondzio (1996)
-// follow. Cost an iteration: one Hessian assembly, Q p^2 flops, 23 to 41 passes and one sort of Q
+// follow. Cost an iteration: one Hessian assembly, Q p^2 flops, 21 to 33 passes and one sort of Q
 // numbers for the gap; linear in Q but for the sort.
 //
 // Start, strictly feasible and centred: lambda = 1/Q, and with rho = r/Q, y = eta rho, z = eta (1 -
