@@ -71,7 +71,7 @@ class ExactLine : public ExactObserver {
 ExactReport run(const ExactArguments& arguments, const InformationSet& set) {
   const ExactMethod& method = exact_method(arguments.method);
   const ExactOptions& options = arguments.options;
-  require_exact_problem(set, options);
+  require_exact_options(options);
   const Relaxation relaxation =
       solve_relaxation(set, {.seed = options.seed, .threads = options.threads});
   ExactLine line{arguments.method};

@@ -93,12 +93,14 @@ std::vector<std::int64_t> parse_experiments(std::string_view text) {
 bool write_exact_table(const std::string& path, const InformationSet& set,
                        const std::vector<std::int64_t>& experiments, ExactOptions options,
                        ExactObserver& observer) {
-  for (const std::int64_t m : experiments) {
-    options.experiments = m;
-    require_exact_problem(set, options);
-  }
+  options.experiments = experiments.front();
+  require_exact_options(options);
   const Relaxation relaxation =
       solve_relaxation(set, {.seed = options.seed, .threads = options.threads});
+  for (const std::int64_t m : experiments) {
+    options.experiments = m;
+    require_exact_problem(set, relaxation, options);
+  }
   std::string text = header();
   for (const std::int64_t m : experiments) {
     options.experiments = m;

@@ -359,6 +359,18 @@ TEST(EfficientRounding, KeepsTheHeaviestWithFewerRunsThanSupportPoints) {
   EXPECT_EQ(round_weights_efficiently(std::vector{0.3, 0.2, 0.5}, 1), (Counts{0, 0, 1}));
 }
 
+// Copies of a candidate change nothing but the tree, which must not branch on which copy is run.
+TEST(ExactDesign, CopiesOfCandidatesCostNothing) {
+  const InformationSet set = wishart(4, 40, 4, 9);
+  const InformationSet copies = concatenated(set, concatenated(set, set));
+  const ExactOptions options{.experiments = 7, .gap = 1e-9};
+  const ExactSolution once = solve(set, options), thrice = solve(copies, options);
+  EXPECT_EQ(thrice.status, ExactStatus::kOptimal);
+  EXPECT_EQ(thrice.survivors, once.survivors);
+  EXPECT_NEAR(log_det_of(matrices_of(copies), thrice.design.counts),
+              log_det_of(matrices_of(set), once.design.counts), 1e-8);
+}
+
 // H_i = e_i e_i^T: det is the product of the counts, so the best design is as even as possible.
 TEST(ExactDesign, BalancesOrthogonalCandidates) {
   for (const std::int64_t experiments : {4, 5, 7, 10, 23, 401}) {
@@ -479,6 +491,25 @@ TEST(BranchAndBound, ResumesAsIfItHadNotBeenInterrupted) {
   expect_same(method.solve(set, relaxation, options), whole);  // resuming a finished run
 }
 
+TEST(BranchAndBound, StopsWithABoundWhereMemoryOrTimeEnds) {
+  const InformationSet set = branching_set();
+  const Relaxation relaxation = solve_relaxation(set);
+  const ExactMethod& method = exact_method("branch_and_bound");
+  const ExactOptions options{.experiments = kBranching};
+  const double best = method.solve(set, relaxation, options).log_det_bound;
+  ExactOptions small = options, hasty = options;
+  small.memory_limit = 1.0;
+  hasty.time_limit = 1e-9;
+  for (const auto& [limited, status] :
+       {std::pair{small, ExactStatus::kMemoryLimit}, std::pair{hasty, ExactStatus::kTimeLimit}}) {
+    const ExactSolution answer = method.solve(set, relaxation, limited);
+    EXPECT_EQ(answer.status, status);
+    EXPECT_EQ(answer.design.experiments(), kBranching);
+    EXPECT_GE(answer.log_det_bound, best - 2e-5);
+    EXPECT_GT(answer.open_nodes, 0U);
+  }
+}
+
 TEST(BranchAndBound, RefusesACheckpointOfAnotherRun) {
   const testing::TemporaryFolder folder;
   const InformationSet set = branching_set();
@@ -530,9 +561,10 @@ TEST(ExactCertificate, DoesNotBelieveABoundThatTheDesignDisproves) {
 
 TEST(ExactMethod, RefusesBadProblems) {
   const InformationSet lines = wishart(4, 20, 1, 3);
+  const Relaxation relaxation = solve_relaxation(lines);
   const auto refused = [&](const ExactOptions& options, const std::string& text) {
     try {
-      require_exact_problem(lines, options);
+      require_exact_problem(lines, relaxation, options);
       FAIL() << "not refused: " << text;
     } catch (const InputError& error) {
       EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
@@ -547,7 +579,7 @@ TEST(ExactMethod, RefusesBadProblems) {
   refused({.experiments = 8, .time_limit = 0.0}, "time limit");
   refused({.experiments = 8, .threads = 0}, "threads");
   EXPECT_THROW((void)exact_method("simplex"), InputError);
-  EXPECT_NO_THROW(require_exact_problem(lines, {.experiments = 4}));
+  EXPECT_NO_THROW(require_exact_problem(lines, relaxation, {.experiments = 4}));
 }
 
 }  // namespace

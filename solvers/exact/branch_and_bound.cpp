@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/solvers/exact/exact_certificate.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
 #include "graybox/solvers/exact/exchange.hpp"
 #include "graybox/solvers/exact/local_exchange.hpp"
@@ -26,12 +27,6 @@ constexpr double kSecondsBetweenCheckpoints = 60.0;
 // Best first, then in order of creation: std::push_heap keeps the largest in front.
 bool later(const TreeNode& a, const TreeNode& b) {
   return a.bound < b.bound || (a.bound == b.bound && a.number > b.number);
-}
-
-std::vector<std::int64_t> counts_of(std::span<const std::uint32_t> runs, std::size_t pool_size) {
-  std::vector<std::int64_t> counts(pool_size, 0);
-  for (const std::uint32_t member : runs) ++counts[member];
-  return counts;
 }
 
 class Tree {
@@ -73,26 +68,25 @@ class Tree {
   void find_incumbent() {
     ExchangeResult found = search_by_exchange(set_, relaxation_, options_, observer_);
     state_.incumbent = std::move(found.counts);
+    state_.incumbent_log_det = found.log_det;
     screened_ = screen_counts(relaxation_, options_.experiments, found.log_det);
+    drop_copies(set_, screened_);
     state_.pool = screened_.candidates;
   }
 
   // The root: the screened box, with the relaxed optimum as its start.
   void plant(const WhitenedPool& pool) {
-    std::vector<std::int64_t> counts(pool.size());
     auto box = std::make_shared<CountBox>();
     for (std::size_t k = 0; k < pool.size(); ++k) {
-      const std::size_t candidate = pool.candidates()[k];
-      counts[k] = state_.incumbent[candidate];
-      box->push_back({.member = static_cast<std::uint32_t>(k),
-                      .lower = 0,
-                      .upper = screened_.upper[k],
-                      .start = static_cast<float>(relaxation_.weights[candidate] *
-                                                  static_cast<double>(options_.experiments))});
+      const double weight = relaxation_.weights[pool.candidates()[k]];
+      box->push_back(
+          {.member = static_cast<std::uint32_t>(k),
+           .lower = 0,
+           .upper = screened_.upper[k],
+           .start = static_cast<float>(weight * static_cast<double>(options_.experiments))});
     }
-    state_.incumbent_log_det = LocalExchange(pool).log_det(counts);
-    const double bound = relaxation_bound();
-    push({.bound = bound, .number = state_.created++, .box = std::move(box)});
+    state_.incumbent_log_det -= pool.log_det_shift();
+    push({.bound = relaxation_bound(), .number = state_.created++, .box = std::move(box)});
   }
 
   void prepare_workers() {
@@ -192,12 +186,14 @@ class Tree {
 
   void improve(LocalExchange& exchange, NodeOutcome& outcome) const {
     if (outcome.design.empty() || outcome.design_log_det == -kInfinity) return;
-    std::vector<std::int64_t> counts = counts_of(outcome.design, pool_->size());
+    std::vector<std::int64_t> counts(pool_->size(), 0);
+    for (const auto& [member, count] : outcome.design) counts[member] = count;
     outcome.design_log_det = exchange.improve(counts);
     outcome.design.clear();
     for (std::size_t k = 0; k < counts.size(); ++k) {
-      outcome.design.insert(outcome.design.end(), static_cast<std::size_t>(counts[k]),
-                            static_cast<std::uint32_t>(k));
+      if (counts[k] == 0) continue;
+      outcome.design.emplace_back(static_cast<std::uint32_t>(k),
+                                  static_cast<std::int32_t>(counts[k]));
     }
   }
 
@@ -230,8 +226,8 @@ class Tree {
   void adopt(const NodeOutcome& outcome) {
     state_.incumbent_log_det = outcome.design_log_det;
     std::ranges::fill(state_.incumbent, 0);
-    for (const std::uint32_t member : outcome.design) {
-      ++state_.incumbent[pool_->candidates()[member]];
+    for (const auto& [member, count] : outcome.design) {
+      state_.incumbent[pool_->candidates()[member]] = count;
     }
   }
 
@@ -267,7 +263,7 @@ class Tree {
   ExactSolution solution(ExactStatus status) {
     ExactSolution answer;
     answer.design.counts = state_.incumbent;
-    answer.log_det_bound = bound() + pool_->log_det_shift();
+    answer.log_det_bound = proven_bound(answer.design);
     answer.iterations = newton_steps();
     answer.nodes = state_.nodes;
     answer.open_nodes = state_.open.size();
@@ -276,7 +272,24 @@ class Tree {
     answer.seconds_to_mark = state_.seconds_to_mark;
     judge_exact(set_, relaxation_, options_, answer);
     if (answer.status == ExactStatus::kFeasible) answer.status = status;
+    if (answer.status == ExactStatus::kSingular) {
+      answer.message = status == ExactStatus::kOptimal ? "no design of that many runs is regular"
+                                                       : "no regular design was found";
+    }
     return answer;
+  }
+
+  // bound() in the coordinates of the set, with the incumbent's own log det from the checker: the
+  // tree's figure for it is not rounded upwards.
+  [[nodiscard]] double proven_bound(const ExactDesign& incumbent) const {
+    const ExactCertificate value =
+        certify_exact(set_, incumbent, options_.experiments, relaxation_);
+    const double shift = pool_->log_det_shift();
+    double searched = std::max(state_.given_up_bound,
+                               state_.open.empty() ? -kInfinity : state_.open.front().bound);
+    searched += shift + 4.0 * std::numeric_limits<double>::epsilon() * std::abs(shift);
+    return std::min(relaxation_.log_det_bound(options_.experiments),
+                    std::max(searched, value.log_det + value.rounding_bound));
   }
 
   const InformationSet& set_;
@@ -302,7 +315,7 @@ class Tree {
 
 ExactSolution BranchAndBound::solve(const InformationSet& set, const Relaxation& relaxation,
                                     const ExactOptions& options, ExactObserver* observer) const {
-  require_exact_problem(set, options);
+  require_exact_problem(set, relaxation, options);
   if (options.resume && options.checkpoint.empty()) {
     throw InputError("resume needs a checkpoint to resume from");
   }

@@ -2,14 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/exact/branch_and_bound.hpp"
 #include "graybox/solvers/exact/efficient_rounding.hpp"
 #include "graybox/solvers/exact/exact_certificate.hpp"
@@ -17,28 +13,6 @@
 #include "graybox/solvers/exact/rounding.hpp"
 
 namespace graybox {
-namespace {
-
-// An upper bound of the largest rank in the set: d as soon as one matrix has it.
-std::size_t largest_rank(const InformationSet& set) {
-  const auto d = static_cast<Eigen::Index>(set.dimension());
-  Eigen::MatrixXd full(d, d);
-  Eigen::Index largest = 0;
-  for (std::size_t i = 0; i < set.candidate_count() && largest < d; ++i) {
-    unpack(set.information(i).data(), set.dimension(), full.data());
-    // Rank does not depend on the units of the parameters; the threshold does.
-    const Eigen::VectorXd scale = full.diagonal().unaryExpr(
-        [](double entry) { return entry > 0.0 ? 1.0 / std::sqrt(entry) : 0.0; });
-    const Eigen::MatrixXd unit = scale.asDiagonal() * full * scale.asDiagonal();
-    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factor(unit);
-    factor.setThreshold(1e-13);
-    largest = std::max(largest, factor.rank());
-  }
-  return static_cast<std::size_t>(largest);
-}
-
-}  // namespace
-
 std::string_view to_string(ExactStatus status) {
   switch (status) {
     case ExactStatus::kOptimal:
@@ -76,7 +50,7 @@ const ExactMethod& exact_method(std::string_view name) {
   throw InputError(fmt::format("method '{}' is unknown; choose one of {}", name, known));
 }
 
-void require_exact_problem(const InformationSet& set, const ExactOptions& options) {
+void require_exact_options(const ExactOptions& options) {
   if (options.experiments < 1 || options.experiments > kMostExperiments) {
     throw InputError(fmt::format("experiments is {}; it must be a whole number from 1 to {}",
                                  options.experiments, kMostExperiments));
@@ -92,7 +66,12 @@ void require_exact_problem(const InformationSet& set, const ExactOptions& option
   if (options.threads < 1) {
     throw InputError(fmt::format("threads is {}; it must be at least 1", options.threads));
   }
-  const std::size_t d = set.dimension(), rank = largest_rank(set);
+}
+
+void require_exact_problem(const InformationSet& set, const Relaxation& relaxation,
+                           const ExactOptions& options) {
+  require_exact_options(options);
+  const std::size_t d = set.dimension(), rank = relaxation.largest_rank;
   const std::size_t least = (d + rank - 1) / rank;
   if (options.experiments < static_cast<std::int64_t>(least)) {
     throw InputError(fmt::format(

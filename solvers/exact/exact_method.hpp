@@ -97,10 +97,13 @@ class ExactMethod {
 // Throws InputError naming those there are.
 [[nodiscard]] const ExactMethod& exact_method(std::string_view name);
 
-// Throws InputError for options out of range, and where M experiments can't make a regular design:
-// the rank of a sum is at most the sum of ranks, so at least d / max_i rank H_i are needed. (For
-// candidates of rank one or full rank that many are also enough.)
-void require_exact_problem(const InformationSet& set, const ExactOptions& options);
+// Throws InputError for options out of range.
+void require_exact_options(const ExactOptions& options);
+// Also where M experiments can't make a regular design: the rank of a sum is at most the sum of the
+// ranks, so at least d / max_i rank H_i are needed. (For candidates of rank one or full rank that
+// many are also enough.)
+void require_exact_problem(const InformationSet& set, const Relaxation& relaxation,
+                           const ExactOptions& options);
 
 // kOptimal if the proven efficiency is at least 1 / (1 + gap), else kFeasible; kSingular for a
 // singular design. Also fills seconds_to_mark where the mark is reached and was not before.

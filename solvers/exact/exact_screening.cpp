@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
+#include <unordered_set>
+#include <utility>
 
 #include "graybox/solvers/screening.hpp"
 
@@ -26,6 +29,20 @@ CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments
                                              : static_cast<std::int32_t>(experiments));
   }
   return limits;
+}
+
+void drop_copies(const InformationSet& set, CountLimits& limits) {
+  std::unordered_set<std::string_view> seen;
+  CountLimits kept;
+  for (std::size_t k = 0; k < limits.candidates.size(); ++k) {
+    const auto packed = set.information(limits.candidates[k]);
+    if (!seen.emplace(reinterpret_cast<const char*>(packed.data()), packed.size_bytes()).second) {
+      continue;
+    }
+    kept.candidates.push_back(limits.candidates[k]);
+    kept.upper.push_back(limits.upper[k]);
+  }
+  limits = std::move(kept);
 }
 
 }  // namespace graybox

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/exact/relaxation.hpp"
 
 namespace graybox {
@@ -26,5 +27,9 @@ struct CountLimits {
 // incumbent_log_det may be minus infinity: then all candidates are left, M times each.
 [[nodiscard]] CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments,
                                         double incumbent_log_det);
+
+// Leaves only the first of candidates whose matrices are equal to the last bit: a run of one is a run
+// of the other. Rule (6) bounds the sum of their counts by the same number.
+void drop_copies(const InformationSet& set, CountLimits& limits);
 
 }  // namespace graybox

@@ -17,7 +17,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kRandomStarts = 12;
-constexpr int kPerturbations = 48;
+constexpr int kPerturbations = 48;       // without a better design
+constexpr std::size_t kGrownShare = 32;  // runs a parameter; beyond, rounding starts close enough
 
 class ExchangeSearch {
  public:
@@ -29,7 +30,7 @@ class ExchangeSearch {
         observer_(observer),
         random_(options.seed),
         start_(std::chrono::steady_clock::now()) {
-    result_.counts.assign(set.candidate_count(), 0);
+    result_.counts = round_weights(relaxation.weights, options.experiments);
     result_.log_det = -kInfinity;
   }
 
@@ -83,18 +84,21 @@ class ExchangeSearch {
     return inside;
   }
 
-  void offer(const WhitenedPool& pool, LocalExchange& exchange, std::vector<std::int64_t>& counts) {
+  // True if the improved counts are the best so far.
+  bool offer(const WhitenedPool& pool, LocalExchange& exchange, std::vector<std::int64_t>& counts) {
     const std::int64_t total = std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
-    if (total != options_.experiments) return;  // it had candidates that can't be in an optimum
+    if (total != options_.experiments)
+      return false;  // it had candidates that can't be in an optimum
     const std::int64_t steps_before = exchange.steps();
     const double log_det = exchange.improve(counts) + pool.log_det_shift();
     result_.steps += exchange.steps() - steps_before;
-    if (!(log_det > result_.log_det + 1e-11)) return;
+    if (!(log_det > result_.log_det + 1e-11)) return false;
     result_.log_det = log_det;
     std::ranges::fill(result_.counts, 0);
     for (std::size_t k = 0; k < counts.size(); ++k) {
       result_.counts[pool.candidates()[k]] = counts[k];
     }
+    return true;
   }
 
   void improve_roundings(const WhitenedPool& pool, LocalExchange& exchange) {
@@ -104,6 +108,7 @@ class ExchangeSearch {
       std::vector<std::int64_t> counts = restricted(pool, rounded);
       offer(pool, exchange, counts);
     }
+    if (options_.experiments > static_cast<std::int64_t>(kGrownShare * set_.dimension())) return;
     std::vector<std::int64_t> grown(pool.size());
     exchange.grow(options_.experiments, grown);
     offer(pool, exchange, grown);
@@ -127,13 +132,14 @@ class ExchangeSearch {
   }
 
   void perturb_best(const WhitenedPool& pool, LocalExchange& exchange) {
-    for (int attempt = 0; attempt < kPerturbations && !stopped(); ++attempt) {
+    int since_best = 0;
+    for (int attempt = 0; since_best < kPerturbations && !stopped(); ++attempt) {
       std::vector<std::int64_t> counts = restricted(pool, result_.counts);
       if (std::accumulate(counts.begin(), counts.end(), std::int64_t{0}) != options_.experiments) {
         return;
       }
       exchange.perturb(1 + attempt % 3, random_, counts);
-      offer(pool, exchange, counts);
+      since_best = offer(pool, exchange, counts) ? 0 : since_best + 1;
     }
   }
 
@@ -170,7 +176,7 @@ ExchangeResult search_by_exchange(const InformationSet& set, const Relaxation& r
 
 ExactSolution Exchange::solve(const InformationSet& set, const Relaxation& relaxation,
                               const ExactOptions& options, ExactObserver* observer) const {
-  require_exact_problem(set, options);
+  require_exact_problem(set, relaxation, options);
   const auto start = std::chrono::steady_clock::now();
   ExchangeResult found = search_by_exchange(set, relaxation, options, observer);
   ExactSolution solution;

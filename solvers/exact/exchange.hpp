@@ -7,7 +7,7 @@
 //      any exchange that could lead to a better one.
 //   3. On the survivors: all of these again, random starts drawn from lambda, then rounds of iterated
 //      local search, each of which replaces one to three runs of the best design at random and
-//      improves the result. A better design screens again.
+//      improves the result, until 48 in a row gain nothing. A better design screens again.
 //
 // What it proves is the relaxation's bound. Randomised by the seed; the same answer for any number of
 // threads. A start costs about as many exchange steps as the start differs from its optimum, each a
@@ -23,8 +23,9 @@
 namespace graybox {
 
 struct ExchangeResult {
-  std::vector<std::int64_t> counts;  // over the whole set
-  double log_det = 0.0;              // minus infinity if no regular design was found
+  std::vector<std::int64_t>
+      counts;            // over the whole set; the paper's rounding if nothing is better
+  double log_det = 0.0;  // minus infinity if no regular design was found
   std::int64_t steps = 0;
 };
 

@@ -50,12 +50,12 @@ bool LocalExchange::best_addition(std::span<const double> base, Best& best) {
   }
   kernels().price(pool_.rows(), pool_.size(), pool_.packed_size(), factor_.trace_dual().data(),
                   prices_.data());
-  const auto d = static_cast<double>(pool_.dimension());
+  const auto rank = static_cast<double>(pool_.largest_rank());
   // exp of the bound test, so that the loop over the pool needs no logarithm.
   const auto needed = [&] {
     return best.log_det == -kInfinity
                ? -kInfinity
-               : d * std::expm1((best.log_det + kSmallestGain - factor_.log_det()) / d);
+               : rank * std::expm1((best.log_det + kSmallestGain - factor_.log_det()) / rank);
   };
   bool found = false;
   double least = needed();

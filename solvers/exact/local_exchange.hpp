@@ -5,8 +5,9 @@
 // that raises log det M(m) most, over all pairs; the search ends where no exchange gains. With A_i =
 // M(m) - B_i and g_j = tr(A_i^-1 B_j),
 //
-//   log det(A_i + B_j) - log det A_i = sum_k log(1 + c_k) <= d log(1 + g_j / d),   sum_k c_k = g_j,
+//   log det(A_i + B_j) - log det A_i = sum_k log(1 + c_k) <= r log(1 + g_j / r),   sum_k c_k = g_j,
 //
+// with at most r = max rank B_j positive c_k,
 // so after pricing the pool once for each distinct i only the few j whose bound beats the best
 // exchange so far are evaluated by a Cholesky factorisation. Where A_i is singular (rank-one
 // candidates, M close to d) it is given a ridge first, which only raises the bound.

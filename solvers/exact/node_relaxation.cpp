@@ -439,29 +439,29 @@ bool NodeRelaxation::probe(double threshold, bool& dead) {
 
 // The design next to x: counts rounded down, then the largest fractions up until there are M.
 void NodeRelaxation::offer_rounded(NodeOutcome& outcome) {
-  fractions_.clear();
   std::int64_t left = experiments_;
-  outcome.design.clear();
-  std::ranges::fill(trial_matrix_, 0.0);
-  const auto run = [&](std::size_t i, std::int32_t times) {
-    if (times <= 0) return;
-    outcome.design.insert(outcome.design.end(), static_cast<std::size_t>(times),
-                          static_cast<std::uint32_t>(member_[i]));
-    const auto row = pool_.row(member_[i]);
-    for (std::size_t k = 0; k < packed_size_; ++k) trial_matrix_[k] += times * row[k];
-  };
+  fractions_.clear();
+  whole_.resize(x_.size());
   for (std::size_t i = 0; i < x_.size(); ++i) {
-    const double whole = std::clamp(std::floor(x_[i] + kIntegral), static_cast<double>(lower_[i]),
-                                    static_cast<double>(upper_[i]));
-    run(i, static_cast<std::int32_t>(whole));
-    left -= static_cast<std::int64_t>(whole);
-    if (whole < upper_[i]) fractions_.emplace_back(whole - x_[i], i);
+    whole_[i] =
+        std::clamp(static_cast<std::int32_t>(std::floor(x_[i] + kIntegral)), lower_[i], upper_[i]);
+    left -= whole_[i];
+    if (whole_[i] < upper_[i]) fractions_.emplace_back(whole_[i] - x_[i], i);
   }
   std::ranges::sort(fractions_);
   for (std::size_t k = 0; left > 0 && k < fractions_.size(); ++k, --left) {
-    run(fractions_[k].second, 1);
+    ++whole_[fractions_[k].second];
   }
-  outcome.design_log_det = left == 0 ? probe_factor_.log_det_of(trial_matrix_) : -kInfinity;
+  if (left != 0) return;
+  outcome.design.clear();
+  std::ranges::fill(trial_matrix_, 0.0);
+  for (std::size_t i = 0; i < x_.size(); ++i) {
+    if (whole_[i] == 0) continue;
+    outcome.design.emplace_back(static_cast<std::uint32_t>(member_[i]), whole_[i]);
+    const auto row = pool_.row(member_[i]);
+    for (std::size_t k = 0; k < packed_size_; ++k) trial_matrix_[k] += whole_[i] * row[k];
+  }
+  outcome.design_log_det = probe_factor_.log_det_of(trial_matrix_);
 }
 
 // The half-way point of the best-scored count, or of the widest box if all counts are whole.

@@ -34,6 +34,7 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
@@ -71,8 +72,8 @@ struct NodeOutcome {
   std::int32_t floor = 0;
   double down_bound = 0.0;
   double up_bound = 0.0;
-  // A design met on the way: pool members, one for each run, and its log det.
-  std::vector<std::uint32_t> design;
+  // A design met on the way, (pool member, count), and its log det.
+  std::vector<std::pair<std::uint32_t, std::int32_t>> design;
   double design_log_det = -std::numeric_limits<double>::infinity();
 };
 
@@ -129,7 +130,7 @@ class NodeRelaxation {
 
   // The node, variable by variable.
   std::vector<std::size_t> member_;
-  std::vector<std::int32_t> lower_, upper_;
+  std::vector<std::int32_t> lower_, upper_, whole_;
   std::vector<double> x_, former_x_;
   std::vector<double> price_;  // g
   std::vector<double> probe_price_;

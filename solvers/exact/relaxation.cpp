@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/QR>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/column_generation.hpp"
 
 namespace graybox {
@@ -33,6 +35,24 @@ std::vector<Extended> whitening_transform(const InformationSet& set,
   return {transform.data(), transform.data() + transform.size()};
 }
 
+// d as soon as one matrix has it.
+std::size_t largest_rank(const InformationSet& set) {
+  const auto d = static_cast<Eigen::Index>(set.dimension());
+  Eigen::MatrixXd full(d, d);
+  Eigen::Index largest = 0;
+  for (std::size_t i = 0; i < set.candidate_count() && largest < d; ++i) {
+    unpack(set.information(i).data(), set.dimension(), full.data());
+    // Rank does not depend on the units of the parameters; the threshold does.
+    const Eigen::VectorXd scale = full.diagonal().unaryExpr(
+        [](double entry) { return entry > 0.0 ? 1.0 / std::sqrt(entry) : 0.0; });
+    const Eigen::MatrixXd unit = scale.asDiagonal() * full * scale.asDiagonal();
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factor(unit);
+    factor.setThreshold(1e-13);
+    largest = std::max(largest, factor.rank());
+  }
+  return static_cast<std::size_t>(largest);
+}
+
 }  // namespace
 
 double Relaxation::log_det_bound(std::int64_t experiments) const {
@@ -45,6 +65,7 @@ double Relaxation::log_det_bound(std::int64_t experiments) const {
 Relaxation certified_relaxation(const InformationSet& set, Design design, int threads) {
   Relaxation relaxation;
   relaxation.dimension = set.dimension();
+  relaxation.largest_rank = largest_rank(set);
   relaxation.certificate = certify(set, design);
   const Certificate& certificate = relaxation.certificate;
   if (certificate.status != CertificateStatus::kCertified) {

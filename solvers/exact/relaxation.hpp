@@ -30,6 +30,7 @@ struct Relaxation {
   Certificate certificate;               // of the weights; its status says whether all this holds
   double log_det_ceiling = 0.0;          // no approximate design has a larger log det
   std::size_t dimension = 0;
+  std::size_t largest_rank = 0;  // max_i rank H_i, numerically
   double seconds = 0.0;
 
   // No exact design of M experiments has a larger log det.

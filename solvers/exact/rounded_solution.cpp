@@ -8,7 +8,7 @@ ExactSolution solve_by_rounding(const InformationSet& set, const Relaxation& rel
                                 const ExactOptions& options,
                                 std::vector<std::int64_t> (*round)(std::span<const double> weights,
                                                                    std::int64_t experiments)) {
-  require_exact_problem(set, options);
+  require_exact_problem(set, relaxation, options);
   const auto start = std::chrono::steady_clock::now();
   ExactSolution solution;
   solution.design.counts = round(relaxation.weights, options.experiments);

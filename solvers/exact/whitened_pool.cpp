@@ -28,7 +28,8 @@ WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxati
     : dimension_(set.dimension()),
       packed_size_(set.packed_size()),
       candidates_(candidates.begin(), candidates.end()),
-      rows_(candidates.size() * set.packed_size()) {
+      rows_(candidates.size() * set.packed_size()),
+      largest_rank_(relaxation.largest_rank) {
   const auto d = static_cast<Eigen::Index>(dimension_);
   const Eigen::Map<const ExtendedMatrix> transform(relaxation.inverse_factor.data(), d, d);
   Extended log_det = 0;

@@ -33,6 +33,7 @@ class WhitenedPool {
     return {rows_.data() + k * packed_size_, packed_size_};
   }
   [[nodiscard]] double largest_norm() const { return largest_norm_; }  // max_i ||B_i||_F
+  [[nodiscard]] std::size_t largest_rank() const { return largest_rank_; }
   [[nodiscard]] double log_det_shift() const { return log_det_shift_; }
 
   // Bound on the error of tr(W B_i), for W = X^T X as computed, divided by tr(W)
@@ -44,6 +45,7 @@ class WhitenedPool {
   std::size_t packed_size_;
   std::vector<std::size_t> candidates_;
   AlignedArray rows_;
+  std::size_t largest_rank_;
   double largest_norm_ = 0.0;
   double log_det_shift_ = 0.0;
 };
