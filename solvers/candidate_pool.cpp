@@ -1,6 +1,8 @@
 #include "graybox/solvers/candidate_pool.hpp"
 
 #include <algorithm>
+#include <functional>
+#include <utility>
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
@@ -60,6 +62,29 @@ void price_pool(const InformationSet& set, std::span<const double> trace_dual, i
   pool.best = static_cast<std::size_t>(
       std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
       pool.sensitivity.begin());
+}
+
+std::vector<std::size_t> violators(const CandidatePool& pool, double threshold, std::size_t wanted,
+                                   std::size_t stretches, Random& random) {
+  stretches = std::min(pool.count, stretches);
+  const std::size_t length = (pool.count + stretches - 1) / stretches;
+  const std::size_t shift = random.below(length);
+  std::vector<std::pair<double, std::size_t>> found;
+  for (std::size_t from = 0; from < pool.count;) {
+    const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
+    const double* first = pool.sensitivity.data() + from;
+    const double* best = std::max_element(first, pool.sensitivity.data() + to);
+    if (*best > threshold) {
+      found.emplace_back(*best, from + static_cast<std::size_t>(best - first));
+    }
+    from = to;
+  }
+  wanted = std::min(found.size(), wanted);
+  std::ranges::partial_sort(found, found.begin() + static_cast<std::ptrdiff_t>(wanted),
+                            std::greater<>());
+  std::vector<std::size_t> positions(wanted);
+  for (std::size_t k = 0; k < wanted; ++k) positions[k] = found[k].second;
+  return positions;
 }
 
 }  // namespace graybox

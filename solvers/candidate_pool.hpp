@@ -41,4 +41,11 @@ struct CandidatePool {
 void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
                 CandidatePool& pool);
 
+// The largest sensitivity above `threshold` of each of `stretches` stretches of the pool's order, the
+// best `wanted` of them, as positions in the pool, largest first. The stretches, for neighbours on a
+// grid are near-duplicates, are shifted at random from call to call.
+[[nodiscard]] std::vector<std::size_t> violators(const CandidatePool& pool, double threshold,
+                                                 std::size_t wanted, std::size_t stretches,
+                                                 Random& random);
+
 }  // namespace graybox

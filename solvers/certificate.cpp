@@ -98,4 +98,17 @@ Certificate certify(const InformationSet& set, const Design& design, const Crite
   return certificate;
 }
 
+double relative_efficiency(const InformationSet& set, const Criterion& criterion, double value,
+                           double best_value) {
+  switch (criterion.kind()) {
+    case CriterionKind::kA:
+    case CriterionKind::kL:
+      return best_value / value;
+    case CriterionKind::kE:
+      return value / best_value;
+    default:
+      return std::exp((value - best_value) / log_det_size(set, criterion));
+  }
+}
+
 }  // namespace graybox

@@ -86,4 +86,9 @@ struct Certificate {
 [[nodiscard]] Certificate certify(const InformationSet& set, const Design& design,
                                   const Criterion& criterion = {});
 
+// Phi(M) / Phi(M*) from the criterion_value of two designs: how many experiments with the better one
+// do the work of one with the other.
+[[nodiscard]] double relative_efficiency(const InformationSet& set, const Criterion& criterion,
+                                         double value, double best_value);
+
 }  // namespace graybox

@@ -62,7 +62,6 @@ class ColumnGenerationRun {
   std::int64_t rounds_ = 0;
   double best_gap_ = kInfinity;  // of a pass over the whole set
   std::vector<std::pair<std::size_t, double>> best_design_;
-  std::vector<std::pair<double, std::size_t>> violators_;
 };
 
 // First working set: a dozen multiplicative steps on the pool from equal weights, then the heaviest
@@ -128,27 +127,11 @@ double ColumnGenerationRun::price(CandidatePool& pool) {
   return pool.largest();
 }
 
-// Adds the largest sensitivity of each of a few dozen stretches of the pool, the best 2 d of them.
-// The stretches are shifted at random from round to round.
 std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
-  const std::size_t stretches = std::min(pool.count, 4 * set_.dimension());
-  const std::size_t length = (pool.count + stretches - 1) / stretches;
-  const std::size_t shift = random_.below(length);
-  violators_.clear();
-  for (std::size_t from = 0; from < pool.count;) {
-    const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
-    const double* first = pool.sensitivity.data() + from;
-    const double* best = std::max_element(first, pool.sensitivity.data() + to);
-    if (*best > dimension_)
-      violators_.emplace_back(*best, from + static_cast<std::size_t>(best - first));
-    from = to;
-  }
-  const std::size_t wanted = std::min(violators_.size(), 2 * set_.dimension());
-  std::ranges::partial_sort(violators_, violators_.begin() + static_cast<std::ptrdiff_t>(wanted),
-                            std::greater<>());
+  const std::size_t d = set_.dimension();
   std::size_t added = 0;
-  for (std::size_t k = 0; k < wanted; ++k) {
-    const std::size_t i = pool.candidate(violators_[k].second);
+  for (const std::size_t k : violators(pool, dimension_, 2 * d, 4 * d, random_)) {
+    const std::size_t i = pool.candidate(k);
     added += working_.add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
   }
   return added;
