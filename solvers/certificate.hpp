@@ -35,8 +35,8 @@
 //   E      lambda_min(M) = min {tr(E M) : E >= 0, tr E = 1}: (a) holds for any such E, that is
 //          lambda_min(M*) <= max_i tr(E H_i). E is the design's dual_matrix, made positive
 //          semidefinite and of trace one here (dual_repair says by how much), or where it has none
-//          the best one for the set (smallest_eigenvalue_dual.hpp). A wrong E can only loosen the
-//          bound.
+//          that of the best design, which is looked for (criterion_column_generation.hpp). A wrong E
+//          can only loosen the bound.
 //
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
 // to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).

@@ -14,6 +14,7 @@
 #include "graybox/problems/random.hpp"
 #include "graybox/solvers/candidate_pool.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/criterion_column_generation.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/screening.hpp"
 #include "graybox/solvers/sensitivity_sample.hpp"
@@ -264,9 +265,30 @@ Solution ColumnGenerationRun::finish(SolveStatus status, std::string message) {
 
 }  // namespace
 
+namespace {
+
+// A D-optimal design that is good enough to start from, then the criterion's own method.
+Solution solve_other_criterion(const InformationSet& set, const SolveOptions& options,
+                               Tracer& tracer) {
+  SolveOptions rough = options;
+  rough.criterion = Criterion();
+  rough.duality_gap = std::max(0.1, options.duality_gap);
+  rough.iteration_limit = 0;
+  Solution start = ColumnGeneration().solve(set, rough);
+  tracer.count_passes(start.counters.passes);
+  if (start.status == SolveStatus::kUnsupported) return start;
+  return solve_criterion(set, options, start.design, tracer);
+}
+
+}  // namespace
+
 Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
                                  SolveObserver* observer) const {
   Tracer tracer(set, options, observer);
+  if (options.criterion.kind() != CriterionKind::kD) {
+    options.criterion.require_fits(set);
+    return solve_other_criterion(set, options, tracer);
+  }
   Solution solution = ColumnGenerationRun(set, options, tracer).run();
   if (solution.status != SolveStatus::kNumericalFailure &&
       solution.status != SolveStatus::kUnsupported) {

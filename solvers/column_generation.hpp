@@ -23,6 +23,9 @@
 // in extended precision (conditioned_set.hpp) and solved once more; well-conditioned ones never pay
 // for that.
 //
+// Criteria other than D start from a rough D-optimal design and go on with
+// criterion_column_generation.hpp.
+//
 // Cost: 2 Q p flops and one read of the set a pass, 2 to 4 passes in practice; per Newton step
 // n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.
@@ -39,7 +42,11 @@ class ColumnGeneration : public Solver {
     return "Newton on a small working set, few full passes to price all candidates, safe screening";
   }
   [[nodiscard]] SolverTraits traits() const override {
-    return {.reachable_gap = 1e-9, .memory_exponent = 1, .randomised = true};
+    return {.reachable_gap = 1e-9,
+            .memory_exponent = 1,
+            .randomised = true,
+            .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kE, CriterionKind::kL,
+                         CriterionKind::kDs}};
   }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;

@@ -142,6 +142,7 @@ void ConditionedSet::whiten() {
   }
   for (Real& x : sum) x /= static_cast<Real>(count);
   if (!inverse_factor(sum, d, r)) refuse_singular(original_);
+  coordinates_.assign(r.begin(), r.end());
   AlignedArray information(count * p);
   for (std::size_t i = 0; i < count; ++i) {
     transform(original_.information(i), r, d, product, information.data() + i * p);

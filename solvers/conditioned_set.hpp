@@ -37,6 +37,9 @@ class ConditionedSet {
   [[nodiscard]] const InformationSet& set() const { return copy_ ? *copy_ : original_; }
   [[nodiscard]] bool whitened() const { return copy_.has_value(); }
 
+  // R, d x d row-major lower triangular, of the whitened copy; empty where there is none.
+  [[nodiscard]] std::span<const double> coordinates() const { return coordinates_; }
+
   // Information matrix of the uniform design, packed, in the coordinates of set().
   [[nodiscard]] std::span<const double> uniform_information() const { return uniform_; }
 
@@ -46,6 +49,7 @@ class ConditionedSet {
   const InformationSet& original_;
   std::optional<InformationSet> copy_;
   std::vector<double> uniform_;
+  std::vector<double> coordinates_;
 };
 
 // Sensitivities are wanted this much more accurate than the gap that is to be reached.

@@ -27,25 +27,38 @@ constexpr std::array<std::pair<CriterionKind, std::string_view>, 5> kNames{{
 constexpr double kForgivenNegative = 1e-9;
 constexpr double kNegligible = 1e-14;
 
-// K of W = K K^T, column-major, a column for each eigenvalue that is not negligible.
+[[noreturn]] void refuse_weights(double smallest, double largest) {
+  throw InputError(
+      fmt::format("criterion L: the weight matrix W must be positive semidefinite and not zero; "
+                  "scaled to unit diagonal, its eigenvalues reach from {:.3g} to {:.3g}",
+                  smallest, largest));
+}
+
+// K of W = K K^T, column-major, a column for each eigenvalue of W, scaled to unit diagonal, that is
+// not negligible.
 std::vector<double> factor_of(std::span<const double> packed, std::size_t d) {
   const auto size = static_cast<Eigen::Index>(d);
   Eigen::MatrixXd matrix(size, size);
   unpack(packed.data(), d, matrix.data());
   if (!matrix.allFinite()) throw InputError("criterion L: the weight matrix W is not finite");
+  Eigen::VectorXd scale = matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
+  Eigen::VectorXd inverse = scale;
+  for (double& x : inverse) x = x > 0.0 ? 1.0 / x : 0.0;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (scale(i) == 0.0 && !matrix.row(i).isZero(0.0)) refuse_weights(-1.0, 1.0);
+  }
+  matrix = (inverse.asDiagonal() * matrix * inverse.asDiagonal()).eval();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(matrix);
   const Eigen::VectorXd& values = eigen.eigenvalues();
   const double largest = values(size - 1);
   if (!(largest > 0.0) || values(0) < -kForgivenNegative * largest) {
-    throw InputError(fmt::format(
-        "criterion L: the weight matrix W must be positive semidefinite and not zero; its "
-        "eigenvalues reach from {:.3g} to {:.3g}",
-        values(0), largest));
+    refuse_weights(values(0), largest);
   }
   std::vector<double> factor;
   for (Eigen::Index k = 0; k < size; ++k) {
     if (!(values(k) > kNegligible * static_cast<double>(d) * largest)) continue;
-    const Eigen::VectorXd column = std::sqrt(values(k)) * eigen.eigenvectors().col(k);
+    const Eigen::VectorXd column =
+        std::sqrt(values(k)) * scale.cwiseProduct(eigen.eigenvectors().col(k));
     factor.insert(factor.end(), column.begin(), column.end());
   }
   return factor;

@@ -7,9 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/problems/error.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
+#include "graybox/solvers/criterion_frame.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/reweigh_pass.hpp"
+#include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/tracer.hpp"
 
 namespace graybox {
@@ -18,7 +21,7 @@ namespace {
 constexpr std::int64_t kDefaultIterationLimit = 10'000'000;
 constexpr double kNegligibleShare = 1e-17;
 
-// lambda_i H_i <= lambda_i w_i M: a weight with a negligible bound does not show in M.
+// lambda_i H_i <= lambda_i tr(M^-1 H_i) M: a weight with a negligible bound does not show in M.
 Design without_negligible_weights(std::vector<double> weights, std::span<const double> w) {
   double total = 0.0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
@@ -34,9 +37,13 @@ Design without_negligible_weights(std::vector<double> weights, std::span<const d
 Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const {
   Tracer tracer(set, options, observer);
+  options.criterion.require_fits(set);
+  const CriterionKind kind = options.criterion.kind();
+  if (kind == CriterionKind::kE) throw InputError("multiplicative does not solve criterion E");
   const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
   const std::size_t count = set.candidate_count();
-  const double d = static_cast<double>(set.dimension());
+  const bool plain = kind == CriterionKind::kD;
+  const double optimum = plain ? static_cast<double>(set.dimension()) : 1.0;
   const std::int64_t limit =
       options.iteration_limit > 0 ? options.iteration_limit : kDefaultIterationLimit;
 
@@ -45,10 +52,15 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
   std::vector<double> information(conditioned.uniform_information().begin(),
                                   conditioned.uniform_information().end());
   InverseCholesky factor(set.dimension());
+  CriterionFrame frame(options.criterion, set.dimension(), conditioned.coordinates());
   ReweighPass pass(set.dimension(), options.threads);
   std::int64_t iteration = 0;
   // The sensitivities belong to the weights before the step: those are the answer.
   const auto finish = [&](SolveStatus status, std::string message = {}) {
+    if (!plain && status != SolveStatus::kNumericalFailure) {
+      sensitivities(conditioned.set(), factor.trace_dual(), w);  // tr(M^-1 H_i)
+      tracer.count_passes(1.0);
+    }
     return tracer.finish(without_negligible_weights(std::move(former), w), status, iteration,
                          std::move(message));
   };
@@ -57,9 +69,14 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
       return finish(SolveStatus::kNumericalFailure, "the information matrix became singular");
     }
     std::ranges::copy(weights, former.begin());
-    pass.run(conditioned.set().data(), factor.trace_dual(), weights, w, information);
+    if (plain) {
+      pass.run(conditioned.set().data(), factor.trace_dual(), weights, w, information);
+    } else {
+      frame.compute(factor);
+      pass.run_root(conditioned.set().data(), frame.trace_dual(), weights, w, information);
+    }
     tracer.count_passes(1.0);
-    const double gap = *std::ranges::max_element(w) / d - 1.0;
+    const double gap = *std::ranges::max_element(w) / optimum - 1.0;
     tracer.record(gap, iteration);
     if (gap <= options.duality_gap) return finish(SolveStatus::kSolved);
     if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
