@@ -24,6 +24,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);
 void add_paper_command(CLI::App& app, Invocation& invocation);
 void add_design_command(CLI::App& app, Invocation& invocation);  // the group of the designs below
+void add_design_criteria_command(CLI::App& design, Invocation& invocation);
 void add_design_spectrum_command(CLI::App& design, Invocation& invocation);
 void add_design_robust_command(CLI::App& design, Invocation& invocation);
 void add_design_efficiency_command(CLI::App& design, Invocation& invocation);

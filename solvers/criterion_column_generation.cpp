@@ -56,9 +56,9 @@ class CriterionRun {
 
 // The gap over the pool.
 double CriterionRun::price(CandidatePool& pool) {
-  const double largest = graybox::price(set_, pool, problem_->trace_dual(), options_.threads);
+  price_pool(set_, problem_->trace_dual(), options_.threads, pool);
   tracer_.count_candidates(pool.count);
-  return largest - 1.0;
+  return pool.largest() - 1.0;
 }
 
 std::size_t CriterionRun::add_violators(const CandidatePool& pool) {
@@ -90,9 +90,12 @@ void CriterionRun::solve_pool(CandidatePool& pool, double tolerance) {
 // The candidates with the largest sensitivities.
 CandidatePool CriterionRun::short_list(const CandidatePool& all) const {
   const std::size_t wanted = std::clamp(all.count / 16, std::size_t{512}, std::size_t{16384});
-  if (all.count <= 2 * wanted) return above(all, -std::numeric_limits<double>::infinity());
-  SensitivitySample sample(all.sensitivity.span());
-  return above(all, std::min(sample.exceeded_by(wanted), all.sensitivity[all.best]));
+  double threshold = -std::numeric_limits<double>::infinity();
+  if (all.count > 2 * wanted) {
+    SensitivitySample sample(all.sensitivity.span());
+    threshold = std::min(sample.exceeded_by(wanted), all.largest());
+  }
+  return pool_above(all, all.sensitivity.span(), threshold);
 }
 
 void CriterionRun::keep_if_better(double gap) {
@@ -119,7 +122,7 @@ Solution CriterionRun::run(const Design& start) {
     return finish(SolveStatus::kNumericalFailure, "the start's information matrix is singular");
   }
   improve(kRoughGap, kRoughGap);
-  CandidatePool all = sample_pool(set_, set_.candidate_count(), random_);
+  CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
   for (int passes_without_progress = 0, stalled_rounds = 0;;) {
     const double gap = price(all);
     tracer_.record(gap, rounds_);
