@@ -6,6 +6,7 @@
 import pathlib
 import sys
 
+import criteria
 import exact_designs
 import paper
 import robust
@@ -13,7 +14,7 @@ import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, spectrum, exact_designs, robust]
+GROUPS = [study, paper, exact_designs, criteria, robust, spectrum]
 
 
 def main():
