@@ -16,6 +16,8 @@ DESIGNS = {  # name in the table: label, colour, line style
     "best_single_position": ("nominal, best single position", GREY, ":"),
 }
 
+ASSUMED = "IRB 6600-like robot: stiffness, damping, motors and controller are assumed."
+
 SOLVERS = {
     "concentration_interior_point": ("with the limit, low rank", BLUE, "o", "-"),
     "primal_interior_point_low_rank": ("without the limit, low rank", ORANGE, "D", "-"),
@@ -41,9 +43,9 @@ def efficiency(folder):
     axes.set_xlim(0, None)
     axes.set_ylim(0, 1)
     axes.yaxis.set_major_formatter(FuncFormatter(percent))
-    axes.set_xlabel("D-efficiency: against the optimal design for the true stiffness")
+    axes.set_xlabel("D-efficiency: against the optimal design for the true stiffness\n" + ASSUMED)
     axes.set_ylabel(f"share of {len(rows)} random stiffness vectors\nwith at most this efficiency")
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0, -0.16))
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0, -0.20))
     if "nominal" in values and "worst_case" in values:
         better = np.mean([float(row["worst_case"]) > float(row["nominal"]) for row in rows])
         axes.set_title(f"Designs over samples beat the nominal design for {100 * better:.0f} % of "
@@ -109,7 +111,7 @@ def scaling(folder):
                                   ("primal_interior_point", "by dense Newton"))
              if (solver, "seconds an iteration") in message]
     figure.suptitle("An iteration grows " + ", ".join(parts), x=0.06, ha="left", fontsize=10.5)
-    figure.text(0.06, -0.06, "Robot sets, at most half of the experiments in 1 % of the positions; smallest "
+    figure.text(0.06, -0.06, "IRB 6600-like robot (assumed stiffness), at most half of the experiments in 1 % of the positions; smallest "
                 "of repeated runs. Exponents: least squares over Q ≥ 500 with 95 % intervals.",
                 fontsize=7.5, color="#555555")
     figure.subplots_adjust(left=0.07, right=0.99, top=0.90, bottom=0.17, wspace=0.24)
@@ -132,7 +134,7 @@ def cost(folder):
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(percent))
-    axes.set_xlabel("largest share of the experiments in ...")
+    axes.set_xlabel("largest share of the experiments in ...\n" + ASSUMED)
     axes.set_ylabel("covariance $(\\det M)^{-1/d}$ over the optimum's")
     axes.legend(fontsize=8)
     half = [row for row in rows if float(row["largest_share"]) == 0.5 and float(row["of_positions"]) == 0.01]
@@ -146,26 +148,31 @@ def uncertainty(folder):
     rows = read_table(folder / "tables" / "uncertainty.csv")
     if not rows:
         return
+    points = {name: [(float(row["uncertainty"]), float(row["percentile_5"]), float(row["median"]),
+                      float(row["percentile_95"])) for row in rows if row["design"] == name]
+              for name in ("worst_case", "nominal")}
+    for name, known in points.items():  # the largest uncertainty has a table of its own
+        values = [float(row[name]) for row in read_table(folder / "tables" / "robust_efficiency.csv")]
+        if values:
+            known.append((0.5, *np.percentile(values, (5, 50, 95))))
     figure, axes = plt.subplots(figsize=(6.8, 4.0))
-    for name in DESIGNS:
-        chosen = sorted((float(row["uncertainty"]), float(row["median"]), float(row["percentile_5"]),
-                         float(row["percentile_95"])) for row in rows if row["design"] == name)
-        if not chosen:
-            continue
-        label, colour, line = DESIGNS[name]
-        x = [row[0] for row in chosen]
-        axes.plot(x, [row[1] for row in chosen], color=colour, ls=line, marker="o", ms=4,
-                  label=label.replace(" over 100 samples", " over samples"))
-        axes.fill_between(x, [row[2] for row in chosen], [row[3] for row in chosen], color=colour,
-                          alpha=0.10, lw=0)
+    for name, known in points.items():
+        known.sort()
+        _, colour, line = DESIGNS[name]
+        x = [row[0] for row in known]
+        axes.plot(x, [row[2] for row in known], color=colour, ls=line, marker="o", ms=4,
+                  label={"worst_case": "worst case over samples", "nominal": "nominal"}[name])
+        axes.fill_between(x, [row[1] for row in known], [row[3] for row in known], color=colour,
+                          alpha=0.12, lw=0)
     axes.set_xscale("log")
-    axes.set_xticks(sorted({float(row["uncertainty"]) for row in rows}))
+    axes.set_xticks([row[0] for row in points["nominal"]])
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: "±" + percent(value)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(0, 1)
-    axes.set_xlabel("stiffness known to within")
+    axes.set_xlabel("stiffness known to within\n" + ASSUMED)
     axes.set_ylabel("D-efficiency, median and 5 to 95 %")
-    axes.set_title("A few per cent of stiffness error already cost the nominal design", pad=10)
+    axes.set_title("The nominal design needs the stiffness to within a few per cent;\n"
+                   "a design over samples varies far less from robot to robot", pad=10)
     axes.legend(fontsize=8)
     save(folder, figure, "robust_uncertainty")
 

@@ -81,6 +81,7 @@ class RobustColumnGeneration {
   bool add_optimum_of(std::size_t s) {
     SolveOptions rough = options_;
     rough.duality_gap = 0.01;
+    rough.iteration_limit = 0;
     rough.criterion = Criterion();
     const Solution solution = ColumnGeneration().solve(*problem_.samples[s], rough);
     if (solution.status == SolveStatus::kUnsupported) {
