@@ -32,7 +32,7 @@
 //
 // repetitions of candidate i in any design that is no worse than the incumbent, and none where that
 // is below one. It takes no more than the certificate of the relaxed problem and one good design:
-// on the robot's 7920 positions all but 54 are gone at M = 12 and all but 17 at M = 100. beta is
+// on irb6600_like's 7920 positions all but 54 are gone at M = 12 and all but 17 at M = 100. beta is
 // about C / M^2 (second-order loss of rounding), so the budget M beta falls as 1 / M. For full-rank
 // H_i it is small because tr(B_i^2) is: the same rule on rank-one candidates keeps far more.
 //

@@ -23,6 +23,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kBatch = 32;
 constexpr std::int64_t kExchangeEvery = 64;  // nodes, after the first that many
 constexpr double kSecondsBetweenCheckpoints = 60.0;
+constexpr double kShareOfGap = 0.99;  // the rest is for rounding in the final judgement
 
 // Best first, then in order of creation: std::push_heap keeps the largest in front.
 bool later(const TreeNode& a, const TreeNode& b) {
@@ -38,7 +39,7 @@ class Tree {
         options_(options),
         observer_(observer),
         dimension_(static_cast<double>(set.dimension())),
-        tolerance_(dimension_ * std::log1p(options.gap)),
+        tolerance_(kShareOfGap * dimension_ * std::log1p(options.gap)),
         start_(std::chrono::steady_clock::now()) {}
 
   ExactSolution run() {
@@ -109,10 +110,11 @@ class Tree {
   [[nodiscard]] double efficiency() const {
     return std::exp(std::min(state_.incumbent_log_det - bound(), 0.0) / dimension_);
   }
-  [[nodiscard]] double seconds() const {
+  [[nodiscard]] double seconds_of_this_run() const {
     const std::chrono::duration<double> here = std::chrono::steady_clock::now() - start_;
-    return earlier_seconds_ + relaxation_.seconds + here.count();
+    return relaxation_.seconds + here.count();
   }
+  [[nodiscard]] double seconds() const { return earlier_seconds_ + seconds_of_this_run(); }
   static double bytes_of(const TreeNode& node) {
     return static_cast<double>(sizeof(TreeNode) + node.box->size() * sizeof(BoxEntry) / 2);
   }
@@ -137,7 +139,7 @@ class Tree {
       give_up_hopeless();
       mark();
       if (state_.open.empty()) return ExactStatus::kOptimal;
-      if (seconds() >= options_.time_limit || !report()) return ExactStatus::kTimeLimit;
+      if (seconds_of_this_run() >= options_.time_limit || !report()) return ExactStatus::kTimeLimit;
       if (bytes_ > options_.memory_limit) return ExactStatus::kMemoryLimit;
       if (!options_.checkpoint.empty() && seconds() >= next_checkpoint) {
         save();
@@ -249,7 +251,7 @@ class Tree {
   }
 
   void save() {
-    state_.seconds = seconds() - relaxation_.seconds;
+    state_.seconds = seconds();
     state_.newton_steps = newton_steps();
     write_checkpoint(options_.checkpoint, set_, options_, state_);
   }
@@ -271,7 +273,11 @@ class Tree {
     answer.seconds = seconds();
     answer.seconds_to_mark = state_.seconds_to_mark;
     judge_exact(set_, relaxation_, options_, answer);
-    if (answer.status == ExactStatus::kFeasible) answer.status = status;
+    if (answer.status == ExactStatus::kFeasible && status != ExactStatus::kOptimal) {
+      answer.status = status;
+    } else if (answer.status == ExactStatus::kFeasible) {
+      answer.message = "the search is complete, but rounding hides the last of the gap";
+    }
     if (answer.status == ExactStatus::kSingular) {
       answer.message = status == ExactStatus::kOptimal ? "no design of that many runs is regular"
                                                        : "no regular design was found";

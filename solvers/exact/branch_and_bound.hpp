@@ -7,7 +7,8 @@
 //              NodeRelaxation; its rounded point, and the exchange started from it now and then, may
 //              be a better design, after which every open node is held to the new threshold.
 //
-// Threshold. With the incumbent v = log det M(m) and tolerance = d log(1 + gap), parts of the tree
+// Threshold. With the incumbent v = log det M(m) and tolerance = d log(1 + gap) (a hundredth less, for
+// rounding), parts of the tree
 // that can't exceed v + tolerance are given up. At any time
 //
 //   log det M(m*) <= max(v, largest bound of an open node, largest bound of what was given up),

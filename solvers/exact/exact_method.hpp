@@ -43,7 +43,7 @@ enum class ExactStatus : std::int8_t {
 struct ExactOptions {
   std::int64_t experiments = 0;  // M >= 1
   double gap = 1e-6;             // proven when max det^(1/d) / det^(1/d) - 1 <= gap; >= 1e-9
-  double time_limit = std::numeric_limits<double>::infinity();  // wall seconds
+  double time_limit = std::numeric_limits<double>::infinity();  // wall seconds of this run
   std::uint64_t seed = 1;
   int threads = 1;              // the answer does not depend on it, unless time runs out
   std::string checkpoint = {};  // branch and bound: file for its state; empty: none

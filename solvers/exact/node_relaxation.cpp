@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 
@@ -266,11 +265,7 @@ bool NodeRelaxation::step() {
 // Newton's method until the bound of the box is at most the threshold (kDone), or is known well
 // enough to branch.
 NodeRelaxation::Result NodeRelaxation::optimise(double threshold, bool precise) {
-  if (!repair_start()) {
-    bound_ = -kInfinity;
-    return Result::kDone;
-  }
-  if (!evaluate() && !restart()) {
+  if (!repair_start() || (!evaluate() && !restart())) {
     bound_ = -kInfinity;
     return Result::kDone;
   }
@@ -329,7 +324,7 @@ bool NodeRelaxation::list_fractional() {
     const double nearest = std::round(x_[i]);
     if (std::abs(x_[i] - nearest) > kIntegral) {
       probes_.push_back(
-          {.local = working_.size(), .floor = static_cast<std::int32_t>(std::floor(x_[i]))});
+          {.free_index = working_.size(), .floor = static_cast<std::int32_t>(std::floor(x_[i]))});
     }
     working_.push_back(i);
   }
@@ -364,15 +359,15 @@ bool NodeRelaxation::invert_free_hessian() {
   return true;
 }
 
-// A bound of the box with lower <= m <= upper for variable i = working_[local]: one Newton step that
-// moves it by `shift`, then (3) of box_bound.hpp with the W found there.
-double NodeRelaxation::probe_half(std::size_t free_index, double shift, std::size_t local,
-                                  std::int32_t lower, std::int32_t upper) {
+// A bound of the box with its variable i = working_[free_index] limited to lower .. upper: one Newton
+// step that moves it by `shift`, as far as the other counts' limits allow, then (3) of box_bound.hpp
+// with the W found there.
+double NodeRelaxation::probe_half(std::size_t free_index, double shift, std::int32_t lower,
+                                  std::int32_t upper) {
   const std::size_t n = working_.size();
   const double* column = inverse_hessian_.data() + free_index * n;
   const double pivot = column[free_index];
   if (!(pivot > 0.0)) return bound_;
-  // Not so far that any count would leave its limits by more than the step itself.
   std::ranges::copy(matrix_, trial_matrix_.begin());
   for (std::size_t a = 0; a < n; ++a) {
     const std::size_t i = working_[a];
@@ -385,56 +380,57 @@ double NodeRelaxation::probe_half(std::size_t free_index, double shift, std::siz
   if (!probe_factor_.factor(trial_matrix_)) return bound_;
   dense_kernels().price_indexed(pool_.rows(), member_.data(), member_.size(), packed_size_,
                                 probe_factor_.trace_dual().data(), probe_price_.data());
-  const std::int32_t kept_lower = lower_[local], kept_upper = upper_[local];
-  lower_[local] = lower;
-  upper_[local] = upper;
+  const std::size_t variable = working_[free_index];
+  std::swap(lower, lower_[variable]);
+  std::swap(upper, upper_[variable]);
   const double bound = bound_here(probe_price_, -probe_factor_.log_det(),
                                   trace_of(probe_factor_.trace_dual(), dimension_));
-  lower_[local] = kept_lower;
-  upper_[local] = kept_upper;
+  std::swap(lower, lower_[variable]);
+  std::swap(upper, upper_[variable]);
   return std::min(bound, bound_);
 }
 
-bool NodeRelaxation::probe(double threshold, bool& dead) {
-  dead = false;
-  if (!invert_free_hessian()) return false;
+// Losses of both halves to second order, best choice first.
+void NodeRelaxation::estimate_losses() {
   const std::size_t n = working_.size();
   for (Probe& half : probes_) {
-    const double x = x_[working_[half.local]];
-    const double pivot = std::max(inverse_hessian_[half.local * n + half.local], 1e-300);
+    const double x = x_[working_[half.free_index]];
+    const double pivot = std::max(inverse_hessian_[half.free_index * n + half.free_index], 1e-300);
     const double down = x - half.floor, up = half.floor + 1 - x;
     half.down_loss = 0.5 * down * down / pivot;
     half.up_loss = 0.5 * up * up / pivot;
     half.score = half.down_loss * half.up_loss;
   }
   std::ranges::sort(probes_, [](const Probe& a, const Probe& b) {
-    return a.score > b.score || (a.score == b.score && a.local < b.local);
+    return a.score > b.score || (a.score == b.score && a.free_index < b.free_index);
   });
-  const double needed = bound_ - threshold;  // a half that loses this much is done
-  bool shrunk = false;
+}
+
+NodeRelaxation::Probing NodeRelaxation::probe(double threshold) {
+  if (!invert_free_hessian()) return Probing::kUnchanged;
+  estimate_losses();
+  const double needed = bound_ - threshold;  // a half that loses this much is given up
+  Probing result = Probing::kUnchanged;
   for (std::size_t rank = 0; rank < probes_.size(); ++rank) {
     Probe& half = probes_[rank];
-    const bool near = std::max(half.down_loss, half.up_loss) > 0.7 * needed;
-    if (rank >= kProbes && !near) {
+    const bool promising = std::max(half.down_loss, half.up_loss) > 0.7 * needed;
+    if (rank >= kProbes && !promising) {
       half.score = -1.0;  // not a choice
       continue;
     }
-    const std::size_t i = working_[half.local];
+    const std::size_t i = working_[half.free_index];
     const double x = x_[i];
-    const double down = probe_half(half.local, half.floor - x, i, lower_[i], half.floor);
-    const double up = probe_half(half.local, half.floor + 1 - x, i, half.floor + 1, upper_[i]);
+    const double down = probe_half(half.free_index, half.floor - x, lower_[i], half.floor);
+    const double up = probe_half(half.free_index, half.floor + 1 - x, half.floor + 1, upper_[i]);
     half.down_loss = bound_ - down;
     half.up_loss = bound_ - up;
     half.score = std::max(half.down_loss, 1e-12) * std::max(half.up_loss, 1e-12);
-    if (down <= threshold && up <= threshold) {
-      dead = true;
-      return true;
-    }
+    if (down <= threshold && up <= threshold) return Probing::kEmpty;
     if (down <= threshold) lower_[i] = half.floor + 1;
     if (up <= threshold) upper_[i] = half.floor;
-    shrunk = shrunk || down <= threshold || up <= threshold;
+    if (down <= threshold || up <= threshold) result = Probing::kShrunk;
   }
-  return shrunk;
+  return result;
 }
 
 // The design next to x: counts rounded down, then the largest fractions up until there are M.
@@ -473,7 +469,7 @@ void NodeRelaxation::choose_branch(NodeOutcome& outcome) const {
   outcome.down_bound = outcome.up_bound = bound_;
   std::size_t chosen = 0;
   if (best != nullptr) {
-    chosen = working_[best->local];
+    chosen = working_[best->free_index];
     outcome.floor = best->floor;
     outcome.down_bound -= best->down_loss;
     outcome.up_bound -= best->up_loss;
@@ -517,13 +513,13 @@ NodeOutcome NodeRelaxation::process(const TreeNode& node, double threshold) {
       offer_rounded(outcome);
       if (bound_ <= outcome.design_log_det + tolerance_) break;
     } else {
-      bool dead = false;
-      if (probe(threshold, dead)) {
+      const Probing probing = probe(threshold);
+      if (probing == Probing::kEmpty) {
+        bound_ = threshold;
+        break;
+      }
+      if (probing == Probing::kShrunk) {
         outcome.shrunk = true;
-        if (dead) {
-          bound_ = threshold;
-          break;
-        }
         compact();
         continue;
       }

@@ -21,6 +21,9 @@
 //             the largest product of the two losses) and go with the children;
 //   repeated  until nothing moves.
 //
+// A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run is
+// the identity) is taken to hold no regular design.
+//
 // Integer points: an integral x is a design; a fractional one is rounded (largest fractions up)
 // inside the box. Both are offered to the caller as incumbents with their log det.
 //
@@ -105,18 +108,20 @@ class NodeRelaxation {
   bool limits_exclude_start() const;
   void compact();
 
+  // A count to branch on: up to `floor`, or above.
   struct Probe {
-    std::size_t local = 0;  // variable
+    std::size_t free_index = 0;  // in working_
     std::int32_t floor = 0;
-    double down_loss = 0.0, up_loss = 0.0;  // estimated, then proven bounds
+    double down_loss = 0.0, up_loss = 0.0;  // of the bound: estimated, then proven
     double score = 0.0;
   };
+  enum class Probing { kUnchanged, kShrunk, kEmpty };
+
   bool list_fractional();
   bool invert_free_hessian();
-  double probe_half(std::size_t free_index, double shift, std::size_t local, std::int32_t lower,
-                    std::int32_t upper);
-  // True if the box shrank; `dead` where it became empty.
-  bool probe(double threshold, bool& dead);
+  void estimate_losses();
+  double probe_half(std::size_t free_index, double shift, std::int32_t lower, std::int32_t upper);
+  Probing probe(double threshold);
 
   void offer_rounded(NodeOutcome& outcome);
   void choose_branch(NodeOutcome& outcome) const;

@@ -2,9 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <type_traits>
 #include <unordered_map>
 
 #include "graybox/problems/error.hpp"
@@ -18,30 +22,28 @@ using Json = nlohmann::json;
 
 constexpr const char* kFormat = "graybox-exact-checkpoint/1";
 
+static_assert(std::is_trivially_copyable_v<BoxEntry> && sizeof(BoxEntry) == 16);
+static_assert(std::endian::native == std::endian::little);
+
 Json box_json(const CountBox& box) {
-  Json flat = Json::array();
-  for (const BoxEntry& entry : box) {
-    flat.push_back(entry.member);
-    flat.push_back(entry.lower);
-    flat.push_back(entry.upper);
-    flat.push_back(entry.start);
-  }
-  return flat;
+  std::vector<std::uint8_t> bytes(box.size() * sizeof(BoxEntry));
+  std::memcpy(bytes.data(), box.data(), bytes.size());
+  return Json::binary(std::move(bytes));
 }
 
-std::shared_ptr<const CountBox> read_box(const Json& flat, std::size_t pool_size) {
-  auto box = std::make_shared<CountBox>();
-  for (std::size_t k = 0; k + 3 < flat.size(); k += 4) {
-    box->push_back({.member = flat[k].get<std::uint32_t>(),
-                    .lower = flat[k + 1].get<std::int32_t>(),
-                    .upper = flat[k + 2].get<std::int32_t>(),
-                    .start = flat[k + 3].get<float>()});
-    const BoxEntry& entry = box->back();
-    if (entry.member >= pool_size || entry.lower < 0 || entry.upper < entry.lower) {
+std::shared_ptr<const CountBox> read_box(const Json& json, std::size_t pool_size) {
+  const Json::binary_t& bytes = json.get_binary();
+  if (bytes.empty() || bytes.size() % sizeof(BoxEntry) != 0) {
+    throw std::runtime_error("box truncated");
+  }
+  auto box = std::make_shared<CountBox>(bytes.size() / sizeof(BoxEntry));
+  std::memcpy(box->data(), bytes.data(), bytes.size());
+  for (const BoxEntry& entry : *box) {
+    if (entry.member >= pool_size || entry.lower < 0 || entry.upper < entry.lower ||
+        !std::isfinite(entry.start)) {
       throw std::runtime_error("box out of range");
     }
   }
-  if (box->empty() || flat.size() % 4 != 0) throw std::runtime_error("box truncated");
   return box;
 }
 

@@ -3,15 +3,16 @@
 //   format "graybox-exact-checkpoint/1", problem_hash, experiments, gap, seed,
 //   pool [candidate...], incumbent [[candidate, count]...], incumbent_log_det (pool coordinates),
 //   given_up_bound, nodes, created, seconds, seconds_to_mark, newton_steps,
-//   boxes [[member, lower, upper, start, ...]...], open [[bound, number, box, entry, lower, upper]...]
+//   boxes [bytes...], open [[bound, number, box, entry, lower, upper]...]
 //
-// Boxes are shared by the two halves of a branching and are stored once. Written atomically.
+// Boxes are shared by the two halves of a branching and are stored once, 16 bytes an entry: member,
+// lower and upper as 32-bit integers and start as float, little-endian. Written atomically.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
