@@ -25,6 +25,8 @@ void add_study_command(CLI::App& app, Invocation& invocation);
 void add_paper_command(CLI::App& app, Invocation& invocation);
 void add_design_command(CLI::App& app, Invocation& invocation);  // the group of the designs below
 void add_design_criteria_command(CLI::App& design, Invocation& invocation);
+void add_design_continuous_command(CLI::App& design, Invocation& invocation);
+void add_design_sequential_command(CLI::App& design, Invocation& invocation);
 void add_design_spectrum_command(CLI::App& design, Invocation& invocation);
 void add_design_robust_command(CLI::App& design, Invocation& invocation);
 void add_design_efficiency_command(CLI::App& design, Invocation& invocation);

@@ -19,23 +19,25 @@
 #include "graybox/problems/random.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/exact/exchange.hpp"
+#include "graybox/solvers/exact/relaxation.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 namespace {
 
-constexpr double kDesignGap = 1e-4;  // far below what rounding to a few experiments costs
+constexpr double kDesignGap = 1e-6;  // far below what rounding to a few experiments costs
 constexpr double kTruthGap = 1e-8;   // of the optimum that efficiencies are measured against
 constexpr double kRejection = 4.0;   // lack of fit from which a fit counts as rejected
 
-using Counts = std::vector<std::size_t>;
+using Counts = std::vector<std::int64_t>;
 
-std::size_t total(std::span<const std::size_t> counts) {
-  return std::accumulate(counts.begin(), counts.end(), std::size_t{0});
+std::int64_t total(std::span<const std::int64_t> counts) {
+  return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
 // sum_i counts_i H_i, packed.
-std::vector<double> information(const InformationSet& set, std::span<const std::size_t> counts) {
+std::vector<double> information(const InformationSet& set, std::span<const std::int64_t> counts) {
   std::vector<double> matrix(set.packed_size(), 0.0);
   for (std::size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] == 0) continue;
@@ -48,8 +50,8 @@ std::vector<double> information(const InformationSet& set, std::span<const std::
 }
 
 // H'_i = (M_past + n H_i) / (N + n).
-InformationSet shifted(const InformationSet& set, std::span<const std::size_t> past,
-                       std::size_t experiments) {
+InformationSet shifted(const InformationSet& set, std::span<const std::int64_t> past,
+                       std::int64_t experiments) {
   const std::vector<double> made = information(set, past);
   const auto n = static_cast<double>(experiments);
   const double scale = 1.0 / (static_cast<double>(total(past)) + n);
@@ -60,31 +62,6 @@ InformationSet shifted(const InformationSet& set, std::span<const std::size_t> p
     for (std::size_t k = 0; k < p; ++k) rows[i * p + k] = scale * (made[k] + n * row[k]);
   }
   return InformationSet(set.dimension(), std::move(rows));
-}
-
-// The paper's footnote 3: round(n lambda), then one experiment more or less where it moves counts
-// least from n lambda, until they sum to n.
-Counts rounded(const std::vector<double>& weights, std::size_t experiments) {
-  const auto n = static_cast<double>(experiments);
-  Counts counts(weights.size());
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    counts[i] = static_cast<std::size_t>(std::lround(n * weights[i]));
-  }
-  std::vector<std::size_t> order(weights.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  const auto excess = [&](std::size_t i) {
-    return static_cast<double>(counts[i]) - n * weights[i];
-  };
-  for (std::size_t sum = total(counts); sum != experiments;) {
-    if (sum < experiments) {
-      ++counts[*std::ranges::min_element(order, {}, excess)];
-      ++sum;
-    } else {
-      --counts[*std::ranges::max_element(order, {}, excess)];
-      --sum;
-    }
-  }
-  return counts;
 }
 
 class Study {
@@ -213,7 +190,7 @@ Counts Study::choose(DesignStrategy strategy, const State& state, const Informat
     return next_experiments(set, state.counts, options_.experiments_per_stage);
   }
   Counts counts(positions_.count(), 0);
-  for (std::size_t k = 0; k < options_.experiments_per_stage; ++k) {
+  for (std::int64_t k = 0; k < options_.experiments_per_stage; ++k) {
     ++counts[random.below(counts.size())];
   }
   return counts;
@@ -234,8 +211,8 @@ void Study::measure(const Counts& chosen, Random& random, State& state) const {
   }
 }
 
-// From the last estimate; where that leads to no acceptable fit, from the start again by way of the
-// closed-loop stage.
+// From the last estimate; where that is rejected, from the start again by way of the closed-loop
+// stage.
 FitResult Study::fit(const State& state, const Eigen::VectorXd& start, int stage) const {
   std::vector<ResponseMeasurement> data;
   data.reserve(state.measurements.size());
@@ -331,21 +308,18 @@ std::string_view to_string(DesignStrategy strategy) {
   return "unknown";
 }
 
-std::vector<std::size_t> next_experiments(const InformationSet& set,
-                                          std::span<const std::size_t> past,
-                                          std::size_t experiments) {
-  if (experiments == 0) throw InputError("next experiments: at least one is needed");
+std::vector<std::int64_t> next_experiments(const InformationSet& set,
+                                           std::span<const std::int64_t> past,
+                                           std::int64_t experiments) {
+  if (experiments < 1) throw InputError("next experiments: at least one is needed");
   if (!past.empty() && past.size() != set.candidate_count()) {
     throw InputError(fmt::format("next experiments: {} past counts for {} candidates", past.size(),
                                  set.candidate_count()));
   }
-  const bool first = total(past) == 0;
-  const Solution solution = ColumnGeneration().solve(first ? set : shifted(set, past, experiments),
-                                                     {.duality_gap = kDesignGap});
-  if (solution.design.weights.empty()) {
-    throw InputError("next experiments: no design has a regular information matrix");
-  }
-  return rounded(solution.design.weights, experiments);
+  const InformationSet problem = shifted(set, past, experiments);
+  const Relaxation relaxation = solve_relaxation(problem, {.duality_gap = kDesignGap});
+  ExchangeResult best = search_by_exchange(problem, relaxation, {.experiments = experiments});
+  return std::move(best.counts);
 }
 
 void run_sequential_study(

@@ -4,16 +4,15 @@
 // only be optimal for a guess. In stages of n experiments each,
 //
 //   1. design  the next n experiments for the present theta_hat: with M_past = sum_i c_i
-//              H_i(theta_hat) of the c experiments so far, maximise log det(M_past + n sum_i
-//              lambda_i H_i(theta_hat)), then round n lambda to counts (formula (8); the paper's
-//              footnote 3);
+//              H_i(theta_hat) of the c experiments so far, maximise log det(M_past + sum_i m_i
+//              H_i(theta_hat)) over counts m with sum n, by exchange (solvers/exact/exchange.hpp);
 //   2. measure in those positions (here: simulate the real robot, response_measurement.hpp);
 //   3. fit     theta_hat to all measurements so far (maximum_likelihood.hpp).
 //
-// The design of step 1 is an ordinary D-optimal design of the shifted matrices
-// H'_i = (M_past + n H_i) / (N + n), N = sum c, because the weights sum to one: sum_i lambda_i H'_i =
-// (M_past + n sum_i lambda_i H_i) / (N + n). What the first stages missed because their theta_hat
-// was wrong, later stages make up for.
+// The design of step 1 is an ordinary exact design (formula (8)) of the shifted matrices
+// H'_i = (M_past + n H_i) / (N + n), N = sum c, because the counts sum to n: sum_i m_i H'_i =
+// n (M_past + sum_i m_i H_i) / (N + n). What the first stages missed because their theta_hat was
+// wrong, later stages make up for.
 //
 // Four ways to choose the positions, equal in all else, show what it is worth:
 //   sequential  as above, the start theta being wrong
@@ -52,28 +51,29 @@ inline constexpr DesignStrategy kDesignStrategies[] = {
 // Counts of the next `experiments`, one a candidate, for information matrices H_i and the counts of
 // the experiments made before (empty: none). Throws InputError where past and new experiments
 // together can't make a regular information matrix.
-[[nodiscard]] std::vector<std::size_t> next_experiments(const InformationSet& set,
-                                                        std::span<const std::size_t> past,
-                                                        std::size_t experiments);
+[[nodiscard]] std::vector<std::int64_t> next_experiments(const InformationSet& set,
+                                                         std::span<const std::int64_t> past,
+                                                         std::int64_t experiments);
 
 struct SequentialOptions {
   int stages = 6;
-  std::size_t experiments_per_stage = 10;
+  std::int64_t experiments_per_stage = 10;
   int repetitions = 50;
   // Every parameter of the start is off by exactly this, up or down with equal probability:
   // theta = 1 +- start_error. At least 0, below 1.
   double start_error = 0.4;
   std::uint64_t seed = 1;  // repetition r of equal seeds has the same start and noise in every run
   int threads = 1;         // repetitions are shared out; results do not depend on it
-  FitOptions fit;          // its seed and threads are ignored
+  // Of every fit; seed, threads and closed_loop_stage are chosen by the study.
+  FitOptions fit = {.tolerance = 0.03};
 };
 
 struct StageRecord {
   int repetition = 0;
   DesignStrategy strategy = DesignStrategy::kSequential;
-  int stage = 0;                // 1 is the first; 0 is the start, before any experiment
-  std::size_t experiments = 0;  // so far; likewise all below
-  std::size_t positions = 0;    // different ones
+  int stage = 0;                 // 1 is the first; 0 is the start, before any experiment
+  std::int64_t experiments = 0;  // so far; likewise all below
+  std::size_t positions = 0;     // different ones
   double parameter_error = 0.0;
   double largest_error = 0.0;  // max_p |theta_hat_p / theta_p - 1|
   double expected_error = 0.0;
@@ -97,7 +97,7 @@ void run_sequential_study(
 struct StageSummary {
   DesignStrategy strategy = DesignStrategy::kSequential;
   int stage = 0;
-  std::size_t experiments = 0;
+  std::int64_t experiments = 0;
   std::size_t repetitions = 0;
   std::size_t rejected_fits = 0;  // not converged, or lack of fit above 4 standard deviations
   struct Spread {

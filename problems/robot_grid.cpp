@@ -114,6 +114,12 @@ PositionTable PositionTable::subset(std::span<const std::size_t> indices) const 
   return result;
 }
 
+std::vector<JointRange> paper_ranges() {
+  std::vector<JointRange> ranges(kJoints);
+  for (std::size_t a = 0; a < kAxes; ++a) ranges[a] = {kPaperRanges[a].from, kPaperRanges[a].to};
+  return ranges;
+}
+
 PositionTable paper_grid() { return full_grid(paper_intervals()); }
 
 PositionTable robot_grid(std::size_t count) {

@@ -30,6 +30,14 @@ inline constexpr std::size_t kPaperGridSize = 7920;
 
 [[nodiscard]] PositionTable paper_grid();
 
+// The smallest box around the paper's grid: of each of the 6 joints the least and the largest angle,
+// degrees.
+struct JointRange {
+  double from = 0.0;
+  double to = 0.0;
+};
+[[nodiscard]] std::vector<JointRange> paper_ranges();
+
 // Exactly `count` positions in the ranges of the paper's grid. 7920 is the paper's grid itself and
 // fewer are a nested random subset of it. More come from the smallest finer grid that holds at
 // least `count` positions (every axis has about the same factor more intervals), thinned to `count`

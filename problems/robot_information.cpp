@@ -92,4 +92,26 @@ Eigen::MatrixXd robot_information_matrix(const RobotModel& robot,
   return matrix;
 }
 
+struct RobotInformationEvaluator::Workspace {
+  Workspace(const RobotModel& robot, const RobotInformationOptions& options)
+      : shared(robot), worker(robot, shared, options) {}
+  PositionFreeTables shared;
+  PositionWorker worker;
+};
+
+RobotInformationEvaluator::RobotInformationEvaluator(const RobotModel& robot,
+                                                     const RobotInformationOptions& options) {
+  if (options.total_derivative) {
+    throw InputError("total_derivative: not supported for positions one by one");
+  }
+  workspace_ = std::make_unique<Workspace>(robot, options);
+}
+
+RobotInformationEvaluator::~RobotInformationEvaluator() = default;
+
+void RobotInformationEvaluator::compute(const Eigen::VectorXd& joint_angles,
+                                        std::span<double> information) {
+  workspace_->worker.compute(joint_angles, information.data());
+}
+
 }  // namespace graybox

@@ -39,6 +39,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
+#include <span>
 
 #include "graybox/problems/information_set.hpp"
 #include "graybox/problems/robot_grid.hpp"
@@ -72,5 +74,25 @@ struct RobotInformationOptions {
 [[nodiscard]] Eigen::MatrixXd robot_information_matrix(const RobotModel& robot,
                                                        const Eigen::VectorXd& joint_angles,
                                                        const RobotInformationOptions& options = {});
+
+// H at one position after another, where the next position depends on the last H (an optimiser): what
+// robot_information_matrix() prepares for each call is prepared once. One for each thread.
+class RobotInformationEvaluator {
+ public:
+  // Keeps a reference to the robot. options.threads is not used; total_derivative is not supported
+  // (InputError).
+  explicit RobotInformationEvaluator(const RobotModel& robot,
+                                     const RobotInformationOptions& options = {});
+  ~RobotInformationEvaluator();
+  RobotInformationEvaluator(const RobotInformationEvaluator&) = delete;
+  RobotInformationEvaluator& operator=(const RobotInformationEvaluator&) = delete;
+
+  // Writes H, packed. `joint_angles` in rad; throws InputError where there is no equilibrium.
+  void compute(const Eigen::VectorXd& joint_angles, std::span<double> information);
+
+ private:
+  struct Workspace;
+  std::unique_ptr<Workspace> workspace_;
+};
 
 }  // namespace graybox

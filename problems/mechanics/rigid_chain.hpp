@@ -20,6 +20,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -39,6 +40,8 @@ struct ChainRotation {
   Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // of any length but zero
   RigidBody body;                                   // mass 0 for an intermediate rotation
+  double lower = -std::numeric_limits<double>::infinity();  // limits of the joint, rad
+  double upper = std::numeric_limits<double>::infinity();
 };
 
 class RigidChain {

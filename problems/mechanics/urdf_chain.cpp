@@ -188,6 +188,10 @@ std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
     offset = offset * to_eigen(joint.parent_to_joint_origin_transform);
     if (!reader.is_fixed(joint)) {
       rotations.push_back({joint.name, offset, reader.axis(joint), body});
+      if (joint.type == urdf::Joint::REVOLUTE && joint.limits != nullptr) {
+        rotations.back().lower = joint.limits->lower;
+        rotations.back().upper = joint.limits->upper;
+      }
       offset = Eigen::Isometry3d::Identity();
     } else if (!rotations.empty()) {
       rotations.back().body = joined(rotations.back().body, moved(body, offset));

@@ -1,0 +1,78 @@
+"""Sequential design: parameter error, design efficiency and estimates, stage by stage."""
+
+import matplotlib.pyplot as plt
+
+from style import BLACK, BLUE, GREEN, GREY, VERMILION, read_table, save
+
+STRATEGIES = (("random", GREY, "random positions"), ("fixed", VERMILION, "designed for the wrong start"),
+              ("sequential", BLUE, "sequential"), ("oracle", GREEN, "designed for the truth"))
+
+
+def stages(rows, strategy, first):
+    chosen = [row for row in rows if row["strategy"] == strategy and int(row["stage"]) >= first]
+    return sorted(chosen, key=lambda row: int(row["stage"]))
+
+
+def spread(axes, rows, strategy, colour, label, quantity, scale, first):
+    chosen = stages(rows, strategy, first)
+    experiments = [int(row["experiments"]) for row in chosen]
+    axes.plot(experiments, [scale * float(row[quantity + "_median"]) for row in chosen], "o-", ms=3.5,
+              color=colour, label=label)
+    axes.fill_between(experiments,
+                      [scale * float(row[quantity + "_lower_quartile"]) for row in chosen],
+                      [scale * float(row[quantity + "_upper_quartile"]) for row in chosen],
+                      color=colour, alpha=0.18, lw=0)
+
+
+def error_panel(axes, rows):
+    for strategy, colour, label in STRATEGIES:
+        spread(axes, rows, strategy, colour, label, "parameter_error", 100, 0)
+    bound = stages(rows, "oracle", 1)
+    axes.plot([int(row["experiments"]) for row in bound],
+              [100 * float(row["expected_error_median"]) for row in bound], "--", lw=1, color=BLACK,
+              label="Cramér–Rao bound, designed for the truth")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_ylabel("parameter error, rms [%]")
+    axes.set_title("From 40 % off, every design converges; …")
+    axes.legend(fontsize=7.5)
+
+
+def efficiency_panel(axes, rows):
+    for strategy, colour, _ in STRATEGIES:
+        spread(axes, rows, strategy, colour, None, "design_efficiency", 1, 1)
+    axes.set_ylim(0, 1.03)
+    axes.set_ylabel("D-efficiency at the truth, all experiments so far")
+    axes.set_title("… redesign makes the experiments count")
+
+
+def estimate_panel(axes, rows):
+    names = [name for name in rows[0] if name.startswith("theta_")]
+    for repetition in sorted({row["repetition"] for row in rows}, key=int):
+        chosen = [row for row in rows
+                  if row["strategy"] == "sequential" and row["repetition"] == repetition]
+        chosen.sort(key=lambda row: int(row["stage"]))
+        for name in names:
+            axes.plot([int(row["experiments"]) for row in chosen],
+                      [100 * (float(row[name]) - 1) for row in chosen], color=BLUE, lw=0.5, alpha=0.25)
+    axes.axhline(0, color=BLACK, lw=0.8)
+    axes.set_yscale("symlog", linthresh=1, linscale=1)
+    axes.set_yticks([-40, -10, -1, -0.5, 0, 0.5, 1, 10, 40])
+    axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:+g}" if value else "0"))
+    axes.set_ylabel("estimate − truth [%], linear within ±1")
+    axes.set_title("12 stiffnesses, all repetitions, sequential")
+
+
+def draw(folder):
+    summary = read_table(folder / "tables" / "sequential_summary.csv")
+    rows = read_table(folder / "tables" / "sequential.csv")
+    if not summary or not rows:
+        return
+    figure, panels = plt.subplots(1, 3, figsize=(13.5, 4.1))
+    error_panel(panels[0], summary)
+    efficiency_panel(panels[1], summary)
+    estimate_panel(panels[2], rows)
+    for axes in panels:
+        axes.set_xlabel("experiments")
+    figure.tight_layout(w_pad=2)
+    save(folder, figure, "sequential_design")
