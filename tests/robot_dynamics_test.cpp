@@ -1,0 +1,134 @@
+// The non-linear robot against its linearisation, energy and momentum balances.
+#include "graybox/problems/robot_dynamics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "graybox/problems/random.hpp"
+#include "robot_test_support.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VectorXd random_vector(Random& random, Eigen::Index size, double scale) {
+  VectorXd result(size);
+  for (double& value : result) value = scale * random.normal();
+  return result;
+}
+
+// A state far from rest: deflections of a few milliradians, joints turning.
+VectorXd moving_state(RobotDynamics& dynamics, const VectorXd& position, std::uint64_t seed) {
+  Random random(seed);
+  VectorXd state = dynamics.rest(position);
+  state.head(18) += random_vector(random, 18, 2e-3);
+  state.tail(18) += random_vector(random, 18, 0.5);
+  return state;
+}
+
+TEST(RobotDynamics, RestsWhereItHangs) {
+  const RobotModel robot = robot_test::paper_robot();
+  RobotDynamics dynamics(robot);
+  VectorXd rate(36);
+  for (const VectorXd& position : robot_test::some_positions()) {
+    const VectorXd state = dynamics.rest(position);
+    dynamics.rate(state, dynamics.holding_torque(state), VectorXd::Zero(18), rate);
+    EXPECT_LT(rate.lpNorm<Eigen::Infinity>(), 1e-7);
+    dynamics.rate(state, VectorXd::Zero(6), VectorXd::Zero(18), rate);
+    EXPECT_GT(rate.lpNorm<Eigen::Infinity>(), 1e-2);  // let go, it falls
+  }
+}
+
+// Central differences of the rate about rest give the local model's matrices.
+TEST(RobotDynamics, LinearisesToTheLocalModel) {
+  const RobotModel robot = robot_test::paper_robot();
+  RobotDynamics dynamics(robot);
+  LocalModelBuilder builder(robot);
+  const VectorXd none = VectorXd::Zero(18);
+  for (const VectorXd& position : robot_test::some_positions()) {
+    const LocalModel model = builder.build(position);
+    const VectorXd rest = dynamics.rest(position);
+    const VectorXd hold = dynamics.holding_torque(rest);
+    const Eigen::LLT<MatrixXd> mass(model.mass);
+    MatrixXd expected(18, 36), found(18, 36);
+    expected << mass.solve(-model.stiffness), mass.solve(-model.damping);
+    for (Eigen::Index k = 0; k < 36; ++k) {
+      const double step = k < 18 ? 1e-5 : 1e-4;
+      VectorXd up(36), down(36);
+      dynamics.rate(rest + step * VectorXd::Unit(36, k), hold, none, up);
+      dynamics.rate(rest - step * VectorXd::Unit(36, k), hold, none, down);
+      found.col(k) = (up - down).tail(18) / (2.0 * step);
+    }
+    for (Eigen::Index k = 0; k < 36; ++k) {
+      EXPECT_LT((found - expected).col(k).norm(), 1e-6 * expected.col(k).norm() + 1e-4) << k;
+    }
+    const VectorXd torque = VectorXd::LinSpaced(6, 1.0, 2.0);
+    VectorXd pushed(36);
+    dynamics.rate(rest, hold + torque, none, pushed);
+    EXPECT_LT((pushed.tail(18) - mass.solve(model.input * torque)).norm(), 1e-7 * pushed.norm());
+  }
+}
+
+// d(energy)/dt = power of motors and forces - dissipation, at any state.
+TEST(RobotDynamics, EnergyBalance) {
+  const RobotModel robot = robot_test::paper_robot();
+  RobotDynamics dynamics(robot);
+  std::uint64_t seed = 1;
+  for (const VectorXd& position : robot_test::some_positions()) {
+    const VectorXd state = moving_state(dynamics, position, ++seed);
+    Random random(seed + 100);
+    const VectorXd torque = random_vector(random, 6, 5.0);
+    const VectorXd force = random_vector(random, 18, 100.0);
+    VectorXd rate(36);
+    dynamics.rate(state, torque, force, rate);
+    const double step = 1e-6;
+    const double change =
+        (dynamics.energy(state + step * rate) - dynamics.energy(state - step * rate)) /
+        (2.0 * step);
+    const double power = torque.dot(dynamics.motor_velocity(state)) + force.dot(state.tail(18)) -
+                         dynamics.dissipated_power(state);
+    EXPECT_NEAR(change, power, 1e-6 * std::abs(power) + 1e-3);
+  }
+}
+
+// While the bearings of joint 1 are straight its axis is the vertical, about which gravity has no
+// moment: the arm's angular momentum about it changes by the first gearbox's torque alone.
+TEST(RobotDynamics, AngularMomentumAboutTheVerticalChangesByTheFirstGearboxAlone) {
+  const RobotModel robot = robot_test::paper_robot();
+  RobotDynamics dynamics(robot);
+  VectorXd state = moving_state(dynamics, robot_test::some_positions()[4], 9);
+  state.head(2).setZero();
+  state.segment(18, 2).setZero();
+  const Eigen::Index joint_1 = 2;
+  RigidChainEvaluator evaluator(robot.chain);
+  const auto momentum = [&](const VectorXd& at) {
+    const VectorXd rotations = at.head(12), velocities = at.segment(18, 12);
+    return evaluator.mass_matrix(rotations).row(joint_1).dot(velocities);
+  };
+  // The bearings' accelerations are held at zero by the constraint force that a rigid bearing has.
+  VectorXd rate(36), force = VectorXd::Zero(18);
+  dynamics.rate(state, VectorXd::Zero(6), force, rate);
+  MatrixXd response(2, 2);
+  for (Eigen::Index k = 0; k < 2; ++k) {
+    VectorXd pushed(36);
+    dynamics.rate(state, VectorXd::Zero(6), VectorXd::Unit(18, k), pushed);
+    response.col(k) = (pushed - rate).segment(18, 2);
+  }
+  force.head(2) = -response.inverse() * rate.segment(18, 2);
+  dynamics.rate(state, VectorXd::Zero(6), force, rate);
+  ASSERT_LT(rate.segment(18, 2).norm(), 1e-9 * rate.norm());
+  const double step = 1e-6;
+  const double change =
+      (momentum(state + step * rate) - momentum(state - step * rate)) / (2.0 * step);
+  const ArmSpring& gearbox = robot.springs[static_cast<std::size_t>(joint_1)];
+  const double torque = -gearbox.stiffness * (state(joint_1) - state(12)) -
+                        gearbox.damping * (state(18 + joint_1) - state(18 + 12));
+  EXPECT_NEAR(change, torque, 1e-6 * std::abs(torque));
+}
+
+}  // namespace
+}  // namespace graybox
