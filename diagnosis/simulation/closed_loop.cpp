@@ -1,0 +1,102 @@
+#include "graybox/diagnosis/simulation/closed_loop.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/random.hpp"
+
+namespace graybox {
+namespace {
+
+// u(t) of the PI controller from the errors so far.
+class ControllerState {
+ public:
+  ControllerState(const PiController& controller, double sample_time)
+      : proportional_(controller.proportional),
+        rate_(sample_time * controller.integral_time.cwiseInverse()),
+        sum_(Eigen::VectorXd::Zero(proportional_.size())) {}
+
+  // The integral includes the newest error, as (1 - q^-1)^-1 does.
+  Eigen::VectorXd operator()(const Eigen::VectorXd& error) {
+    sum_ += error;
+    return proportional_.cwiseProduct(error + rate_.cwiseProduct(sum_));
+  }
+
+ private:
+  Eigen::VectorXd proportional_, rate_, sum_;
+};
+
+// v(t) = (n(t) - n(t-1)) / T_s.
+class VelocityNoise {
+ public:
+  VelocityNoise(Eigen::Index size, const ClosedLoopOptions& options, double sample_time)
+      : random_(options.seed),
+        deviation_(std::sqrt(options.noise_psd_slope) / sample_time),
+        last_(draw(size)) {}
+
+  Eigen::VectorXd operator()() {
+    Eigen::VectorXd newest = draw(last_.size());
+    Eigen::VectorXd noise = newest - last_;
+    last_ = std::move(newest);
+    return noise;
+  }
+
+ private:
+  Eigen::VectorXd draw(Eigen::Index size) {
+    Eigen::VectorXd values(size);
+    for (double& value : values) value = deviation_ * random_.normal();
+    return values;
+  }
+
+  Random random_;
+  double deviation_;
+  Eigen::VectorXd last_;
+};
+
+void check(const Plant& plant, const PiController& controller, const Eigen::MatrixXd& reference,
+           const ClosedLoopOptions& options) {
+  if (reference.rows() != plant.output_count() || plant.input_count() != plant.output_count() ||
+      controller.proportional.size() != plant.input_count()) {
+    throw InputError(fmt::format(
+        "closed loop: {} references, {} controllers, {} inputs and {} outputs must be as many",
+        reference.rows(), controller.proportional.size(), plant.input_count(),
+        plant.output_count()));
+  }
+  if (options.periods == 0) throw InputError("closed loop: periods must be at least 1");
+  if (!(options.noise_psd_slope >= 0.0))
+    throw InputError("closed loop: noise must not be negative");
+}
+
+}  // namespace
+
+Recording simulate_closed_loop(Plant& plant, const PiController& controller, double sample_time,
+                               const Eigen::MatrixXd& reference, const ClosedLoopOptions& options,
+                               const std::function<bool()>& keep_going) {
+  check(plant, controller, reference, options);
+  const Eigen::Index period = reference.cols(), size = reference.rows();
+  const auto settling = static_cast<Eigen::Index>(options.settling_periods) * period;
+  const auto recorded = static_cast<Eigen::Index>(options.periods) * period;
+  const auto second = static_cast<Eigen::Index>(std::ceil(1.0 / sample_time));
+  Recording recording{Eigen::MatrixXd(size, recorded), Eigen::MatrixXd(size, recorded),
+                      Eigen::MatrixXd(size, recorded)};
+  plant.restart();
+  ControllerState control(controller, sample_time);
+  VelocityNoise noise(size, options, sample_time);
+  for (Eigen::Index t = 0; t < settling + recorded; ++t) {
+    if (keep_going && t % second == 0 && !keep_going()) return {};
+    const auto r = reference.col(t % period);
+    const Eigen::VectorXd y = plant.output() + noise();
+    const Eigen::VectorXd u = control(r - y);
+    if (t >= settling) {
+      recording.reference.col(t - settling) = r;
+      recording.input.col(t - settling) = u;
+      recording.output.col(t - settling) = y;
+    }
+    plant.advance(u);
+  }
+  return recording;
+}
+
+}  // namespace graybox
