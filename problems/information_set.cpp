@@ -1,19 +1,18 @@
 #include "graybox/problems/information_set.hpp"
 
 #include <fmt/format.h>
-#include <openssl/evp.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <numeric>
 #include <utility>
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/sha256.hpp"
 
 namespace graybox {
 namespace {
@@ -80,19 +79,11 @@ std::span<const double> InformationSet::coordinates(std::size_t candidate) const
 }
 
 std::string InformationSet::content_hash() const {
-  static_assert(sizeof(std::uint64_t) == 8);
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
-                                                                        &EVP_MD_CTX_free);
   const std::uint64_t shape[2] = {candidate_count_, dimension_};  // little-endian on x86-64
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int length = 0;
-  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
-  EVP_DigestUpdate(context.get(), shape, sizeof shape);
-  EVP_DigestUpdate(context.get(), information_.data(), bytes());
-  EVP_DigestFinal_ex(context.get(), digest, &length);
-  std::string hex;
-  for (unsigned int i = 0; i < length; ++i) hex += fmt::format("{:02x}", digest[i]);
-  return hex;
+  Sha256 hash;
+  hash.update(shape, sizeof shape);
+  hash.update(information_.data(), bytes());
+  return hash.hexadecimal();
 }
 
 InformationSet InformationSet::subset(std::span<const std::size_t> indices) const {

@@ -2,7 +2,6 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <openssl/evp.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 #include <vector>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/sha256.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -98,19 +98,13 @@ std::string utc_now() {
 
 std::string program_hash() {
   std::ifstream stream("/proc/self/exe", std::ios::binary);
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
-                                                                        &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  Sha256 hash;
   std::vector<char> buffer(1 << 16);
   while (stream.read(buffer.data(), static_cast<std::streamsize>(buffer.size())),
          stream.gcount() > 0) {
-    EVP_DigestUpdate(context.get(), buffer.data(), static_cast<std::size_t>(stream.gcount()));
+    hash.update(buffer.data(), static_cast<std::size_t>(stream.gcount()));
   }
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  EVP_DigestFinal_ex(context.get(), digest.data(), nullptr);
-  std::string text;
-  for (std::size_t k = 0; k < 6; ++k) text += fmt::format("{:02x}", digest[k]);
-  return text;
+  return hash.hexadecimal().substr(0, 12);
 }
 
 json describe_environment() {

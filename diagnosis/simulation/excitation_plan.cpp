@@ -1,0 +1,136 @@
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "graybox/diagnosis/simulation/multisine.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/yaml_field.hpp"
+
+namespace graybox {
+namespace {
+
+std::vector<Eigen::VectorXd> read_positions(const YamlField& field, std::size_t joints) {
+  std::vector<Eigen::VectorXd> positions;
+  for (const YamlField& item : field.items()) {
+    const std::vector<double> angles = item.numbers(joints);
+    positions.push_back(
+        Eigen::Map<const Eigen::VectorXd>(angles.data(), static_cast<Eigen::Index>(angles.size())));
+  }
+  if (positions.empty()) field.fail("needs at least one position");
+  return positions;
+}
+
+std::vector<double> read_levels(const YamlField& field) {
+  std::vector<double> levels;
+  for (const YamlField& item : field.items()) levels.push_back(item.positive());
+  if (levels.empty()) field.fail("needs at least one level");
+  return levels;
+}
+
+// Hz.
+std::vector<double> read_frequencies(const YamlField& root, const RobotModel& robot) {
+  std::vector<double> frequencies;
+  if (!root.has("frequencies")) {
+    for (const double w : robot.frequencies) frequencies.push_back(w / (2.0 * std::numbers::pi));
+    return frequencies;
+  }
+  const YamlField field = root.at("frequencies");
+  if (field.is_list()) {
+    for (const YamlField& item : field.items()) frequencies.push_back(item.positive());
+    return frequencies;
+  }
+  field.allow_keys({"from", "to", "count", "spacing"});
+  const double from = field.at("from").positive(), to = field.at("to").positive();
+  const std::size_t count = field.at("count").count();
+  const bool is_log = field.at("spacing").choice({"log", "linear"}) == "log";
+  if (to < from) field.at("to").fail("must not be below 'from'");
+  for (std::size_t k = 0; k < count; ++k) {
+    const double share = count == 1 ? 0.0 : static_cast<double>(k) / static_cast<double>(count - 1);
+    frequencies.push_back(is_log ? from * std::pow(to / from, share) : from + share * (to - from));
+  }
+  return frequencies;
+}
+
+// Every `detection`-th of the odd lines is left out, the last of each group.
+std::vector<std::size_t> without_detection_lines(const std::vector<std::size_t>& lines,
+                                                 std::size_t detection) {
+  if (detection == 0) return lines;
+  std::vector<std::size_t> excited;
+  for (std::size_t k = 0; k < lines.size(); ++k) {
+    if (k % detection != detection - 1) excited.push_back(lines[k]);
+  }
+  return excited;
+}
+
+std::size_t whole(const YamlField& root, const char* key, std::size_t fallback) {
+  return root.has(key) ? root.at(key).count() : fallback;
+}
+
+// Also zero, which count() refuses.
+std::size_t whole_or_zero(const YamlField& root, const char* key, std::size_t fallback) {
+  if (!root.has(key)) return fallback;
+  return root.at(key).number() == 0.0 ? 0 : root.at(key).count();
+}
+
+}  // namespace
+
+std::string PlannedExperiment::name() const {
+  return fmt::format("p{}_l{}_r{}_e{}", position + 1, level + 1, realisation + 1,
+                     sub_experiment + 1);
+}
+
+ExcitationPlan read_plan(const std::filesystem::path& file, const RobotModel& robot) {
+  const YamlField root = YamlField::load(file);
+  root.allow_keys({"format", "plant", "positions", "levels", "realisations",
+                   "validation_realisations", "period", "settling_periods", "periods",
+                   "frequencies", "detection_lines", "phase_draws", "noise", "data"});
+  (void)root.at("format").choice({"graybox-plan/1"});
+  ExcitationPlan plan;
+  plan.plant = root.at("plant").choice({"local", "robot"}) == "local"
+                   ? ExcitationPlan::PlantKind::kLocal
+                   : ExcitationPlan::PlantKind::kRobot;
+  plan.positions = read_positions(root.at("positions"), robot.joint_names.size());
+  plan.levels = read_levels(root.at("levels"));
+  plan.realisations = whole(root, "realisations", plan.realisations);
+  plan.validation_realisations = whole_or_zero(root, "validation_realisations", 0);
+  if (plan.validation_realisations >= plan.realisations) {
+    root.at("validation_realisations").fail("must leave a realisation for estimation");
+  }
+  plan.period = root.at("period").count();
+  plan.settling_periods = whole_or_zero(root, "settling_periods", plan.settling_periods);
+  plan.periods = whole(root, "periods", plan.periods);
+  plan.phase_draws = whole(root, "phase_draws", plan.phase_draws);
+  plan.noise_psd_slope =
+      root.has("noise") ? root.at("noise").non_negative() : robot.velocity_psd_slope;
+  if (root.has("data") && root.at("data").choice({"h5", "csv"}) == "csv") {
+    plan.data = ExcitationPlan::DataFormat::kCsv;
+  }
+  const std::vector<std::size_t> lines =
+      odd_lines(read_frequencies(root, robot), plan.period, robot.sample_time);
+  plan.lines = without_detection_lines(lines, whole_or_zero(root, "detection_lines", 0));
+  if (plan.lines.empty()) root.at("frequencies").fail("no line is left to excite");
+  if (2 * plan.lines.back() >= plan.period) {
+    root.at("period").fail(fmt::format("is too short: {:.4g} Hz lies beyond half the sample rate",
+                                       static_cast<double>(plan.lines.back()) /
+                                           (static_cast<double>(plan.period) * robot.sample_time)));
+  }
+  return plan;
+}
+
+std::vector<PlannedExperiment> planned_experiments(const ExcitationPlan& plan,
+                                                   Eigen::Index inputs) {
+  std::vector<PlannedExperiment> experiments;
+  for (std::size_t p = 0; p < plan.positions.size(); ++p) {
+    for (std::size_t l = 0; l < plan.levels.size(); ++l) {
+      for (std::size_t r = 0; r < plan.realisations; ++r) {
+        for (Eigen::Index e = 0; e < inputs; ++e) experiments.push_back({p, l, r, e});
+      }
+    }
+  }
+  return experiments;
+}
+
+}  // namespace graybox

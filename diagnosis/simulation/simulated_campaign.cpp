@@ -1,0 +1,218 @@
+#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <vector>
+
+#include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "graybox/diagnosis/simulation/multisine.hpp"
+#include "graybox/diagnosis/simulation/plant.hpp"
+#include "graybox/diagnosis/simulation/recording_writer.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/random.hpp"
+
+namespace graybox {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A seed of its own for each place in the plan.
+std::uint64_t derived_seed(std::uint64_t seed, std::initializer_list<std::uint64_t> place) {
+  for (const std::uint64_t index : place)
+    seed = Random(seed + 0x632be59bd9b4e019ULL * index).next();
+  return seed;
+}
+
+std::string file_name(const ExcitationPlan& plan, const PlannedExperiment& experiment) {
+  return experiment.name() + (plan.data == ExcitationPlan::DataFormat::kHdf5 ? ".h5" : ".csv");
+}
+
+// Phases are those of the position, level and realisation; its sub-experiments share them.
+Multisine excitation(const RobotModel& robot, const ExcitationPlan& plan,
+                     const PlannedExperiment& experiment, std::uint64_t seed) {
+  return Multisine(
+      {.period = plan.period,
+       .lines = plan.lines,
+       .relative_amplitude = {},
+       .inputs = robot.motor_count(),
+       .rms = plan.levels[experiment.level],
+       .phase_draws = plan.phase_draws},
+      derived_seed(seed, {1, experiment.position, experiment.level, experiment.realisation}));
+}
+
+std::unique_ptr<Plant> plant_at(const RobotModel& robot, const ExcitationPlan& plan,
+                                std::size_t position) {
+  const Eigen::VectorXd angles = plan.positions[position] * (std::numbers::pi / 180.0);
+  if (plan.plant == ExcitationPlan::PlantKind::kRobot) return robot_plant(robot, angles);
+  return local_plant(LocalModelBuilder(robot).build(angles), robot.sample_time);
+}
+
+std::vector<RecordedChannel> channels_of(const Recording& recording) {
+  std::vector<RecordedChannel> channels;
+  const auto add = [&](const char* letter, const char* unit, const Eigen::MatrixXd& rows) {
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+      channels.push_back({fmt::format("{}_{}", letter, i + 1), unit, rows.row(i).transpose()});
+    }
+  };
+  add("r", "rad/s", recording.reference);
+  add("u", "N m", recording.input);
+  add("y", "rad/s", recording.output);
+  return channels;
+}
+
+Recording simulate(const RobotModel& robot, const ExcitationPlan& plan,
+                   const PlannedExperiment& experiment, const SimulationOptions& options) {
+  const auto plant = plant_at(robot, plan, experiment.position);
+  const Multisine signal = excitation(robot, plan, experiment, options.seed);
+  const auto sub = static_cast<std::uint64_t>(experiment.sub_experiment);
+  const ClosedLoopOptions loop{
+      .settling_periods = plan.settling_periods,
+      .periods = plan.periods,
+      .noise_psd_slope = plan.noise_psd_slope,
+      .seed = derived_seed(
+          options.seed, {2, experiment.position, experiment.level, experiment.realisation, sub})};
+  return simulate_closed_loop(*plant, robot.controller, robot.sample_time,
+                              signal.reference(experiment.sub_experiment), loop,
+                              options.keep_going);
+}
+
+// ---- campaign.yaml -------------------------------------------------------------------------------
+
+void append_channels(fmt::memory_buffer& text, const RobotModel& robot) {
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "channels:\n");
+  const auto add = [&](const char* letter, const char* unit, const char* is) {
+    for (Eigen::Index i = 1; i <= robot.motor_count(); ++i) {
+      fmt::format_to(out, "  - {{name: {}_{}, unit: {}, is: {}}}\n", letter, i, unit, is);
+    }
+  };
+  add("u", "N m", "input");
+  add("y", "rad/s", "output");
+  add("r", "rad/s", "reference");
+}
+
+// Standard deviation of v(t) = (n(t) - n(t-1)) / T_s.
+void append_noise(fmt::memory_buffer& text, const RobotModel& robot, const ExcitationPlan& plan) {
+  if (plan.noise_psd_slope == 0.0) return;
+  const double deviation = std::sqrt(2.0 * plan.noise_psd_slope) / robot.sample_time;
+  fmt::format_to(std::back_inserter(text), "noise: {{");
+  for (Eigen::Index i = 1; i <= robot.motor_count(); ++i) {
+    fmt::format_to(std::back_inserter(text), "{}y_{}: {:.10g}", i == 1 ? "" : ", ", i, deviation);
+  }
+  fmt::format_to(std::back_inserter(text), "}}\n");
+}
+
+void append_experiment(fmt::memory_buffer& text, const ExcitationPlan& plan,
+                       const PlannedExperiment& experiment) {
+  const Eigen::VectorXd& position = plan.positions[experiment.position];
+  const bool validates = experiment.realisation >= plan.realisations - plan.validation_realisations;
+  fmt::format_to(
+      std::back_inserter(text),
+      "  - file: {}\n    position: [{:g}]\n    level: {:g}\n    realisation: {}\n"
+      "    sub_experiment: {}\n    excitation: {{period: {}, periods: {}, lines: [{}]}}\n"
+      "    segments: []\n    role: {}\n",
+      file_name(plan, experiment), fmt::join(position, ", "), plan.levels[experiment.level],
+      experiment.realisation + 1, experiment.sub_experiment + 1, plan.period, plan.periods,
+      fmt::join(plan.lines, ", "), validates ? "validation" : "estimation");
+}
+
+std::string campaign_text(const RobotModel& robot, const ExcitationPlan& plan,
+                          const std::vector<PlannedExperiment>& experiments) {
+  fmt::memory_buffer text;
+  fmt::format_to(
+      std::back_inserter(text),
+      "# Simulated: {} at {}.\nformat: graybox-campaign/1\nmodel: {}.yaml\n"
+      "sample_time: {:.10g}\n",
+      plan.plant == ExcitationPlan::PlantKind::kRobot ? "the non-linear robot" : "local models",
+      "the positions below", robot.name, robot.sample_time);
+  append_channels(text, robot);
+  fmt::format_to(std::back_inserter(text), "hold: zero\n");
+  append_noise(text, robot, plan);
+  fmt::format_to(std::back_inserter(text), "preprocess: []\nexperiments:\n");
+  for (const PlannedExperiment& experiment : experiments) {
+    append_experiment(text, plan, experiment);
+  }
+  return fmt::to_string(text);
+}
+
+// ---- the folder ----------------------------------------------------------------------------------
+
+// The folder is of this simulation, or becomes so.
+void claim_folder(const fs::path& folder, const SimulationOptions& options) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
+  }
+  const fs::path file = folder / "simulation.json";
+  const nlohmann::ordered_json stamp{
+      {"format", "graybox-simulation/1"}, {"inputs", options.identity}, {"seed", options.seed}};
+  if (std::ifstream stream(file); stream) {
+    if (nlohmann::json::parse(stream, nullptr, false) == nlohmann::json(stamp)) return;
+    throw InputError(
+        fmt::format("{}: holds recordings of another model, plan or seed; choose another folder or "
+                    "remove it",
+                    folder.string()));
+  }
+  if (!fs::is_empty(folder)) {
+    throw InputError(fmt::format("{}: is not empty and holds no simulation; choose another folder",
+                                 folder.string()));
+  }
+  write_text_file(file.string(), stamp.dump(2) + "\n");
+}
+
+}  // namespace
+
+SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPlan& plan,
+                                    const fs::path& folder, const SimulationOptions& options) {
+  claim_folder(folder, options);
+  const auto experiments = planned_experiments(plan, robot.motor_count());
+  SimulationOutcome outcome{.recordings = experiments.size()};
+  std::vector<std::size_t> missing;
+  for (std::size_t k = 0; k < experiments.size(); ++k) {
+    if (!fs::exists(folder / file_name(plan, experiments[k]))) missing.push_back(k);
+  }
+  outcome.already_there = experiments.size() - missing.size();
+  std::size_t done = outcome.already_there;
+  std::atomic<bool> stopped = false;
+  std::exception_ptr failure;
+  std::mutex writing;  // HDF5 is not safe among threads; also guards `done` and `failure`
+#pragma omp parallel for num_threads(options.threads) schedule(dynamic)
+  for (std::size_t m = 0; m < missing.size(); ++m) {
+    if (stopped) continue;
+    const PlannedExperiment& experiment = experiments[missing[m]];
+    try {
+      const Recording recording = simulate(robot, plan, experiment, options);
+      const std::scoped_lock lock(writing);
+      if (recording.output.size() == 0) {
+        stopped = true;
+        continue;
+      }
+      write_recording(folder / file_name(plan, experiment), robot.sample_time,
+                      channels_of(recording));
+      ++done;
+      if (options.report) options.report(done, experiments.size());
+    } catch (...) {
+      const std::scoped_lock lock(writing);
+      if (!failure) failure = std::current_exception();
+      stopped = true;
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+  outcome.complete = !stopped;
+  if (outcome.complete) {
+    write_text_file((folder / "campaign.yaml").string(), campaign_text(robot, plan, experiments));
+  }
+  return outcome;
+}
+
+}  // namespace graybox

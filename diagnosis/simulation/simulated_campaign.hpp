@@ -1,0 +1,42 @@
+// Carries out a plan by simulation and writes a campaign folder (graybox-campaign/1): campaign.yaml
+// and one file a recording, with channels r_1, u_1, y_1, ... (reference rad/s, motor torque N m from
+// the holding torque, motor velocity rad/s).
+//
+// Resumes: each recording appears complete or not at all, and one that is there is not simulated
+// again. Phases and noise depend on the seed and on the place in the plan alone, so that neither the
+// number of threads nor an interruption changes a byte. `simulation.json` in the folder says which
+// model, plan and seed the recordings are of; a folder of other ones is refused.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
+#include "graybox/problems/robot_model.hpp"
+
+namespace graybox {
+
+struct SimulationOptions {
+  std::uint64_t seed = 1;
+  int threads = 1;
+  std::string identity;  // of the model's and plan's contents; compared with what the folder holds
+  std::function<bool()> keep_going;                      // asked often, from any thread
+  std::function<void(std::size_t, std::size_t)> report;  // recordings done, of all; one at a time
+};
+
+struct SimulationOutcome {
+  std::size_t recordings = 0;
+  std::size_t already_there = 0;
+  bool complete = false;  // false: asked to stop
+};
+
+// Throws InputError where the folder can't be written or holds other recordings, and
+// std::runtime_error where the robot's motion is too fast for the integrator (plant.hpp).
+SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPlan& plan,
+                                    const std::filesystem::path& folder,
+                                    const SimulationOptions& options);
+
+}  // namespace graybox

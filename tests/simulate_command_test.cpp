@@ -1,0 +1,116 @@
+// `graybox simulate`: campaigns as users get them, resumed, on any number of threads, and one clear
+// line for wrong input.
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "command_runner.hpp"
+
+namespace graybox {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Outcome;
+using testing::read_text;
+using testing::write_text;
+
+const std::string kPlan = R"(format: graybox-plan/1
+plant: local
+positions: [[0, 30, -60, 0, 45, 0], [45, 15, -150, 0, -90, 0]]
+levels: [0.5]
+realisations: 2
+validation_realisations: 1
+period: 400
+settling_periods: 1
+periods: 2
+frequencies: {from: 5, to: 60, count: 5, spacing: log}
+)";
+
+class SimulateCommand : public testing::CommandRunner {
+ protected:
+  SimulateCommand() {
+    for (const char* name : {"irb6600_like.yaml", "irb6600_like.urdf"}) {
+      fs::copy_file(fs::path(GRAYBOX_SOURCE_DIR) / "problems/robot" / name, folder_.file(name));
+    }
+    write_text(folder_.file("plan.yaml"), kPlan);
+  }
+
+  // kPlan with one text replaced.
+  void write_plan(const std::string& from, const std::string& to) {
+    std::string text = kPlan;
+    const auto at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    write_text(folder_.file("plan.yaml"), text.replace(at, from.size(), to));
+  }
+};
+
+TEST_F(SimulateCommand, WritesTheSameCampaignOnAnyNumberOfThreadsAndAfterAnInterruption) {
+  const Outcome first = graybox("simulate irb6600_like.yaml plan.yaml --seed 3 -o one");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_EQ(first.err, "");
+  ASSERT_EQ(graybox("simulate irb6600_like.yaml plan.yaml --seed 3 --threads 2 -o two").exit_code,
+            0);
+  const std::string campaign = read_text(folder_.file("one/campaign.yaml"));
+  EXPECT_EQ(std::ranges::count(campaign, '\n'), 27 + 24 * 8) << campaign;
+  EXPECT_EQ(campaign, read_text(folder_.file("two/campaign.yaml")));
+  for (const char* name : {"p1_l1_r1_e1.h5", "p2_l1_r2_e6.h5"}) {
+    EXPECT_EQ(read_text(folder_.file("one/") + name), read_text(folder_.file("two/") + name));
+  }
+  const std::string lost = read_text(folder_.file("one/p1_l1_r2_e4.h5"));
+  fs::remove(folder_.file("one/p1_l1_r2_e4.h5"));
+  const Outcome resumed = graybox("simulate irb6600_like.yaml plan.yaml --seed 3 -o one --json");
+  EXPECT_EQ(resumed.exit_code, 0);
+  EXPECT_NE(resumed.out.find("\"already_there\":23"), std::string::npos) << resumed.out;
+  EXPECT_EQ(read_text(folder_.file("one/p1_l1_r2_e4.h5")), lost);
+}
+
+TEST_F(SimulateCommand, TheNonLinearRobotIntoCsv) {
+  write_plan("plant: local\npositions: [[0, 30, -60, 0, 45, 0], [45, 15, -150, 0, -90, 0]]",
+             "plant: robot\ndata: csv\nnoise: 0\npositions: [[0, 30, -60, 0, 45, 0]]");
+  std::string text = read_text(folder_.file("plan.yaml"));
+  text.replace(text.find("period: 400"), 11, "period: 100");
+  text.replace(text.find("realisations: 2\nvalidation_realisations: 1"), 42, "realisations: 1");
+  text.replace(text.find("{from: 5, to: 60, count: 5, spacing: log}"), 41, "[20, 60]");
+  write_text(folder_.file("plan.yaml"), text);
+  const Outcome outcome = graybox("simulate irb6600_like.yaml plan.yaml -o out");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const std::string data = read_text(folder_.file("out/p1_l1_r1_e1.csv"));
+  EXPECT_EQ(data.find("time,r_1,r_2"), 0U);
+  EXPECT_EQ(std::ranges::count(data, '\n'), 201);
+  EXPECT_EQ(read_text(folder_.file("out/campaign.yaml")).find("noise:"), std::string::npos);
+}
+
+TEST_F(SimulateCommand, RefusesWrongInput) {
+  const std::string simulate = "simulate irb6600_like.yaml plan.yaml -o out";
+  expect_refused("simulate missing.yaml plan.yaml -o out", "missing.yaml");
+  expect_refused("simulate irb6600_like.yaml missing.yaml -o out", "missing.yaml");
+  const std::vector<std::array<std::string, 3>> mistakes{
+      {"plan/1", "plan/2", "format"},
+      {"plant: local", "plant: imagined", "plant"},
+      {"[[0, 30, -60, 0, 45, 0], ", "[[0, 30], ", "positions"},
+      {"levels: [0.5]", "levels: [-1]", "levels"},
+      {"levels: [0.5]", "levels: []", "levels"},
+      {"validation_realisations: 1", "validation_realisations: 2", "validation_realisations"},
+      {"to: 60", "to: 1500", "period"},
+      {"periods: 2", "perioden: 2", "perioden"},
+      {"to: 60", "to: 2", "to"},
+      {"count: 5", "count: 0", "count"},
+  };
+  for (const auto& [from, to, field] : mistakes) {
+    write_plan(from, to);
+    expect_refused(simulate, field);
+  }
+  write_text(folder_.file("plan.yaml"), kPlan);
+  write_text(folder_.file("file"), "");
+  expect_refused("simulate irb6600_like.yaml plan.yaml -o file", "file");
+  ASSERT_EQ(graybox(simulate).exit_code, 0);
+  expect_refused(simulate + " --seed 9", "another model, plan or seed");
+  fs::create_directory(folder_.file("full"));
+  write_text(folder_.file("full/notes.txt"), "mine");
+  expect_refused("simulate irb6600_like.yaml plan.yaml -o full", "not empty");
+}
+
+}  // namespace
+}  // namespace graybox
