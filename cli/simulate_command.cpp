@@ -1,8 +1,6 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cstdint>
-#include <cstdio>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include <string>
 
 #include "commands.hpp"
+#include "console.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/sha256.hpp"
 #include "interrupt.hpp"
@@ -41,11 +40,6 @@ std::string identity_of(const SimulateArguments& arguments) {
   return hash.hexadecimal();
 }
 
-void show_progress(std::size_t done, std::size_t total) {
-  std::fprintf(stderr, "\r\033[K%zu of %zu recordings", done, total);
-  if (done == total) std::fprintf(stderr, "\r\033[K");
-}
-
 int simulate(const SimulateArguments& arguments) {
   const RobotModel robot = load_robot_model(arguments.model);
   const ExcitationPlan plan = read_plan(arguments.plan, robot);
@@ -55,7 +49,8 @@ int simulate(const SimulateArguments& arguments) {
                             .identity = identity_of(arguments),
                             .keep_going = [] { return !interrupted(); },
                             .report = {}};
-  if (isatty(STDERR_FILENO) != 0) options.report = show_progress;
+  CountProgress progress("recording", planned_experiments(plan, robot.motor_count()).size());
+  options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
   const SimulationOutcome outcome = simulate_campaign(robot, plan, arguments.output, options);
   if (arguments.json) {
     const nlohmann::ordered_json line{{"campaign", arguments.output},
@@ -87,7 +82,8 @@ void add_simulate_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "campaign folder to write")->required();
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "Ctrl-C loses nothing that is written; the same command goes on where it was.\n"
+      "Ctrl-C loses the recordings in hand and none that is written; the same command goes on "
+      "where it was.\n"
       "Example:\n  graybox simulate robot.yaml plan.yaml --seed 7 --threads 2 -o campaign/");
   command->callback([arguments, &invocation] { invocation.exit_code = simulate(*arguments); });
 }

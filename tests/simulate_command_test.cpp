@@ -56,14 +56,14 @@ TEST_F(SimulateCommand, WritesTheSameCampaignOnAnyNumberOfThreadsAndAfterAnInter
   EXPECT_EQ(std::ranges::count(campaign, '\n'), 27 + 24 * 8) << campaign;
   EXPECT_EQ(campaign, read_text(folder_.file("two/campaign.yaml")));
   for (const char* name : {"p1_l1_r1_e1.h5", "p2_l1_r2_e6.h5"}) {
-    EXPECT_EQ(read_text(folder_.file("one/") + name), read_text(folder_.file("two/") + name));
+    EXPECT_TRUE(read_text(folder_.file("one/") + name) == read_text(folder_.file("two/") + name));
   }
   const std::string lost = read_text(folder_.file("one/p1_l1_r2_e4.h5"));
   fs::remove(folder_.file("one/p1_l1_r2_e4.h5"));
   const Outcome resumed = graybox("simulate irb6600_like.yaml plan.yaml --seed 3 -o one --json");
   EXPECT_EQ(resumed.exit_code, 0);
   EXPECT_NE(resumed.out.find("\"already_there\":23"), std::string::npos) << resumed.out;
-  EXPECT_EQ(read_text(folder_.file("one/p1_l1_r2_e4.h5")), lost);
+  EXPECT_TRUE(read_text(folder_.file("one/p1_l1_r2_e4.h5")) == lost);
 }
 
 TEST_F(SimulateCommand, TheNonLinearRobotIntoCsv) {

@@ -39,11 +39,14 @@ void write_hdf5_recording(const std::filesystem::path& file, double sample_time,
     const hdf5::Handle attribute(
         H5Acreate2(out, "sample_time", H5T_IEEE_F64LE, scalar, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
     check(H5Awrite(attribute, H5T_NATIVE_DOUBLE, &sample_time), file);
+    // No times of writing: the same data are the same bytes.
+    const hdf5::Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    check(H5Pset_obj_track_times(creation, false), file);
     for (const RecordedChannel& channel : channels) {
       const auto size = static_cast<hsize_t>(channel.values.size());
       const hdf5::Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose);
       const hdf5::Handle dataset(H5Dcreate2(out, channel.name.c_str(), H5T_IEEE_F64LE, space,
-                                            H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                                            H5P_DEFAULT, creation, H5P_DEFAULT),
                                  H5Dclose);
       check(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT,
                      channel.values.data()),
