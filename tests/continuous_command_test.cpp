@@ -16,7 +16,7 @@ using Json = nlohmann::json;
 class ContinuousCommands : public testing::CommandRunner {
  protected:
   static long lines(const std::string& text) { return std::ranges::count(text, '\n'); }
-  // The robot with 6 frequencies instead of 50, and five positions: quick.
+  // The robot with 6 frequencies instead of 50, and five positions that differ in q2 and q3: quick.
   void SetUp() override {
     const auto robot = std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems" / "robot";
     std::string text = testing::read_text((robot / "irb6600_like.yaml").string());
@@ -29,8 +29,8 @@ class ContinuousCommands : public testing::CommandRunner {
   [[nodiscard]] std::string model() const { return " --model " + models_.file("quick.yaml") + " "; }
   void write_grid() {
     testing::write_text(folder_.file("grid.csv"),
-                        "q1,q2,q3,q4,q5,q6\n0,-30,-75,0,0,0\n45,15,-150,0,-90,0\n"
-                        "90,30,30,0,-90,0\n45,-15,-45,0,-90,0\n0,60,-90,0,-45,0\n");
+                        "q1,q2,q3,q4,q5,q6\n45,-30,-75,0,-45,0\n45,15,-150,0,-45,0\n"
+                        "45,30,30,0,-45,0\n45,-15,-45,0,-45,0\n45,60,-90,0,-45,0\n");
   }
 
   testing::TemporaryFolder models_;
@@ -38,18 +38,17 @@ class ContinuousCommands : public testing::CommandRunner {
 
 TEST_F(ContinuousCommands, ContinuousDesignIsCertifiedByTheChecker) {
   write_grid();
-  const testing::Outcome outcome =
-      graybox("design continuous" + model() +
-              "--grid grid.csv --joint-limit q4=0:0 --joint-limit q5=-90:0 --gap 0.5 "
-              "--starts 3 --random-points 20 --refined 20 --refinement 40 --samples 10 -o "
-              "design.json --set set.h5 "
-              "--tables t --json");
+  const testing::Outcome outcome = graybox(
+      "design continuous" + model() +
+      "--grid grid.csv --joint-limit q1=45:45 --joint-limit q4=0:0 --joint-limit q5=-45:-45 "
+      "--gap 0.1 --starts 2 --random-points 5 --refined 400 --refinement 7920 --samples 5 "
+      "-o design.json --set set.h5 --tables t --json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
   EXPECT_EQ(lines(outcome.out), 1);
   const Json report = Json::parse(outcome.out);
   EXPECT_EQ(report["status"], "solved");
-  EXPECT_LE(report["found_gap"].get<double>(), 0.5);
+  EXPECT_LE(report["found_gap"].get<double>(), 0.1);
   EXPECT_LE(report["covariance"].get<double>(), report["grid_covariance"].get<double>());
   EXPECT_EQ(report["refined"].size(), 1U);
   const testing::Outcome checked = graybox("check set.h5 design.json --json");
@@ -80,7 +79,7 @@ TEST_F(ContinuousCommands, ContinuousRefusesBadLimits) {
 TEST_F(ContinuousCommands, SequentialWritesItsTables) {
   const testing::Outcome outcome =
       graybox("design sequential" + model() +
-              "--grid 100 --stages 1 --experiments-per-stage 14 --repetitions 1 "
+              "--grid 100 --stages 1 --experiments-per-stage 14 --repetitions 1 --start-error 0.1 "
               "--noise 1e-6 -o stages.csv --summary summary.csv --json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");

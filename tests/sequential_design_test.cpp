@@ -5,10 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <mutex>
 #include <numeric>
-#include <utility>
 #include <vector>
 
 #include "graybox/problems/error.hpp"
@@ -82,7 +79,7 @@ TEST(NextExperiments, RefuseNothingToDoAndCountsOfAnotherSet) {
 
 class SequentialStudy : public ::testing::Test {
  protected:
-  // The paper's robot with every eighth frequency and a small grid: seconds for three repetitions.
+  // The paper's robot with every eighth frequency and a small grid: a repetition takes less than a second.
   static RobotModel quick_robot() {
     RobotModel robot = robot_test::paper_robot();
     std::vector<double> frequencies;
@@ -94,11 +91,15 @@ class SequentialStudy : public ::testing::Test {
     return robot;
   }
   static SequentialOptions quick_options() {
-    return {.stages = 3, .experiments_per_stage = 12, .repetitions = 2, .seed = 4};
+    return {.stages = 2,
+            .experiments_per_stage = 12,
+            .repetitions = 2,
+            .start_error = 0.3,  // few frequencies: further off, fits need many starts
+            .seed = 4};
   }
   static std::vector<StageRecord> run(const SequentialOptions& options) {
     std::vector<StageRecord> records;
-    run_sequential_study(quick_robot(), robot_grid(150), options,
+    run_sequential_study(quick_robot(), robot_grid(100), options,
                          [&](const std::vector<StageRecord>& repetition) {
                            records.insert(records.end(), repetition.begin(), repetition.end());
                            return true;
@@ -110,17 +111,15 @@ class SequentialStudy : public ::testing::Test {
 
 TEST_F(SequentialStudy, ConvergesFromAWrongStartAndBeatsTheFixedDesign) {
   const std::vector<StageRecord> records = run(quick_options());
-  ASSERT_EQ(records.size(), 2U * 4U * 4U);
-  std::map<std::pair<DesignStrategy, int>, const StageRecord*> first;
+  ASSERT_EQ(records.size(), 2U * 4U * 3U);
   for (const StageRecord& record : records) {
     if (record.stage == 0) {
-      EXPECT_NEAR(record.parameter_error, 0.4, 1e-12);
-      EXPECT_NEAR(record.largest_error, 0.4, 1e-12);
+      EXPECT_NEAR(record.parameter_error, 0.3, 1e-12);
+      EXPECT_NEAR(record.largest_error, 0.3, 1e-12);
     } else {
       EXPECT_EQ(record.experiments, 12 * record.stage);
       EXPECT_LE(record.design_efficiency, 1.0 + 1e-7);
     }
-    if (record.repetition == 0) first[{record.strategy, record.stage}] = &record;
   }
   for (const int repetition : {0, 1}) {
     const auto at = [&](DesignStrategy strategy, int stage) {
@@ -130,13 +129,13 @@ TEST_F(SequentialStudy, ConvergesFromAWrongStartAndBeatsTheFixedDesign) {
       });
     };
     const StageRecord start = at(DesignStrategy::kSequential, 1);
-    const StageRecord end = at(DesignStrategy::kSequential, 3);
+    const StageRecord end = at(DesignStrategy::kSequential, 2);
     EXPECT_GT(end.design_efficiency, start.design_efficiency + 0.2);
-    EXPECT_GT(end.design_efficiency, at(DesignStrategy::kFixed, 3).design_efficiency + 0.2);
-    EXPECT_GT(at(DesignStrategy::kOracle, 3).design_efficiency, 0.9);
+    EXPECT_GT(end.design_efficiency, at(DesignStrategy::kFixed, 2).design_efficiency + 0.2);
+    EXPECT_GT(at(DesignStrategy::kOracle, 2).design_efficiency, 0.9);
     EXPECT_LT(end.parameter_error, 0.02);
     EXPECT_LT(end.lack_of_fit, 5.0);
-    EXPECT_LT(end.expected_error, at(DesignStrategy::kFixed, 3).expected_error);
+    EXPECT_LT(end.expected_error, at(DesignStrategy::kFixed, 2).expected_error);
     // The first stage knows nothing but the start: fixed and sequential are the same experiment.
     EXPECT_EQ(start.theta, at(DesignStrategy::kFixed, 1).theta);
   }
@@ -145,6 +144,7 @@ TEST_F(SequentialStudy, ConvergesFromAWrongStartAndBeatsTheFixedDesign) {
 TEST_F(SequentialStudy, DoesNotDependOnThreadsAndStopsWhenTold) {
   SequentialOptions options = quick_options();
   options.stages = 1;
+  options.start_error = 0.1;
   const std::vector<StageRecord> one = run(options);
   options.threads = 2;
   const std::vector<StageRecord> two = run(options);
@@ -155,7 +155,7 @@ TEST_F(SequentialStudy, DoesNotDependOnThreadsAndStopsWhenTold) {
   }
   options.repetitions = 50;
   int calls = 0;
-  run_sequential_study(quick_robot(), robot_grid(150), options,
+  run_sequential_study(quick_robot(), robot_grid(100), options,
                        [&](const std::vector<StageRecord>&) { return ++calls < 2; });
   EXPECT_EQ(calls, 2);
 }
