@@ -6,15 +6,17 @@
 import pathlib
 import sys
 
+import continuous
 import criteria
 import exact_designs
 import paper
 import robust
+import sequential
 import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, exact_designs, criteria, robust, spectrum]
+GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential]
 
 
 def main():

@@ -33,8 +33,8 @@ def error_panel(axes, rows):
               label="Cramér–Rao bound, designed for the truth")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_ylabel("parameter error, rms [%]")
-    axes.set_title("From 40 % off, every design converges; …")
+    axes.set_ylabel("parameter error, rms [%]; median and quartiles")
+    axes.set_title("The error falls from 40 % to the bound …")
     axes.legend(fontsize=7.5)
 
 
@@ -43,7 +43,7 @@ def efficiency_panel(axes, rows):
         spread(axes, rows, strategy, colour, None, "design_efficiency", 1, 1)
     axes.set_ylim(0, 1.03)
     axes.set_ylabel("D-efficiency at the truth, all experiments so far")
-    axes.set_title("… redesign makes the experiments count")
+    axes.set_title("… because redesign makes experiments count")
 
 
 def estimate_panel(axes, rows):
@@ -57,10 +57,10 @@ def estimate_panel(axes, rows):
                       [100 * (float(row[name]) - 1) for row in chosen], color=BLUE, lw=0.5, alpha=0.25)
     axes.axhline(0, color=BLACK, lw=0.8)
     axes.set_yscale("symlog", linthresh=1, linscale=1)
-    axes.set_yticks([-40, -10, -1, -0.5, 0, 0.5, 1, 10, 40])
+    axes.set_yticks([-40, -10, -1, -0.5, 0, 0.5, 1, 10, 40, 100])
     axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:+g}" if value else "0"))
     axes.set_ylabel("estimate − truth [%], linear within ±1")
-    axes.set_title("12 stiffnesses, all repetitions, sequential")
+    axes.set_title(f"{len(names)} stiffnesses in every repetition, sequential")
 
 
 def draw(folder):
