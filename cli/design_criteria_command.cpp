@@ -14,6 +14,7 @@
 #include "commands.hpp"
 #include "console.hpp"
 #include "criterion_arguments.hpp"
+#include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
@@ -196,6 +197,7 @@ int design_criteria(const CriteriaArguments& arguments, Invocation& invocation) 
   if (arguments.repetitions < 1) throw InputError("--repetitions must be at least 1");
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
+  bench::pin_threads(arguments.options.threads, invocation.arguments);
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
   std::vector<Row> rows = rows_for(arguments, set);

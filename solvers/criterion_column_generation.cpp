@@ -79,11 +79,14 @@ bool CriterionRun::improve(double gap, double tolerance) {
 // Rounds of price, add, solve on one pool until its gap is at most `tolerance`.
 void CriterionRun::solve_pool(CandidatePool& pool, double tolerance) {
   constexpr int kRoundLimit = 30;
+  double last_gap = std::numeric_limits<double>::infinity();
   for (int round = 0; round < kRoundLimit && !out_of_rounds() && !tracer_.out_of_time(); ++round) {
     const double gap = price(pool);
     if (gap <= tolerance) return;
     const std::size_t added = add_violators(pool);
-    if (!improve(gap, tolerance) && added == 0) return;
+    const bool improved = improve(gap, tolerance);
+    if (added == 0 && (!improved || !(gap < last_gap))) return;
+    last_gap = gap;
   }
 }
 
@@ -146,11 +149,15 @@ Solution CriterionRun::run(const Design& start) {
 
 Solution solve_criterion(const InformationSet& set, const SolveOptions& options,
                          const Design& start, Tracer& tracer) {
-  Solution solution = CriterionRun(set, options, {}, tracer).run(start);
-  if (solution.status != SolveStatus::kNumericalFailure) return solution;
-  const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
-  if (!conditioned.whitened()) return solution;
-  return CriterionRun(conditioned.set(), options, conditioned.coordinates(), tracer).run(start);
+  constexpr double kToleratedError = 0.1;  // of the sensitivities, as a share of the gap
+  const auto run_on = [&](const ConditionedSet& conditioned) {
+    return CriterionRun(conditioned.set(), options, conditioned.coordinates(), tracer).run(start);
+  };
+  const ConditionedSet tolerable(set, kToleratedError * options.duality_gap, tracer);
+  Solution solution = run_on(tolerable);
+  if (solution.status != SolveStatus::kNumericalFailure || tolerable.whitened()) return solution;
+  const ConditionedSet accurate(set, kSensitivityAccuracy * options.duality_gap, tracer);
+  return accurate.whitened() ? run_on(accurate) : solution;
 }
 
 }  // namespace graybox

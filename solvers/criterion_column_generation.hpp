@@ -8,12 +8,12 @@
 // is a guess that the next pass over all candidates corrects. It stops on a pass over ALL candidates
 // whose gap is at most the one asked for.
 //
-// Where rounding keeps the gap above the one asked for, the set is whitened (conditioned_set.hpp), K
-// or lambda_min transformed with it, and solved once more.
+// Where rounding of the sensitivities could reach a tenth of the gap asked for, or keeps the gap above
+// it, the set is whitened first (conditioned_set.hpp), and K or lambda_min transformed with it.
 //
-// Cost: 2 Q p flops and one read of the set a pass, 4 to 10 passes; the working set as
-// smooth_restricted_problem.hpp and eigenvalue_restricted_problem.hpp say. Results do not depend on
-// the number of threads.
+// Cost: 2 Q p flops and one read of the set a pass, 4 to 10 passes, one of them for the condition; the
+// working set as smooth_restricted_problem.hpp and eigenvalue_restricted_problem.hpp say. Results do
+// not depend on the number of threads.
 #pragma once
 
 #include "graybox/solvers/solver.hpp"

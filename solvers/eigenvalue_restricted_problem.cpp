@@ -1,16 +1,14 @@
 #include "graybox/solvers/eigenvalue_restricted_problem.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <numeric>
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "graybox/solvers/range_system.hpp"
 
 namespace graybox {
 namespace {
@@ -21,7 +19,9 @@ using Eigen::VectorXd;
 
 constexpr int kIterationLimit = 60;
 constexpr double kBoundaryFraction = 0.98;
-constexpr double kRoundingGap = 1e-6;  // where a gap that grows again is rounding's
+constexpr double kRoughestGap = 0.01;  // of any solve: a design that is worse misleads the pricing
+constexpr double kFineGap = 1e-6;      // from here on rounding may matter
+constexpr int kPatience = 6;           // iterations without progress below it
 
 // What an answer is made of.
 struct Iterate {
@@ -58,17 +58,35 @@ EigenvalueRestrictedProblem::EigenvalueRestrictedProblem(std::size_t dimension,
   coordinates_ = MatrixXd::Identity(d, d);
   if (!coordinates.empty()) coordinates_ = Eigen::Map<const RowMajor>(coordinates.data(), d, d);
   c_ = coordinates_ * coordinates_.transpose();
+  const std::vector<double> scale = symmetric_scale(dimension);
+  symmetric_scale_ = Eigen::Map<const VectorXd>(scale.data(), static_cast<Index>(scale.size()));
   unpacked_.resize(d, d);
+}
+
+// Through C relative to M, whose largest eigenvalue is the inverse: C may be as ill-conditioned as
+// lambda_min is small, M is well conditioned in coordinates that whiten the set.
+bool EigenvalueRestrictedProblem::compute_spectrum(std::span<const double> weights) {
+  sum_information(weights, packed_);
+  unpack(packed_.data(), dimension_, unpacked_.data());
+  cholesky_.compute(unpacked_);
+  if (cholesky_.info() != Eigen::Success) return false;
+  product_ = cholesky_.matrixL().solve(coordinates_);
+  spectrum_.compute(product_ * product_.transpose());
+  return spectrum_.info() == Eigen::Success && std::isfinite(smallest_eigenvalue());
+}
+
+double EigenvalueRestrictedProblem::smallest_eigenvalue() const {
+  return 1.0 / spectrum_.eigenvalues()(spectrum_.eigenvalues().size() - 1);
 }
 
 bool EigenvalueRestrictedProblem::refresh() {
   normalise();
-  sum_information(weights_, packed_);
-  unpack(packed_.data(), dimension_, unpacked_.data());
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(unpacked_, c_);
-  const double smallest = eigen.eigenvalues()(0);
-  if (!(smallest > 0.0)) return false;
-  if (e_.size() == 0) e_ = eigen.eigenvectors().col(0) * eigen.eigenvectors().col(0).transpose();
+  if (!compute_spectrum(weights_)) return false;
+  const double smallest = smallest_eigenvalue();
+  if (e_.size() == 0) {
+    const VectorXd x = cholesky_.matrixU().solve(spectrum_.eigenvectors().rightCols<1>());
+    e_ = x * x.transpose() * smallest;
+  }
   const MatrixXd g = e_ / smallest;
   pack_trace_dual(g.data(), dimension_, dual_.data());
   return true;
@@ -82,123 +100,127 @@ std::vector<double> EigenvalueRestrictedProblem::dual_matrix() const {
   return packed;
 }
 
-// Equal weights, E as C^-1, t and nu with room on their sides.
+// Equal weights, t and nu with room on their sides, E as Z^-1.
 bool EigenvalueRestrictedProblem::start() {
   const auto n = static_cast<Index>(size());
-  const auto d = static_cast<Index>(dimension_);
   lambda_ = VectorXd::Constant(n, 1.0 / static_cast<double>(n));
-  sum_information({lambda_.data(), size()}, packed_);
-  unpack(packed_.data(), dimension_, unpacked_.data());
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(unpacked_, c_);
-  const double mean = eigen.eigenvalues().mean();
-  t_ = std::min(0.5 * eigen.eigenvalues()(0), eigen.eigenvalues()(0) - 0.1 * mean);
-  e_ = eigen.eigenvectors() * eigen.eigenvectors().transpose() / static_cast<double>(d);
-  pack_trace_dual(e_.data(), dimension_, packed_.data());
-  s_.resize(n);
-  kernels().price(rows_.data(), size(), packed_size_, packed_.data(), s_.data());
+  if (!compute_spectrum({lambda_.data(), size()})) return false;
+  t_ = 0.5 * smallest_eigenvalue();
+  const MatrixXd x = cholesky_.matrixU().solve(spectrum_.eigenvectors());
+  e_ = x * (1.0 - t_ * spectrum_.eigenvalues().array()).inverse().matrix().asDiagonal() *
+       x.transpose();
+  e_ /= e_.cwiseProduct(c_).sum();
+  price();
   nu_ = 1.1 * s_.maxCoeff();
-  if (!(eigen.eigenvalues()(0) > 0.0) || !std::isfinite(nu_)) return false;
+  if (!(t_ > 0.0) || !std::isfinite(nu_)) return false;
   update_residuals();
   return true;
 }
 
-// Z and s from lambda, t, E and nu.
+// s := tr(E H_i).
+void EigenvalueRestrictedProblem::price() {
+  pack_trace_dual(e_.data(), dimension_, packed_.data());
+  s_.resize(static_cast<Index>(size()));
+  kernels().price(rows_.data(), size(), packed_size_, packed_.data(), s_.data());
+}
+
+// Z and s from lambda, t, E and nu, after these have been brought back to 1^T lambda = 1 and
+// tr(E C) = 1; t and nu follow, so that no slack changes its sign.
 void EigenvalueRestrictedProblem::update_residuals() {
-  lambda_ /= lambda_.sum();
+  const double total = lambda_.sum();
+  lambda_ /= total;
+  t_ /= total;
   e_ = (0.5 * (e_ + e_.transpose())).eval();
-  e_ /= e_.cwiseProduct(c_).sum();
+  const double trace = e_.cwiseProduct(c_).sum();
+  e_ /= trace;
+  nu_ /= trace;
   sum_information({lambda_.data(), size()}, packed_);
   z_.resize(c_.rows(), c_.rows());
   unpack(packed_.data(), dimension_, z_.data());
   z_ -= t_ * c_;
-  pack_trace_dual(e_.data(), dimension_, packed_.data());
-  kernels().price(rows_.data(), size(), packed_size_, packed_.data(), s_.data());
+  price();
   s_ = (nu_ - s_.array()).matrix();
 }
 
 // g and v; false where Z or E has lost definiteness to rounding.
 bool EigenvalueRestrictedProblem::scale() {
-  const Eigen::LLT<MatrixXd> cholesky(z_);
-  if (cholesky.info() != Eigen::Success) return false;
-  const MatrixXd l = cholesky.matrixL();
-  const MatrixXd product = l.transpose() * e_ * l;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(product);
+  cholesky_.compute(z_);
+  if (cholesky_.info() != Eigen::Success) return false;
+  const MatrixXd l = cholesky_.matrixL();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(l.transpose() * e_ * l);
   if (!(eigen.eigenvalues()(0) > 0.0) || !(s_.minCoeff() > 0.0) || !(lambda_.minCoeff() > 0.0)) {
     return false;
   }
   v_ = eigen.eigenvalues().cwiseSqrt();
-  g_ = cholesky.matrixU().solve(MatrixXd(eigen.eigenvectors() * v_.cwiseSqrt().asDiagonal()));
+  g_ = cholesky_.matrixU().solve(MatrixXd(eigen.eigenvectors() * v_.cwiseSqrt().asDiagonal()));
   return true;
 }
 
-// The matrix of the linear system.
-void EigenvalueRestrictedProblem::form_system() {
+void EigenvalueRestrictedProblem::to_vector(const MatrixXd& symmetric, VectorXd& vector) const {
+  vector.resize(static_cast<Index>(packed_size_));
+  pack(symmetric.data(), dimension_, vector.data());
+  vector.array() *= symmetric_scale_.array();
+}
+
+void EigenvalueRestrictedProblem::to_matrix(const VectorXd& vector, MatrixXd& symmetric) {
+  Eigen::Map<VectorXd>(packed_.data(), vector.size()) = vector.cwiseQuotient(symmetric_scale_);
+  symmetric.resize(c_.rows(), c_.rows());
+  unpack(packed_.data(), dimension_, symmetric.data());
+}
+
+// The B_i as rows of A, and the factor of A A^T + S/Lambda.
+bool EigenvalueRestrictedProblem::form_system(DampedLeastSquares::Method method) {
   const std::size_t n = size();
-  const std::size_t stride = (packed_size_ + 7) / 8 * 8;
-  if (gram_rows_.size() < n * stride) gram_rows_ = AlignedArray(2 * n * stride);
-  scaled_information_.resize(n);
-  scaled_c_ = g_.transpose() * c_ * g_;
-  system_.resize(static_cast<Index>(n) + 2, static_cast<Index>(n) + 2);
+  stride_ = (packed_size_ + 7) / 8 * 8;
+  if (scaled_rows_.size() < n * stride_) scaled_rows_ = AlignedArray(2 * n * stride_);
   for (std::size_t i = 0; i < n; ++i) {
     unpack(row(i), dimension_, unpacked_.data());
-    scaled_information_[i].noalias() = g_.transpose() * (unpacked_ * g_).eval();
-    double* out = gram_rows_.data() + i * stride;
-    for (Index a = 0; a < c_.rows(); ++a) {
-      for (Index b = 0; b <= a; ++b) {
-        *out++ = scaled_information_[i](a, b) * (a == b ? 1.0 : std::numbers::sqrt2);
-      }
-    }
-    std::fill(out, gram_rows_.data() + (i + 1) * stride, 0.0);
+    product_.noalias() = unpacked_ * g_;
+    unpacked_.noalias() = g_.transpose() * product_;
+    to_vector(unpacked_, scaled_row_);
+    double* out = scaled_rows_.data() + i * stride_;
+    std::copy_n(scaled_row_.data(), packed_size_, out);
+    std::fill(out + packed_size_, out + stride_, 0.0);
   }
-  gram_.resize(n * n);
-  dense_kernels().gram(gram_rows_.data(), n, stride, gram_.data());
-  const auto last = static_cast<Index>(n);
-  for (Index j = 0; j < last; ++j) {
-    for (Index i = j; i < last; ++i) {
-      system_(i, j) = system_(j, i) = gram_[static_cast<std::size_t>(j * last + i)];
-    }
-    system_(j, j) += s_(j) / lambda_(j);
-    const double k = scaled_information_[static_cast<std::size_t>(j)].cwiseProduct(scaled_c_).sum();
-    system_(j, last) = -k;
-    system_(last, j) = k;
+  if (!system_.factor(scaled_rows_.data(), stride_, packed_size_,
+                      s_.cwiseQuotient(lambda_).cwiseSqrt(), method)) {
+    return false;
   }
-  system_.col(last + 1).setOnes();
-  system_.row(last + 1).setOnes();
-  system_(last, last) = -scaled_c_.squaredNorm();
-  system_(last, last + 1) = system_(last + 1, last) = system_(last + 1, last + 1) = 0.0;
+  to_vector(MatrixXd(v_.asDiagonal()), scaled_v_);
+  system_.solve(scaled_v_ / nu_, lambda_.cwiseProduct(s_).cwiseSqrt() / nu_, inverse_ones_);
+  return true;
 }
 
 // The steps towards `mu`, with Mehrotra's second-order terms of the steps at hand if asked for.
 void EigenvalueRestrictedProblem::solve_direction(double mu, bool second_order) {
-  const auto n = static_cast<Index>(size());
-  MatrixXd residual = MatrixXd(((mu / v_.array()) - v_.array()).matrix().asDiagonal());
-  VectorXd target = (mu - lambda_.array() * s_.array()).matrix();
+  residual_ = ((mu / v_.array()) - v_.array()).matrix().asDiagonal();
+  target_ = (mu - lambda_.array() * s_.array()).matrix();
   if (second_order) {
-    const MatrixXd product = scaled_e_step_ * scaled_z_step_;
+    product_.noalias() = scaled_e_step_ * scaled_z_step_;
     for (Index b = 0; b < v_.size(); ++b) {
       for (Index a = 0; a < v_.size(); ++a) {
-        residual(a, b) -= (product(a, b) + product(b, a)) / (v_(a) + v_(b));
+        residual_(a, b) -= (product_(a, b) + product_(b, a)) / (v_(a) + v_(b));
       }
     }
-    target -= lambda_step_.cwiseProduct(s_step_);
+    target_ -= lambda_step_.cwiseProduct(s_step_);
   }
-  VectorXd right(n + 2);
-  for (Index i = 0; i < n; ++i) {
-    right(i) = target(i) / lambda_(i) +
-               residual.cwiseProduct(scaled_information_[static_cast<std::size_t>(i)]).sum();
-  }
-  right(n) = residual.cwiseProduct(scaled_c_).sum();
-  right(n + 1) = 0.0;
-  const VectorXd solution = system_.partialPivLu().solve(right);
-  lambda_step_ = solution.head(n);
-  t_step_ = solution(n);
-  nu_step_ = solution(n + 1);
-  scaled_z_step_ = -t_step_ * scaled_c_;
-  for (Index i = 0; i < n; ++i) {
-    scaled_z_step_ += lambda_step_(i) * scaled_information_[static_cast<std::size_t>(i)];
-  }
-  scaled_e_step_ = residual - scaled_z_step_;
-  s_step_ = (target - s_.cwiseProduct(lambda_step_)).cwiseQuotient(lambda_);
+  to_vector(residual_, scaled_residual_);
+  system_.solve(scaled_residual_, target_.cwiseQuotient(lambda_.cwiseProduct(s_).cwiseSqrt()), x_);
+  const double corner = 1.0 / (nu_ + t_);
+  const double gamma = target_.sum() + residual_.diagonal().dot(v_);
+  const double y = (gamma * corner - x_.sum()) / (corner - inverse_ones_.sum());
+  x_ -= y * inverse_ones_;
+  const double growth = -x_.sum();  // dt/t
+  lambda_step_ = x_ + growth * lambda_;
+  t_step_ = growth * t_;
+  nu_step_ = y - growth * nu_;
+  const Eigen::Map<const MatrixXd, Eigen::Aligned64, Eigen::OuterStride<>> rows(
+      scaled_rows_.data(), static_cast<Index>(packed_size_), x_.size(),
+      Eigen::OuterStride<>(static_cast<Index>(stride_)));
+  const VectorXd z_step = rows * x_ + growth * scaled_v_;
+  to_matrix(z_step, scaled_z_step_);
+  scaled_e_step_ = residual_ - scaled_z_step_;
+  s_step_ = (nu_step_ - (rows.transpose() * (scaled_residual_ - z_step)).array()).matrix();
 }
 
 // Steps to the boundary of the primal and of the dual; returns the product lambda s + tr(E Z) there.
@@ -211,68 +233,91 @@ double EigenvalueRestrictedProblem::steps(double& primal, double& dual) const {
   return (lambda_ + a * lambda_step_).dot(s_ + b * s_step_) + e.cwiseProduct(z).sum();
 }
 
-// False if rounding stops it before `tolerance`; the best iterate stays.
-bool EigenvalueRestrictedProblem::solve(double tolerance) {
-  if (!start()) return false;
+// One predictor and corrector step; false where rounding leaves none.
+bool EigenvalueRestrictedProblem::iterate(DampedLeastSquares::Method method) {
+  if (!scale() || !form_system(method)) return false;
   const double count = static_cast<double>(size() + dimension_);
+  const double product = lambda_.dot(s_) + v_.squaredNorm();
+  double primal = 0.0, dual = 0.0;
+  solve_direction(0.0, false);
+  const double ratio = steps(primal, dual) / product;
+  solve_direction(std::pow(ratio, 3.0) * product / count, true);
+  static_cast<void>(steps(primal, dual));
+  primal = std::min(1.0, kBoundaryFraction * primal);
+  dual = std::min(1.0, kBoundaryFraction * dual);
+  if (!(t_ + primal * t_step_ > 0.0) || !(primal + dual > 1e-6)) return false;
+  lambda_ += primal * lambda_step_;
+  t_ += primal * t_step_;
+  nu_ += dual * nu_step_;
+  e_ += dual * (g_ * scaled_e_step_ * g_.transpose()).eval();
+  update_residuals();
+  return true;
+}
+
+// Iterates until the gap nu/t - 1 is at most `tolerance` or rounding stops it; returns the gap of the
+// best iterate, which stays.
+double EigenvalueRestrictedProblem::solve(double tolerance) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (!start()) return kInfinity;
   Iterate best;
-  double best_gap = std::numeric_limits<double>::infinity();
-  for (int iteration = 0; iteration < kIterationLimit; ++iteration) {
-    const double gap = t_ > 0.0 ? nu_ / t_ - 1.0 : std::numeric_limits<double>::infinity();
+  double best_gap = kInfinity;
+  for (int iteration = 0, since_best = 0; iteration < kIterationLimit; ++iteration) {
+    const double gap = nu_ / t_ - 1.0;
+    ++since_best;
     if (gap < best_gap) {
+      if (gap < 0.9 * best_gap) since_best = 0;
       best_gap = gap;
       best = {lambda_, s_, e_, nu_};
     }
-    const bool rounding = best_gap < kRoundingGap && gap > 1.5 * best_gap;
-    if (gap <= tolerance || rounding || !scale()) break;
-    form_system();
-    const double product = lambda_.dot(s_) + v_.squaredNorm();
-    double primal = 0.0, dual = 0.0;
-    solve_direction(0.0, false);
-    const double ratio = steps(primal, dual) / product;
-    solve_direction(std::pow(ratio, 3.0) * product / count, true);
-    static_cast<void>(steps(primal, dual));
-    primal = std::min(1.0, kBoundaryFraction * primal);
-    dual = std::min(1.0, kBoundaryFraction * dual);
-    if (!std::isfinite(t_step_) || !(primal + dual > 1e-6)) break;
-    lambda_ += primal * lambda_step_;
-    t_ += primal * t_step_;
-    nu_ += dual * nu_step_;
-    e_ += dual * (g_ * scaled_e_step_ * g_.transpose()).eval();
-    update_residuals();
+    if (gap <= tolerance || (best_gap < kFineGap && since_best >= kPatience)) break;
+    if (!iterate(best_gap < kFineGap ? DampedLeastSquares::Method::kOrthogonal
+                                     : DampedLeastSquares::Method::kNormalEquations)) {
+      break;
+    }
   }
-  if (std::isfinite(best_gap)) {
-    lambda_ = best.lambda;
-    s_ = best.s;
-    e_ = best.e;
-    nu_ = best.nu;
-  }
-  return best_gap <= tolerance;
+  lambda_ = best.lambda;
+  s_ = best.s;
+  e_ = best.e;
+  nu_ = best.nu;
+  return best_gap;
 }
 
-// Weights that are small beside their reduced costs vanish at the optimum.
-void EigenvalueRestrictedProblem::finish_weights() {
-  for (std::size_t i = 0; i < size(); ++i) {
-    const auto k = static_cast<Index>(i);
-    weights_[i] = lambda_(k) > 1e-3 * s_(k) / nu_ || lambda_(k) > 1e-4 ? lambda_(k) : 0.0;
+// Takes off as many of the smallest weights as cost lambda_min no more than `share` of it: bisection.
+void EigenvalueRestrictedProblem::finish_weights(double share) {
+  std::vector<std::size_t> order(size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto weight = [&](std::size_t i) { return lambda_(static_cast<Index>(i)); };
+  std::ranges::sort(order, [&](std::size_t a, std::size_t b) { return weight(a) < weight(b); });
+  const auto value_without = [&](std::size_t count) {
+    for (std::size_t k = 0; k < size(); ++k) {
+      weights_[order[k]] = k < count ? 0.0 : weight(order[k]);
+    }
+    normalise();
+    return compute_spectrum(weights_) ? smallest_eigenvalue() : 0.0;
+  };
+  const double required = (1.0 - share) * value_without(0);
+  std::size_t fits = 0, fails = size();
+  while (fails - fits > 1) {
+    const std::size_t middle = (fits + fails) / 2;
+    (value_without(middle) >= required ? fits : fails) = middle;
   }
+  static_cast<void>(value_without(fits));
 }
 
 bool EigenvalueRestrictedProblem::improve(double pool_gap, double tolerance) {
-  const double target = std::max(0.1 * tolerance, std::min(0.1 * pool_gap, pool_gap * pool_gap));
-  const bool solved = solve(target);
-  finish_weights();
-  if (!refresh()) {
-    std::copy_n(lambda_.data(), size(), weights_.begin());
-    if (!refresh()) return false;
-  }
+  const double wanted = std::min({kRoughestGap, 0.1 * pool_gap, pool_gap * pool_gap});
+  const double target = std::max(0.1 * tolerance, wanted);
+  const double reached = solve(0.1 * target);
+  if (!std::isfinite(reached)) return false;
+  finish_weights(target);
+  if (!refresh()) return false;
   std::vector<bool> kept(size());
   const double threshold = 1.0 - std::sqrt(target + pool_gap);
   for (std::size_t i = 0; i < size(); ++i) {
     kept[i] = weights_[i] > 0.0 || 1.0 - s_(static_cast<Index>(i)) / nu_ >= threshold;
   }
   keep(kept);
-  return solved;
+  return reached <= target;
 }
 
 }  // namespace graybox

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,11 +13,14 @@
 #include <vector>
 
 #include "criterion_sets.hpp"
+#include "graybox/problems/aligned_array.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/families/families.hpp"
+#include "graybox/problems/families/regression.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/column_generation.hpp"
+#include "graybox/solvers/damped_least_squares.hpp"
 #include "graybox/solvers/multiplicative.hpp"
 #include "graybox/solvers/registry.hpp"
 
@@ -192,12 +196,86 @@ TEST(CriterionSolver, BackEndsAgreeWithinTheirBounds) {
 }
 
 TEST(CriterionSolver, SolvesTheFamiliesOfTheStudy) {
-  for (const std::string family : {"rob", "smo", "r1l", "dup"}) {
+  for (const std::string family : {"rob", "smo", "smr6", "flat", "r1l", "dup", "decades"}) {
     const InformationSet set = make_family(family, 1500, 6, 2);
     for (const Criterion& criterion :
-         {Criterion::a(), Criterion::e(), Criterion::ds({0, 1}), rank_one(VectorXd::Ones(6))}) {
+         {Criterion::a(), Criterion::ds({0, 1}), rank_one(VectorXd::Ones(6))}) {
       SCOPED_TRACE(family + " " + std::string(to_string(criterion.kind())));
       solved(ColumnGeneration(), set, criterion, 1e-7);
+    }
+  }
+}
+
+// The smallest eigenvalue of most of these optima is a multiple one. Neighbours on a grid, ties and
+// copies leave the optimal weights undetermined.
+TEST(CriterionSolver, ReachesFineGapsForEOnEveryFamily) {
+  for (const std::string family :
+       {"rob", "wis", "flat", "smo", "smr6", "r1g", "r1l", "dup", "decades"}) {
+    for (const std::size_t d : {std::size_t{3}, std::size_t{12}}) {
+      SCOPED_TRACE(family + " " + std::to_string(d));
+      solved(ColumnGeneration(), make_family(family, 400, d, 3), Criterion::e(), 1e-9);
+    }
+  }
+  solved(ColumnGeneration(), cube_regression(3), Criterion::e(), 1e-9);
+  solved(ColumnGeneration(), two_level_factorial(6, 2), Criterion::e(), 1e-9);
+  for (const std::size_t degree : {1U, 3U, 5U, 8U, 12U}) {
+    SCOPED_TRACE(degree);
+    const std::vector<double> points = even_points(301);
+    solved(ColumnGeneration(), polynomial_regression(degree, points, PolynomialBasis::kLegendre),
+           Criterion::e(), 1e-9);
+    if (degree < 10) {
+      solved(ColumnGeneration(), polynomial_regression(degree, points, PolynomialBasis::kMonomial),
+             Criterion::e(), 1e-9);
+    }
+  }
+}
+
+// lambda_min does not change under rotations, and is the same in the parameters' own coordinates as
+// relative to R R^T in others.
+TEST(CriterionSolver, RotationsDoNotMatterForE) {
+  Random random(29);
+  const InformationSet set = wishart(6, 150, 2, 5);
+  const MatrixXd rotation = Eigen::HouseholderQR<MatrixXd>(gaussian(6, 6, random)).householderQ() *
+                            MatrixXd::Identity(6, 6);
+  const double here = solved(ColumnGeneration(), set, Criterion::e(), 1e-10).criterion_value;
+  const double there =
+      solved(ColumnGeneration(), transformed(set, rotation), Criterion::e(), 1e-10).criterion_value;
+  EXPECT_NEAR(there / here, 1.0, 2.1e-10);
+}
+
+// Nearly equal rows and little damping: the normal equations are singular in double precision, the
+// orthogonal method loses half of the digits. The truth comes from extended precision.
+TEST(DampedLeastSquares, IsAccurateForNearlyEqualRows) {
+  using Extended = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+  constexpr std::size_t kStride = 8, kColumns = 6;
+  Random random(7);
+  const Eigen::Index n = 5, m = kColumns;
+  const VectorXd right = gaussian(m, 1, random), shift = gaussian(n, 1, random);
+  for (const double nearness : {1.0, 1e-7}) {
+    AlignedArray rows(static_cast<std::size_t>(n) * kStride, 0.0);
+    MatrixXd stacked = MatrixXd::Zero(m + n, n);
+    const VectorXd common = gaussian(m, 1, random);
+    const VectorXd damping = VectorXd::Constant(n, nearness);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      stacked.col(i).head(m) = common + nearness * gaussian(m, 1, random);
+      stacked(m + i, i) = damping(i);
+      for (Eigen::Index k = 0; k < m; ++k) {
+        rows[static_cast<std::size_t>(i) * kStride + static_cast<std::size_t>(k)] = stacked(k, i);
+      }
+    }
+    VectorXd all(m + n), x;
+    all << right, shift;
+    const Extended truth =
+        Eigen::HouseholderQR<Extended>(stacked.cast<long double>()).solve(all.cast<long double>());
+    const auto error_of = [&](DampedLeastSquares::Method method) {
+      DampedLeastSquares system;
+      EXPECT_TRUE(system.factor(rows.data(), kStride, kColumns, damping, method));
+      system.solve(right, shift, x);
+      return (x - truth.cast<double>()).norm() / truth.cast<double>().norm();
+    };
+    EXPECT_LT(error_of(DampedLeastSquares::Method::kOrthogonal), nearness == 1.0 ? 1e-13 : 1e-6);
+    if (nearness == 1.0) {
+      EXPECT_LT(error_of(DampedLeastSquares::Method::kNormalEquations), 1e-13);
     }
   }
 }
