@@ -91,19 +91,28 @@ int check(const CheckArguments& arguments) {
                        .message = {}};
   SolveReport report = judge(set, file.solver, options, claim);
   report.problem_hash = set.content_hash();
+  const bool limited = file.limits.any() && options.criterion.kind() == CriterionKind::kD;
+  if (limited) {
+    report.certificate = certify_limited(set, file.design, file.limits);
+    report.status = judge(claim.status, options.duality_gap, report.certificate);
+    report.message = report.certificate.message;
+  }
   if (!(options.criterion == made_for) && report.status == ReportStatus::kClaimedButWrong) {
     report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
     report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
   }
-  if (!file.objective.empty() && report.status == ReportStatus::kClaimedButWrong) {
+  if (!limited && !file.objective.empty() && report.status == ReportStatus::kClaimedButWrong) {
     report.status = ReportStatus::kInaccurate;
     report.message = fmt::format("made for the objective {}", file.objective);
   }
   if (arguments.json) {
-    fmt::print("{}\n", to_json(report).dump());
+    nlohmann::ordered_json line = to_json(report);
+    if (limited) line["limits"] = to_json(file.limits);
+    fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), describe(report),
-               describe_support(set, file.design));
+    fmt::print("{}: {}\n{}", set.name(), describe(set), describe(report));
+    if (limited) fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
+    fmt::print("{}", describe_support(set, file.design));
     if (file.problem_hash.empty())
       fmt::print("note: the design does not say which set it is for\n");
   }
@@ -127,7 +136,9 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
       "Exit code 0 if the checked duality gap is at most the gap asked, else 1. Seconds, passes\n"
       "and iterations are those the design states. An exact design (of 'graybox exact') is "
       "compared\n"
-      "with the best of its number of experiments, and only held to a gap that is given.\n"
+      "with the best of its number of experiments, and only held to a gap that is given. A design\n"
+      "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"
+      "--position-limit') is held to them and compared with the best that obeys them.\n"
       "Examples:\n"
       "  graybox check set.h5 design.json\n"
       "  graybox check set.h5 design.json --gap 1e-6 --json\n"

@@ -147,8 +147,8 @@ SolveReport report_of(const InformationSet& set, std::string solver, const Solve
 }
 
 void write(const std::string& path, const InformationSet& set, const Design& design,
-           const SolveReport& report, const Json& objective) {
-  Json root = design_json(set, design, report);
+           const SolveReport& report, const Json& objective, const DesignLimits& limits = {}) {
+  Json root = design_json(set, design, report, limits);
   root["objective"] = objective;
   write_text_file(path, root.dump(1) + "\n");
 }
@@ -282,7 +282,7 @@ int design_under_limit(const RobustArguments& arguments) {
                        {"price", proof.price}};
   const bool has_design = solution.status != SolveStatus::kUnsupported;
   if (!arguments.output.empty() && has_design) {
-    write(arguments.output, set, solution.design, report, objective);
+    write(arguments.output, set, solution.design, report, objective, {.concentration = limit});
   }
   if (arguments.json) {
     Json line = to_json(report);

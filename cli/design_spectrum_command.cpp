@@ -124,7 +124,10 @@ SolveReport report_of(const SpectrumArguments& arguments, const SpectrumProblem&
 void write_files(const SpectrumArguments& arguments, const SpectrumProblem& problem,
                  const std::vector<ComparedDesign>& rows, const SolveReport& report) {
   if (!arguments.output.empty()) {
-    write_design(arguments.output, problem.set, rows.front().of.design, report);
+    const double limit = rows.front().of.limit;
+    DesignLimits limits;
+    if (limit < 1.0) limits.block_share = {limit, line_count(problem.robot)};
+    write_design(arguments.output, problem.set, rows.front().of.design, report, limits);
   }
   if (!arguments.spectra.empty()) {
     write_text_file(arguments.spectra,

@@ -21,10 +21,9 @@ void price(const InformationSet& set, const CandidateBlocks& blocks, double limi
   Extended largest = 0, magnitude = 0;
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
     const Extended sensitivity = information.sensitivity(set.information(i));
-    Extended& block_maximum = maxima[blocks.label[i]];
-    if (sensitivity <= block_maximum) continue;
-    block_maximum = sensitivity;
     magnitude = std::max(magnitude, information.magnitude(set.information(i)));
+    Extended& block_maximum = maxima[blocks.label[i]];
+    block_maximum = std::max(block_maximum, sensitivity);
     if (sensitivity > largest) {
       largest = sensitivity;
       certificate.worst_candidate = i;
@@ -89,7 +88,7 @@ Certificate certify_block_limited(const InformationSet& set, const Design& desig
     return certificate;
   }
   certificate.status = CertificateStatus::kCertified;
-  certificate.log_det = static_cast<double>(information.log_det());
+  certificate.log_det = certificate.criterion_value = static_cast<double>(information.log_det());
   price(set, blocks, limit, information, certificate);
   const double gap = std::max(certificate.duality_gap, 0.0);
   certificate.log_det_gap = static_cast<double>(set.dimension()) * std::log1p(gap);

@@ -61,6 +61,7 @@ class DesignReader {
     file.counters.iterations =
         static_cast<std::int64_t>(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
+    file.limits = limits();
     file.objective = text(object("objective"), "name");
     file.design.weights = weights(check);
     file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
@@ -124,6 +125,44 @@ class DesignReader {
                        std::is_integral_v<Number> ? "indices" : "numbers"));
     }
     return found->get<std::vector<Number>>();
+  }
+
+  [[nodiscard]] DesignLimits limits() const {
+    DesignLimits found;
+    const Json root = object("limits");
+    for (const auto& [name, entry] : root.items()) {
+      if (name == "concentration") {
+        found.concentration = {share(entry, name), count(entry, name, "positions")};
+      } else if (name == "block_share") {
+        found.block_share = {share(entry, name), count(entry, name, "block_size")};
+      } else {
+        fail(fmt::format("unknown limit '{}'; the checker knows concentration and block_share",
+                         name));
+      }
+    }
+    try {
+      require_fits(found, set_);
+    } catch (const InputError& error) {
+      fail(error.what());
+    }
+    return found;
+  }
+
+  [[nodiscard]] double share(const Json& entry, const std::string& limit) const {
+    const auto found = entry.is_object() ? entry.find("largest_share") : entry.end();
+    if (found == entry.end() || !found->is_number()) {
+      fail(fmt::format("limits.{}.largest_share must be a number", limit));
+    }
+    return found->get<double>();
+  }
+
+  [[nodiscard]] std::size_t count(const Json& entry, const std::string& limit,
+                                  const char* key) const {
+    const auto found = entry.is_object() ? entry.find(key) : entry.end();
+    if (found == entry.end() || !found->is_number_unsigned() || *found == 0U) {
+      fail(fmt::format("limits.{}.{} must be a positive integer", limit, key));
+    }
+    return found->get<std::size_t>();
   }
 
   [[nodiscard]] std::optional<Criterion> criterion() const {
@@ -221,7 +260,8 @@ class DesignReader {
 
 }  // namespace
 
-Json design_json(const InformationSet& set, const Design& design, const SolveReport& report) {
+Json design_json(const InformationSet& set, const Design& design, const SolveReport& report,
+                 const DesignLimits& limits) {
   const Certificate& certificate = report.certificate;
   Json support = Json::array();
   for (std::size_t i = 0; i < design.weights.size(); ++i) {
@@ -259,13 +299,14 @@ Json design_json(const InformationSet& set, const Design& design, const SolveRep
              {{"iterations", report.counters.iterations},
               {"passes", report.counters.passes},
               {"seconds", report.counters.seconds}}}};
+  if (limits.any()) root["limits"] = to_json(limits);
   if (!design.dual_matrix.empty()) root["dual_matrix"] = design.dual_matrix;
   return root;
 }
 
 void write_design(const std::string& path, const InformationSet& set, const Design& design,
-                  const SolveReport& report) {
-  write_text_file(path, design_json(set, design, report).dump(1) + "\n");
+                  const SolveReport& report, const DesignLimits& limits) {
+  write_text_file(path, design_json(set, design, report, limits).dump(1) + "\n");
 }
 
 DesignFile read_design(const std::string& path, const InformationSet& set, WeightCheck check) {

@@ -20,6 +20,7 @@
 // packed lower triangle), which certify() makes use of.
 // A design made for more than one information set, or under a limit, says so in "objective", an object
 // with a "name" ("average", "worst_case", "concentration_limit") and what else its maker reports.
+// "limits" states those that the checker holds it to (design_limits.hpp).
 // Only candidates of non-zero weight are listed; indices count from zero; "candidate" holds the
 // coordinates where the set has some. Numbers are written with as many digits as read back exactly
 // (up to 17); infinite ones are null. A program that writes designs for graybox needs "format" and
@@ -32,6 +33,7 @@
 
 #include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/design.hpp"
+#include "graybox/solvers/design_limits.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "graybox/solvers/solver.hpp"
 
@@ -46,6 +48,7 @@ struct DesignFile {
   std::string message;       //
   std::optional<double> asked_gap;
   std::optional<Criterion> criterion;
+  DesignLimits limits;
   std::string objective;  // name of the "objective", empty for a plain optimal design
   SolveCounters counters;
 };
@@ -57,15 +60,16 @@ enum class WeightCheck {
 
 // What write_design() writes, for files that say more (exact/exact_design_file.hpp).
 [[nodiscard]] nlohmann::ordered_json design_json(const InformationSet& set, const Design& design,
-                                                 const SolveReport& report);
+                                                 const SolveReport& report,
+                                                 const DesignLimits& limits = {});
 
 // Writes the file in full or not at all. report.problem_hash must be set. Throws InputError if the
 // file can't be written.
 void write_design(const std::string& path, const InformationSet& set, const Design& design,
-                  const SolveReport& report);
+                  const SolveReport& report, const DesignLimits& limits = {});
 
 // Throws InputError, naming file, field and fix, for anything that is no design of this set: not
-// JSON, another format, a criterion that does not fit the set, the hash of another problem, an index out of range or twice, weights that
+// JSON, another format, a criterion or limits that do not fit the set, the hash of another problem, an index out of range or twice, weights that
 // are no numbers or (strict) no design. Cost: one SHA-256 pass over the set if the file has a hash.
 [[nodiscard]] DesignFile read_design(const std::string& path, const InformationSet& set,
                                      WeightCheck check = WeightCheck::kStrict);

@@ -87,6 +87,23 @@ TEST_F(RobustCommand, ConcentrationLimitIsObeyedAndPrinted) {
   EXPECT_NE(graybox("design robust set.h5 --largest-share 0.4 --of-positions 0.02")
                 .out.find("at most 0.4 of the weight on any 4 positions"),
             std::string::npos);
+
+  // `check` holds the file to its limit, not to the optimum without it.
+  const Outcome checked = graybox("check set.h5 d.json --json");
+  EXPECT_EQ(checked.exit_code, 0) << checked.out;
+  EXPECT_EQ(Json::parse(checked.out)["duality_gap"], report["duality_gap"]);
+  Json file = Json::parse(read_text(folder_.file("d.json")));
+  const std::string stated = file.dump();
+  file.erase("limits");
+  write_text(folder_.file("free.json"), file.dump());
+  EXPECT_EQ(graybox("check set.h5 free.json").exit_code, 1);
+  file = Json::parse(stated);
+  file["limits"]["concentration"]["largest_share"] = 0.3;
+  write_text(folder_.file("broken.json"), file.dump());
+  EXPECT_NE(graybox("check set.h5 broken.json").out.find("the limit is 0.3"), std::string::npos);
+  file["limits"]["concentration"]["positions"] = 300;
+  write_text(folder_.file("bad.json"), file.dump());
+  expect_refused("check set.h5 bad.json", "limits.concentration.positions");
 }
 
 TEST_F(RobustCommand, SamplesOfTheRobot) {

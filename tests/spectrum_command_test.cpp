@@ -75,6 +75,47 @@ TEST_F(SpectrumCommand, TheDesignIsTheSetsAndChecked) {
   EXPECT_EQ(graybox("check set.h5 design.json").exit_code, 0);
 }
 
+// The limit is in the file: `check` holds the design to it, and compares with the best under it.
+TEST_F(SpectrumCommand, CheckHoldsADesignToItsPositionLimit) {
+  ASSERT_EQ(graybox("problem spectrum --grid 8 -o set.h5").exit_code, 0);
+  const Outcome designed =
+      graybox("design spectrum --grid 8 --gap 1e-6 --position-limit 0.2 --json -o design.json");
+  ASSERT_EQ(designed.exit_code, 0) << designed.err;
+  const Outcome checked = graybox("check set.h5 design.json --json");
+  EXPECT_EQ(checked.exit_code, 0) << checked.out;
+  const Json report = Json::parse(checked.out);
+  EXPECT_EQ(report["duality_gap"], Json::parse(designed.out)["duality_gap"]);
+  EXPECT_EQ(report["limits"]["block_share"]["largest_share"], 0.2);
+
+  Json file = Json::parse(read_text(folder_.file("design.json")));
+  const Json limits = file["limits"];
+  file.erase("limits");  // far from the best without limits
+  write_text(folder_.file("free.json"), file.dump());
+  EXPECT_EQ(graybox("check set.h5 free.json").exit_code, 1);
+  file["limits"] = limits;
+  file["limits"]["block_share"]["largest_share"] = 0.15;
+  write_text(folder_.file("broken.json"), file.dump());
+  const Outcome broken = graybox("check set.h5 broken.json --json");
+  EXPECT_EQ(broken.exit_code, 1);
+  EXPECT_EQ(Json::parse(broken.out)["status"], "claimed_but_wrong");
+  EXPECT_NE(broken.out.find("more than the limit"), std::string::npos) << broken.out;
+  const auto refused = [&](const Json& bad) {
+    file["limits"] = bad;
+    write_text(folder_.file("bad.json"), file.dump());
+    const Outcome outcome = graybox("check set.h5 bad.json");
+    EXPECT_EQ(outcome.exit_code, 2) << bad.dump();
+    EXPECT_NE(outcome.err.find("bad.json"), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+  };
+  refused({{"block_share", {{"largest_share", 0.2}, {"block_size", 7}}}});
+  refused({{"block_share",
+            {{"largest_share", 0.01}, {"block_size", limits["block_share"]["block_size"]}}}});
+  refused({{"block_share", {{"largest_share", "much"}, {"block_size", 1}}}});
+  refused({{"block_share", {{"largest_share", 0.2}, {"block_size", -1}}}});
+  refused({{"block_share", 0.2}});
+  refused({{"axis_share", {{"largest_share", 0.2}}}});
+}
+
 TEST_F(SpectrumCommand, SpectraHoldTheirPowerAndTheSharesTheirSum) {
   ASSERT_EQ(
       graybox("design spectrum --grid 12 --compare --spectra s.csv --comparison c.csv").exit_code,
