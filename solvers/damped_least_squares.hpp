@@ -4,8 +4,8 @@
 //
 //   normal equations   Cholesky of A A^T + diag(f)^2: n^2 m / 2 + n^3 / 6 multiply-adds. Errors grow
 //                      with the square of the condition of J.
-//   orthogonal         Householder QR of J, its rows sorted by size (Cox and Higham 1998): n^2 (m + 2n/3)
-//                      multiply-adds. Errors grow with the condition of J.
+//   orthogonal         Householder QR of J, its rows sorted by size (Cox and Higham 1998):
+//                      n^2 (m + 2n/3) multiply-adds. Errors grow with the condition of J.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,9 +19,10 @@ class DampedLeastSquares {
  public:
   enum class Method { kNormalEquations, kOrthogonal };
 
-  // `rows`: A row by row, each of `stride` numbers (a multiple of 8, 64-byte aligned), of which those
-  // from m = `columns` on are zero. The array is used by solve() too. The normal equations give way to
-  // the orthogonal method where they break down; false where that is not finite either.
+  // `rows`: A row by row, each of `stride` numbers (a multiple of 8, 64-byte aligned), of which
+  // those from m = `columns` on are zero. The array is used by solve() too. The normal
+  // equations give way to the orthogonal method where they break down; false where that is not
+  // finite either.
   [[nodiscard]] bool factor(const double* rows, std::size_t stride, std::size_t columns,
                             const Eigen::VectorXd& damping, Method method);
 

@@ -39,7 +39,8 @@ struct DesignLimits {
   [[nodiscard]] bool any() const { return concentration.has_value() || block_share.has_value(); }
 };
 
-// Throws InputError for limits of both kinds, and for those that do not fit the set or leave no design.
+// Throws InputError for limits of both kinds, and for those that do not fit the set or leave no
+// design.
 void require_fits(const DesignLimits& limits, const InformationSet& set);
 
 // One line without full stop: "at most 0.5 of the weight in any 79 candidates".

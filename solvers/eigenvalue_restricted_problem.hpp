@@ -13,14 +13,15 @@
 //
 //   dE~ + dZ~ = diag(mu/v - v).
 //
-// With B_i = g^T H_i g, K_ij = tr(B_i B_j), c~ = g^T C g and F for the right side above, elimination of
-// dE, ds and dZ leaves, for c_i the right side of lambda_i ds_i + s_i dlambda_i = c_i,
+// With B_i = g^T H_i g, K_ij = tr(B_i B_j), c~ = g^T C g and F for the right side above, elimination
+// of dE, ds and dZ leaves, for c_i the right side of lambda_i ds_i + s_i dlambda_i = c_i,
 //
 //   (K + S/Lambda) dlambda - k dt + 1 dnu = c_i/lambda_i + tr(F B_i) =: b,     k_i = tr(c~ B_i),
 //   k^T dlambda - tr(c~ c~) dt = tr(F c~),       1^T dlambda = 0,
 //
-// where k and c~ grow as 1/mu and cancel. Since sum_i lambda_i B_i = t c~ + diag(v) and tr(diag(v) B_i)
-// = tr(E H_i) = nu - s_i, the unknowns x = dlambda - lambda dt/t and y = dnu + nu dt/t turn it into
+// where k and c~ grow as 1/mu and cancel. Since sum_i lambda_i B_i = t c~ + diag(v) and
+// tr(diag(v) B_i) = tr(E H_i) = nu - s_i, the unknowns x = dlambda - lambda dt/t and
+// y = dnu + nu dt/t turn it into
 //
 //   [ K + S/Lambda       1       ] [ x ]   [ b            ]
 //   [     1^T       1/(nu + t)   ] [ y ] = [ gamma/(nu+t) ],    dt/t = -1^T x,
