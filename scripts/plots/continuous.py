@@ -11,13 +11,21 @@ def plain(value, _):
     return f"{value:g}"
 
 
-def refinement_panel(axes, rows):
+def largest_gap(bounds):
+    """The largest sensitivity that searches from the refined grids found, over d, minus 1."""
+    return max(0.0, *(float(row["largest_searched_gap"]) for row in bounds))
+
+
+def refinement_panel(axes, rows, bounds):
     grids = [row for row in rows if row["candidates"] != "continuous"]
     best = next(row for row in rows if row["candidates"] == "continuous")
     axes.semilogx([int(row["candidates"]) for row in grids],
                   [float(row["covariance"]) for row in grids], "o-", color=BLUE, ms=4,
                   label="optimum on a grid (proven)")
-    axes.axhline(float(best["covariance"]), color=VERMILION, label="continuous joint angles, best found")
+    covariance, gap = float(best["covariance"]), largest_gap(bounds)
+    axes.axhline(covariance, color=VERMILION, label="continuous joint angles, best found")
+    axes.axhspan(covariance / (1 + gap), covariance, color=VERMILION, alpha=0.15, lw=0,
+                 label=f"still possible by the gap found ({100 * gap:.0f} %)")
     paper = next(row for row in grids if row["candidates"] == "7920")
     axes.annotate("the paper's grid", xy=(7920, float(paper["covariance"])), xytext=(8, 14),
                   textcoords="offset points", fontsize=8, color=GREY,
@@ -29,20 +37,22 @@ def refinement_panel(axes, rows):
     axes.legend(fontsize=8, loc="lower left")
 
 
-def search_panel(axes, rows):
-    """Gaps found round by round; quiet rounds fall to the asked gap and later ones find more."""
+def search_panel(axes, rows, bounds):
+    """Gaps found round by round; after quiet rounds, other starts still find more."""
     rounds = [int(row["round"]) for row in rows]
     axes.semilogy(rounds, [float(row["found_gap"]) for row in rows], "o-", color=GREY, ms=3, lw=0.8,
                   label=r"largest sensitivity found$/d-1$")
     axes.semilogy(rounds, [float(row["covariance"]) for row in rows], color=VERMILION,
                   label=COVARIANCE + " so far")
+    axes.axhline(largest_gap(bounds), color=BLUE, ls="--", lw=1,
+                 label="gap found afterwards, other starts")
     axes.set_xlabel("round of searches")
     axes.set_ylabel("gap found; covariance")
     axes.set_title("Each new maximum is met by chance")
     axes.legend(fontsize=8)
 
 
-def sensitivity_panel(axes, rows):
+def sensitivity_panel(axes, rows, _):
     error = [100 * float(row["stiffness_error"]) for row in rows]
     for key, colour, label in (("grid_covariance", BLUE, "optimum on the paper's grid"),
                                ("continuous_covariance", VERMILION, "continuous optimum")):
@@ -57,11 +67,12 @@ def sensitivity_panel(axes, rows):
 
 def draw(folder):
     tables = [read_table(folder / "tables" / f"continuous_{name}.csv")
-              for name in ("refinement", "rounds", "sensitivity")]
+              for name in ("bound", "refinement", "rounds", "sensitivity")]
     if not all(tables):
         return
+    bounds, *tables = tables
     figure, panels = plt.subplots(1, 3, figsize=(13.5, 4.1))
     for panel, axes, rows in zip((refinement_panel, search_panel, sensitivity_panel), panels, tables):
-        panel(axes, rows)
+        panel(axes, rows, bounds)
     figure.tight_layout(w_pad=2.5)
     save(folder, figure, "continuous_design")
