@@ -102,7 +102,16 @@ const ArmLinearisation& LocalModelBuilder::linearise(const Eigen::VectorXd& join
 }
 
 LocalModel LocalModelBuilder::build(const Eigen::VectorXd& joint_angles) {
-  const ArmLinearisation& arm = linearise(joint_angles);
+  return model_of(linearise(joint_angles), joint_angles);
+}
+
+LocalModel LocalModelBuilder::build_at(const Eigen::VectorXd& rotations,
+                                       const Eigen::VectorXd& joint_angles) {
+  return model_of(at_rotations(rotations), joint_angles);
+}
+
+LocalModel LocalModelBuilder::model_of(const ArmLinearisation& arm,
+                                       const Eigen::VectorXd& joint_angles) const {
   const RobotModel& robot = *robot_;
   const Eigen::Index n_arm = robot.arm_size(), n_motor = robot.motor_count();
   const Eigen::Index n = n_arm + n_motor;

@@ -79,12 +79,17 @@ class LocalModelBuilder {
   // the robot's, or where the arm finds no static equilibrium (springs too soft to carry it).
   const ArmLinearisation& linearise(const Eigen::VectorXd& joint_angles);
   [[nodiscard]] LocalModel build(const Eigen::VectorXd& joint_angles);
+  // At given rotations of the arm, where further elements hold it at rest.
+  [[nodiscard]] LocalModel build_at(const Eigen::VectorXd& rotations,
+                                    const Eigen::VectorXd& joint_angles);
 
   // M_a and dg/dq at given rotations, without looking for the equilibrium.
   const ArmLinearisation& at_rotations(const Eigen::VectorXd& rotations);
 
  private:
   void solve_equilibrium(const Eigen::VectorXd& commanded);
+  [[nodiscard]] LocalModel model_of(const ArmLinearisation& arm,
+                                    const Eigen::VectorXd& joint_angles) const;
 
   const RobotModel* robot_;
   LinearisationOptions options_;

@@ -6,8 +6,8 @@ RobotDynamics::RobotDynamics(const RobotModel& robot)
     : robot_(&robot),
       arm_(robot.arm_size()),
       motors_(robot.motor_count()),
+      chain_(robot.chain),
       evaluator_(robot.chain),
-      builder_(robot),
       gearboxes_(robot.gearbox_rotations()),
       stiffness_(arm_),
       damping_(arm_),
@@ -30,47 +30,30 @@ RobotDynamics::RobotDynamics(const RobotModel& robot)
   }
 }
 
-Eigen::VectorXd RobotDynamics::rest(const Eigen::VectorXd& joint_angles) {
-  Eigen::VectorXd state = Eigen::VectorXd::Zero(state_size());
-  state.head(arm_) = builder_.linearise(joint_angles).rotations;
-  state.segment(arm_, motors_) = joint_angles;
-  return state;
-}
-
-Eigen::VectorXd RobotDynamics::holding_torque(const Eigen::VectorXd& state) {
-  spring_deflection(state);
-  Eigen::VectorXd pull(motors_);  // of the springs on the motors, in joint angles
+void RobotDynamics::spring_deflection(const Eigen::VectorXd& q, const Eigen::VectorXd& velocity) {
+  deflection_ = q.head(arm_);
+  deflection_rate_ = velocity.head(arm_);
   for (Eigen::Index j = 0; j < motors_; ++j) {
     const Eigen::Index i = gearboxes_[static_cast<std::size_t>(j)];
-    pull(j) = stiffness_(i) * deflection_(i);
-  }
-  return -robot_->transmission.transpose().partialPivLu().solve(pull);
-}
-
-void RobotDynamics::spring_deflection(const Eigen::VectorXd& state) {
-  const Eigen::Index n = degrees_of_freedom();
-  deflection_ = state.head(arm_);
-  deflection_rate_ = state.segment(n, arm_);
-  for (Eigen::Index j = 0; j < motors_; ++j) {
-    const Eigen::Index i = gearboxes_[static_cast<std::size_t>(j)];
-    deflection_(i) -= state(arm_ + j);
-    deflection_rate_(i) -= state(n + arm_ + j);
+    deflection_(i) -= q(arm_ + j);
+    deflection_rate_(i) -= velocity(arm_ + j);
   }
 }
 
-void RobotDynamics::rate(const Eigen::VectorXd& state, const Eigen::VectorXd& motor_torque,
-                         const Eigen::VectorXd& force, Eigen::VectorXd& rate) {
-  const Eigen::Index n = degrees_of_freedom();
-  spring_deflection(state);
+void RobotDynamics::accelerate(const Eigen::VectorXd& q, const Eigen::VectorXd& velocity,
+                               const Eigen::VectorXd& motor_torque, const Eigen::VectorXd& force,
+                               Eigen::VectorXd& acceleration) {
+  spring_deflection(q, velocity);
   spring_torque_ = stiffness_.cwiseProduct(deflection_) + damping_.cwiseProduct(deflection_rate_);
 
-  rotations_ = state.head(arm_);
-  velocities_ = state.segment(n, arm_);
-  arm_torque_ = force.head(arm_) - spring_torque_ - evaluator_.bias_torque(rotations_, velocities_);
-  arm_factor_.compute(evaluator_.mass_matrix(rotations_));
+  rotations_ = q.head(arm_);
+  velocities_ = velocity.head(arm_);
+  chain_.evaluate(rotations_, velocities_);
+  arm_torque_ = force.head(arm_) - spring_torque_ - chain_.bias();
+  arm_factor_.compute(chain_.mass());
   arm_factor_.solveInPlace(arm_torque_);
 
-  motor_side_.noalias() = robot_->transmission * state.tail(motors_);
+  motor_side_.noalias() = robot_->transmission * velocity.tail(motors_);
   motor_side_ = motor_torque - robot_->motor_friction.cwiseProduct(motor_side_);
   motor_torque_ = force.tail(motors_);
   motor_torque_.noalias() += robot_->transmission.transpose() * motor_side_;
@@ -78,10 +61,15 @@ void RobotDynamics::rate(const Eigen::VectorXd& state, const Eigen::VectorXd& mo
     motor_torque_(j) += spring_torque_(gearboxes_[static_cast<std::size_t>(j)]);
   }
   motor_factor_.solveInPlace(motor_torque_);
+  acceleration << arm_torque_, motor_torque_;
+}
 
-  rate.head(n) = state.tail(n);
-  rate.segment(n, arm_) = arm_torque_;
-  rate.tail(motors_) = motor_torque_;
+void RobotDynamics::rate(const Eigen::VectorXd& state, const Eigen::VectorXd& motor_torque,
+                         const Eigen::VectorXd& force, Eigen::VectorXd& rate) {
+  const Eigen::Index n = degrees_of_freedom();
+  Eigen::VectorXd acceleration(n);
+  accelerate(state.head(n), state.tail(n), motor_torque, force, acceleration);
+  rate << state.tail(n), acceleration;
 }
 
 Eigen::VectorXd RobotDynamics::motor_velocity(const Eigen::VectorXd& state) const {
@@ -89,7 +77,7 @@ Eigen::VectorXd RobotDynamics::motor_velocity(const Eigen::VectorXd& state) cons
 }
 
 double RobotDynamics::energy(const Eigen::VectorXd& state) {
-  spring_deflection(state);
+  spring_deflection(state.head(degrees_of_freedom()), state.tail(degrees_of_freedom()));
   rotations_ = state.head(arm_);
   velocities_ = state.segment(degrees_of_freedom(), arm_);
   const auto motor_velocities = state.tail(motors_);

@@ -12,17 +12,18 @@
 //
 // The state is (q_a, q_m, q_a', q_m'), 36 numbers for the paper's robot.
 //
-//   RobotDynamics dynamics(robot);                       // one for each thread
-//   Eigen::VectorXd state = dynamics.rest(position);     // hanging at rest, motors at `position`
-//   dynamics.rate(state, dynamics.holding_torque(state), no_force, rate);   // rate = 0
+//   RobotDynamics dynamics(robot);                              // one for each thread
+//   const RobotRest rest = robot_rest(robot, {}, position);     // elements/robot_elements.hpp
+//   dynamics.accelerate(rest.coordinates, zero, rest.holding_torque, zero, acceleration);   // = 0
 //
-// Cost of rate(): O(n_a^3), some 10 microseconds for the paper's robot; no allocation.
+// Cost of accelerate(): O(n_a^3), a few microseconds for the paper's robot; no allocation.
 #pragma once
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <vector>
 
-#include "graybox/problems/local_model.hpp"
+#include "graybox/problems/mechanics/chain_dynamics.hpp"
 #include "graybox/problems/mechanics/rigid_chain.hpp"
 #include "graybox/problems/robot_model.hpp"
 
@@ -36,13 +37,12 @@ class RobotDynamics {
   [[nodiscard]] Eigen::Index degrees_of_freedom() const { return arm_ + motors_; }
   [[nodiscard]] Eigen::Index state_size() const { return 2 * degrees_of_freedom(); }
 
-  // At rest with the motors at `joint_angles` (rad) and the arm in its static equilibrium. Throws
-  // InputError like LocalModelBuilder.
-  [[nodiscard]] Eigen::VectorXd rest(const Eigen::VectorXd& joint_angles);
-  // The motor torques that keep a resting state at rest, motor side.
-  [[nodiscard]] Eigen::VectorXd holding_torque(const Eigen::VectorXd& state);
-
-  // d(state)/dt. `motor_torque`: n_m, motor side; `force`: n_a + n_m, f of the equations.
+  // (q_a'', q_m''). `q`, `velocity`, `force` (f of the equations): n_a + n_m; `motor_torque`: n_m,
+  // motor side.
+  void accelerate(const Eigen::VectorXd& q, const Eigen::VectorXd& velocity,
+                  const Eigen::VectorXd& motor_torque, const Eigen::VectorXd& force,
+                  Eigen::VectorXd& acceleration);
+  // d(state)/dt, from the same.
   void rate(const Eigen::VectorXd& state, const Eigen::VectorXd& motor_torque,
             const Eigen::VectorXd& force, Eigen::VectorXd& rate);
 
@@ -55,13 +55,13 @@ class RobotDynamics {
   [[nodiscard]] double dissipated_power(const Eigen::VectorXd& state) const;  // W, >= 0
 
  private:
-  void spring_deflection(const Eigen::VectorXd& state);
+  void spring_deflection(const Eigen::VectorXd& q, const Eigen::VectorXd& velocity);
 
   const RobotModel* robot_;
   Eigen::Index arm_;
   Eigen::Index motors_;
+  ChainDynamics chain_;
   RigidChainEvaluator evaluator_;
-  LocalModelBuilder builder_;
   std::vector<Eigen::Index> gearboxes_;
   Eigen::VectorXd stiffness_, damping_;  // n_a
   Eigen::MatrixXd motor_mass_;           // N^T J N

@@ -118,21 +118,6 @@ Eigen::MatrixXd read_transmission(const YamlField& field, std::size_t size) {
   return matrix;
 }
 
-PiController read_controller(const YamlField& field, std::size_t size) {
-  field.allow_keys({"kind", "proportional", "integral_time"});
-  (void)field.at("kind").choice({"pi"});
-  PiController result;
-  const auto read = [&](const char* key) {
-    const std::vector<double> values = field.at(key).numbers(size);
-    for (const YamlField& item : field.at(key).items()) (void)item.positive();
-    return Eigen::VectorXd(
-        Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(size)));
-  };
-  result.proportional = read("proportional");
-  result.integral_time = read("integral_time");
-  return result;
-}
-
 std::vector<double> spaced_frequencies(const YamlField& field) {
   field.allow_keys({"from", "to", "count", "spacing"});
   const double from = field.at("from").positive();
@@ -228,6 +213,21 @@ void check_mass_matrix(const RobotModel& model, const YamlField& urdf) {
 
 }  // namespace
 
+PiController read_pi_controller(const YamlField& field, std::size_t size) {
+  field.allow_keys({"kind", "proportional", "integral_time"});
+  (void)field.at("kind").choice({"pi"});
+  PiController result;
+  const auto read = [&](const char* key) {
+    const std::vector<double> values = field.at(key).numbers(size);
+    for (const YamlField& item : field.at(key).items()) (void)item.positive();
+    return Eigen::VectorXd(
+        Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(size)));
+  };
+  result.proportional = read("proportional");
+  result.integral_time = read("integral_time");
+  return result;
+}
+
 std::vector<std::string> RobotModel::parameter_names() const {
   std::vector<std::string> names;
   for (const std::size_t spring : parameters) names.push_back(springs[spring].name);
@@ -244,9 +244,17 @@ std::vector<Eigen::Index> RobotModel::gearbox_rotations() const {
 
 RobotModel load_robot_model(const std::filesystem::path& file) {
   const YamlField root = YamlField::load(file);
+  if (root.has("elements")) {
+    root.at("elements").fail("is for graybox simulate alone; leave it out here");
+  }
+  return load_robot_without_elements(file);
+}
+
+RobotModel load_robot_without_elements(const std::filesystem::path& file) {
+  const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "gravity", "sample_time", "joints",
-                   "transmission", "controller", "noise", "parameters", "excitation"});
+                   "transmission", "controller", "noise", "parameters", "excitation", "elements"});
 
   const std::string urdf_name = root.at("urdf").text();
   const std::vector<ChainRotation> urdf = read_urdf_chain(
@@ -266,7 +274,7 @@ RobotModel load_robot_model(const std::filesystem::path& file) {
       .motor_inertia = Eigen::VectorXd(n),
       .motor_friction = Eigen::VectorXd(n),
       .sample_time = root.at("sample_time").positive(),
-      .controller = read_controller(root.at("controller"), count),
+      .controller = read_pi_controller(root.at("controller"), count),
       .frequencies = {},
       .parameters = {}};
   for (std::size_t j = 0; j < count; ++j) {

@@ -31,6 +31,7 @@
 //   noise: {velocity_psd_slope: 0.0827}   # C_v of Phi_v = C_v w^2 I
 //   parameters: all_stiffness             # or a list of springs: [joint_1.gearbox, ...]
 //   excitation: {frequencies: {from: 1, to: 60, count: 50, spacing: log}, reference_psd: 1.0}
+//   elements: [...]                       # further physics (elements/element.hpp); none if absent
 // Frequencies (Hz) may also be a list; spacing is log or linear.
 #pragma once
 
@@ -43,6 +44,8 @@
 #include "graybox/problems/mechanics/rigid_chain.hpp"
 
 namespace graybox {
+
+class YamlField;
 
 // The spring and damper about one rotation of the arm.
 struct ArmSpring {
@@ -58,6 +61,9 @@ struct PiController {
   Eigen::VectorXd proportional;   // K_p, N m s/rad
   Eigen::VectorXd integral_time;  // T_i, s
 };
+
+// {kind: pi, proportional: [...], integral_time: [...]}, of positive numbers, one for each motor.
+[[nodiscard]] PiController read_pi_controller(const YamlField& field, std::size_t motors);
 
 struct RobotModel {
   std::string name;                      // of the file, without folder and ending
@@ -81,8 +87,12 @@ struct RobotModel {
   [[nodiscard]] std::vector<Eigen::Index> gearbox_rotations() const;
 };
 
-// Throws InputError of one line for whatever is wrong with the file or its URDF.
+// Throws InputError of one line for whatever is wrong with the file or its URDF, and for a file with
+// elements: information matrices and local models know springs and dampers alone.
 [[nodiscard]] RobotModel load_robot_model(const std::filesystem::path& file);
+
+// The same but for the elements, which it leaves to the reader (elements/robot_elements.hpp).
+[[nodiscard]] RobotModel load_robot_without_elements(const std::filesystem::path& file);
 
 // The same robot with the stiffness of parameter p multiplied by theta_p: the robot one would have
 // if theta were true, with theta_0 = 1 again (so information about theta relative to it). Gravity

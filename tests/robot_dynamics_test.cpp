@@ -6,6 +6,9 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/local_model.hpp"
+#include "graybox/problems/mechanics/chain_dynamics.hpp"
 #include "graybox/problems/random.hpp"
 #include "robot_test_support.hpp"
 
@@ -21,13 +24,35 @@ VectorXd random_vector(Random& random, Eigen::Index size, double scale) {
   return result;
 }
 
+VectorXd resting_state(const RobotModel& robot, const VectorXd& position) {
+  VectorXd state = VectorXd::Zero(36);
+  state.head(18) = robot_rest(robot, {}, position).coordinates;
+  return state;
+}
+
 // A state far from rest: deflections of a few milliradians, joints turning.
-VectorXd moving_state(RobotDynamics& dynamics, const VectorXd& position, std::uint64_t seed) {
+VectorXd moving_state(const RobotModel& robot, const VectorXd& position, std::uint64_t seed) {
   Random random(seed);
-  VectorXd state = dynamics.rest(position);
+  VectorXd state = resting_state(robot, position);
   state.head(18) += random_vector(random, 18, 2e-3);
   state.tail(18) += random_vector(random, 18, 0.5);
   return state;
+}
+
+// The recursions of the simulation against Orocos KDL's, and against the positions' derivatives.
+TEST(ChainDynamics, AgreesWithKdl) {
+  const RobotModel robot = robot_test::paper_robot();
+  RigidChainEvaluator kdl(robot.chain);
+  ChainDynamics dynamics(robot.chain);
+  Random random(5);
+  for (int draw = 0; draw < 20; ++draw) {
+    const VectorXd q = random_vector(random, 12, 1.0), velocity = random_vector(random, 12, 2.0);
+    dynamics.evaluate(q, velocity);
+    const MatrixXd mass = kdl.mass_matrix(q);
+    EXPECT_LT((dynamics.mass() - mass).norm(), 1e-12 * mass.norm());
+    const VectorXd bias = kdl.coriolis_torque(q, velocity) + kdl.gravity_torque(q);
+    EXPECT_LT((dynamics.bias() - bias).norm(), 1e-12 * bias.norm());
+  }
 }
 
 TEST(RobotDynamics, RestsWhereItHangs) {
@@ -35,8 +60,8 @@ TEST(RobotDynamics, RestsWhereItHangs) {
   RobotDynamics dynamics(robot);
   VectorXd rate(36);
   for (const VectorXd& position : robot_test::some_positions()) {
-    const VectorXd state = dynamics.rest(position);
-    dynamics.rate(state, dynamics.holding_torque(state), VectorXd::Zero(18), rate);
+    const VectorXd state = resting_state(robot, position);
+    dynamics.rate(state, robot_rest(robot, {}, position).holding_torque, VectorXd::Zero(18), rate);
     EXPECT_LT(rate.lpNorm<Eigen::Infinity>(), 1e-7);
     dynamics.rate(state, VectorXd::Zero(6), VectorXd::Zero(18), rate);
     EXPECT_GT(rate.lpNorm<Eigen::Infinity>(), 1e-2);  // let go, it falls
@@ -51,8 +76,8 @@ TEST(RobotDynamics, LinearisesToTheLocalModel) {
   const VectorXd none = VectorXd::Zero(18);
   for (const VectorXd& position : robot_test::some_positions()) {
     const LocalModel model = builder.build(position);
-    const VectorXd rest = dynamics.rest(position);
-    const VectorXd hold = dynamics.holding_torque(rest);
+    const VectorXd rest = resting_state(robot, position);
+    const VectorXd hold = robot_rest(robot, {}, position).holding_torque;
     const Eigen::LLT<MatrixXd> mass(model.mass);
     MatrixXd expected(18, 36), found(18, 36);
     expected << mass.solve(-model.stiffness), mass.solve(-model.damping);
@@ -79,7 +104,7 @@ TEST(RobotDynamics, EnergyBalance) {
   RobotDynamics dynamics(robot);
   std::uint64_t seed = 1;
   for (const VectorXd& position : robot_test::some_positions()) {
-    const VectorXd state = moving_state(dynamics, position, ++seed);
+    const VectorXd state = moving_state(robot, position, ++seed);
     Random random(seed + 100);
     const VectorXd torque = random_vector(random, 6, 5.0);
     const VectorXd force = random_vector(random, 18, 100.0);
@@ -100,7 +125,7 @@ TEST(RobotDynamics, EnergyBalance) {
 TEST(RobotDynamics, AngularMomentumAboutTheVerticalChangesByTheFirstGearboxAlone) {
   const RobotModel robot = robot_test::paper_robot();
   RobotDynamics dynamics(robot);
-  VectorXd state = moving_state(dynamics, robot_test::some_positions()[4], 9);
+  VectorXd state = moving_state(robot, robot_test::some_positions()[4], 9);
   state.head(2).setZero();
   state.segment(18, 2).setZero();
   const Eigen::Index joint_1 = 2;

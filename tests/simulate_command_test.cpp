@@ -82,6 +82,99 @@ TEST_F(SimulateCommand, TheNonLinearRobotIntoCsv) {
   EXPECT_EQ(read_text(folder_.file("out/campaign.yaml")).find("noise:"), std::string::npos);
 }
 
+const std::string kDrive = R"(format: graybox-lumped/1
+sample_time: 0.001
+motion: rotation
+masses: {motor: 0.002, load: 0.03}
+elements:
+  - name: shaft
+    location: {kind: element, between: [motor, load]}
+    law: stiffness
+    parameters: {stiffness: {value: 45, unit: N m/rad}}
+inputs:
+  - {name: torque, mass: motor}
+outputs:
+  - {name: speed, mass: motor, quantity: velocity}
+controller: {kind: pi, proportional: [0.2], integral_time: [0.05]}
+)";
+const std::string kDrivePlan =
+    "format: graybox-plan/1\nlevels: [2]\nperiod: 200\nfrequencies: [5, 35]\ndata: csv\n";
+const std::string kFriction = R"(format: graybox-physics/1
+elements:
+  - name: dry friction
+    location: {kind: element, mass: load}
+    law: coulomb
+    parameters: {level: {value: 0.3, unit: N m}, transition_velocity: {value: 0.01, unit: rad/s}}
+)";
+
+TEST_F(SimulateCommand, ADriveWithAndWithoutHiddenFriction) {
+  write_text(folder_.file("drive.yaml"), kDrive);
+  write_text(folder_.file("drive_plan.yaml"), kDrivePlan);
+  write_text(folder_.file("friction.yaml"), kFriction);
+  ASSERT_EQ(graybox("simulate drive.yaml drive_plan.yaml -o known").exit_code, 0);
+  const std::string hidden = "simulate drive.yaml drive_plan.yaml --hidden friction.yaml -o ";
+  ASSERT_EQ(graybox(hidden + "hidden").exit_code, 0);
+  const std::string known = read_text(folder_.file("known/p1_l1_r1_e1.csv"));
+  EXPECT_EQ(known.find("time,reference_speed,torque,speed\n"), 0U);
+  EXPECT_NE(known, read_text(folder_.file("hidden/p1_l1_r1_e1.csv")));
+  // What is hidden stays out of the folder.
+  const std::string campaign = read_text(folder_.file("hidden/campaign.yaml"));
+  EXPECT_EQ(campaign, read_text(folder_.file("known/campaign.yaml")));
+  EXPECT_EQ(campaign.find("position:"), std::string::npos);
+  EXPECT_NE(campaign.find("model: drive.yaml"), std::string::npos);
+  EXPECT_NE(campaign.find("{name: torque, unit: N m, is: input}"), std::string::npos) << campaign;
+  expect_refused(hidden + "known", "another model, plan");
+}
+
+TEST_F(SimulateCommand, ListsTheLaws) {
+  const Outcome outcome = graybox("simulate --laws");
+  EXPECT_EQ(outcome.exit_code, 0);
+  for (const char* law : {"backlash", "lugre", "delay", "payload"}) {
+    EXPECT_NE(outcome.out.find(law), std::string::npos) << law;
+  }
+  EXPECT_EQ(graybox("simulate --laws --json").out.find("[{\"law\":"), 0U);
+}
+
+TEST_F(SimulateCommand, RefusesWrongModelsAndPhysics) {
+  write_text(folder_.file("drive_plan.yaml"), kDrivePlan);
+  const auto replaced = [](std::string text, const std::string& from, const std::string& to) {
+    return text.replace(text.find(from), from.size(), to);
+  };
+  const std::string simulate = "simulate drive.yaml drive_plan.yaml --hidden friction.yaml -o out";
+  const std::vector<std::array<std::string, 3>> drives{
+      {"lumped/1", "lump/1", "format"},
+      {"load: 0.03", "load: 0", "masses.load"},
+      {"motion: rotation", "motion: circular", "motion"},
+      {"quantity: velocity", "quantity: jerk", "quantity"},
+      {"name: torque, mass: motor", "name: torque, mass: rotor", "no mass 'rotor'"},
+      {"name: speed", "name: torque", "given twice"},
+      {"name: speed", "name: a b", "letters"},
+      {"[0.2]", "[0.2, 1]", "proportional"},
+  };
+  write_text(folder_.file("friction.yaml"), kFriction);
+  for (const auto& [from, to, message] : drives) {
+    write_text(folder_.file("drive.yaml"), replaced(kDrive, from, to));
+    expect_refused(simulate, message);
+  }
+  write_text(folder_.file("drive.yaml"), kDrive);
+  for (const auto& [from, to, message] : std::vector<std::array<std::string, 3>>{
+           {"physics/1", "physics/2", "format"},
+           {"law: coulomb", "law: coulombe", "no law 'coulombe'"},
+           {"unit: rad/s", "unit: m/s", "must be 'rad/s'"},
+           {"value: 0.3", "value: -0.3", "negative"}}) {
+    write_text(folder_.file("friction.yaml"), replaced(kFriction, from, to));
+    expect_refused(simulate, message);
+  }
+  write_text(folder_.file("friction.yaml"), kFriction);
+  write_text(folder_.file("drive_plan.yaml"), kDrivePlan + "plant: robot\n");
+  expect_refused(simulate, "is for robots");
+  write_text(folder_.file("drive_plan.yaml"), replaced(kDrivePlan, "frequencies: [5, 35]\n", ""));
+  expect_refused(simulate, "frequencies");
+  expect_refused("simulate drive.yaml drive_plan.yaml --hidden nothing.yaml -o out",
+                 "nothing.yaml");
+  expect_refused("simulate drive.yaml", "needs a model");
+}
+
 TEST_F(SimulateCommand, RefusesWrongInput) {
   const std::string simulate = "simulate irb6600_like.yaml plan.yaml -o out";
   expect_refused("simulate missing.yaml plan.yaml -o out", "missing.yaml");

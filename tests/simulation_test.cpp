@@ -234,7 +234,7 @@ TEST(RobotPlant, AgreesWithTheLocalModelForSmallSignals) {
   const RobotModel robot = robot_test::paper_robot();
   const VectorXd position = robot_test::some_positions()[3];
   const auto local = local_plant(LocalModelBuilder(robot).build(position), robot.sample_time);
-  const auto full = robot_plant(robot, position);
+  const auto full = robot_plant(robot, {}, position);
   double last = 1.0;
   for (const double rms : {0.5, 0.05}) {
     MultisineOptions options = six_inputs(400);
@@ -255,8 +255,8 @@ TEST(RobotPlant, AgreesWithTheLocalModelForSmallSignals) {
 TEST(RobotPlant, DoesNotDependOnTheIntegratorsStep) {
   const RobotModel robot = robot_test::paper_robot();
   const VectorXd position = robot_test::some_positions()[4];
-  const auto usual = robot_plant(robot, position);
-  const auto fine = robot_plant(robot, position, {1e-11, 1e-13});
+  const auto usual = robot_plant(robot, {}, position);
+  const auto fine = robot_plant(robot, {}, position, {1e-11, 1e-13});
   MultisineOptions options = six_inputs(200);
   options.rms = 2.0;
   const MatrixXd reference = Multisine(options, 4).reference(2);
@@ -270,7 +270,7 @@ TEST(RobotPlant, DoesNotDependOnTheIntegratorsStep) {
 
 TEST(RobotPlant, StaysAtRest) {
   const RobotModel robot = robot_test::paper_robot();
-  const auto plant = robot_plant(robot, robot_test::some_positions()[2]);
+  const auto plant = robot_plant(robot, {}, robot_test::some_positions()[2]);
   for (int t = 0; t < 200; ++t) plant->advance(VectorXd::Zero(6));
   EXPECT_LT(plant->output().norm(), 1e-6);
 }

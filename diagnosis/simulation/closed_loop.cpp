@@ -28,67 +28,77 @@ class ControllerState {
   Eigen::VectorXd proportional_, rate_, sum_;
 };
 
-// v(t) = (n(t) - n(t-1)) / T_s.
-class VelocityNoise {
+// v(t) = (n(t) - n(t-1)) / T_s + white noise.
+class OutputNoise {
  public:
-  VelocityNoise(Eigen::Index size, const ClosedLoopOptions& options, double sample_time)
+  OutputNoise(Eigen::Index size, const ClosedLoopOptions& options, double sample_time)
       : random_(options.seed),
-        deviation_(std::sqrt(options.noise_psd_slope) / sample_time),
+        slope_(std::sqrt(options.noise_psd_slope) / sample_time),
+        white_(options.white_noise),
         last_(draw(size)) {}
 
   Eigen::VectorXd operator()() {
     Eigen::VectorXd newest = draw(last_.size());
-    Eigen::VectorXd noise = newest - last_;
+    Eigen::VectorXd noise = slope_ * (newest - last_);
     last_ = std::move(newest);
+    if (white_.size() > 0) noise += white_.cwiseProduct(draw(white_.size()));
     return noise;
   }
 
  private:
   Eigen::VectorXd draw(Eigen::Index size) {
     Eigen::VectorXd values(size);
-    for (double& value : values) value = deviation_ * random_.normal();
+    for (double& value : values) value = random_.normal();
     return values;
   }
 
   Random random_;
-  double deviation_;
+  double slope_;
+  Eigen::VectorXd white_;
   Eigen::VectorXd last_;
 };
 
-void check(const Plant& plant, const PiController& controller, const Eigen::MatrixXd& reference,
-           const ClosedLoopOptions& options) {
-  if (reference.rows() != plant.output_count() || plant.input_count() != plant.output_count() ||
-      controller.proportional.size() != plant.input_count()) {
+void check(const Plant& plant, const std::optional<PiController>& controller,
+           const Eigen::MatrixXd& reference, const ClosedLoopOptions& options) {
+  if (reference.rows() != plant.input_count() ||
+      (controller && (plant.input_count() != plant.output_count() ||
+                      controller->proportional.size() != plant.input_count()))) {
     throw InputError(fmt::format(
         "closed loop: {} references, {} controllers, {} inputs and {} outputs must be as many",
-        reference.rows(), controller.proportional.size(), plant.input_count(),
+        reference.rows(), controller ? controller->proportional.size() : 0, plant.input_count(),
         plant.output_count()));
   }
   if (options.periods == 0) throw InputError("closed loop: periods must be at least 1");
   if (!(options.noise_psd_slope >= 0.0))
     throw InputError("closed loop: noise must not be negative");
+  if (options.white_noise.size() != 0 && options.white_noise.size() != plant.output_count()) {
+    throw InputError("closed loop: white noise needs a standard deviation for each output");
+  }
 }
 
 }  // namespace
 
-Recording simulate_closed_loop(Plant& plant, const PiController& controller, double sample_time,
-                               const Eigen::MatrixXd& reference, const ClosedLoopOptions& options,
+Recording simulate_closed_loop(Plant& plant, const std::optional<PiController>& controller,
+                               double sample_time, const Eigen::MatrixXd& reference,
+                               const ClosedLoopOptions& options,
                                const std::function<bool()>& keep_going) {
   check(plant, controller, reference, options);
-  const Eigen::Index period = reference.cols(), size = reference.rows();
+  const Eigen::Index period = reference.cols();
   const auto settling = static_cast<Eigen::Index>(options.settling_periods) * period;
   const auto recorded = static_cast<Eigen::Index>(options.periods) * period;
   const auto second = static_cast<Eigen::Index>(std::ceil(1.0 / sample_time));
-  Recording recording{Eigen::MatrixXd(size, recorded), Eigen::MatrixXd(size, recorded),
-                      Eigen::MatrixXd(size, recorded)};
+  Recording recording{Eigen::MatrixXd(plant.input_count(), recorded),
+                      Eigen::MatrixXd(plant.input_count(), recorded),
+                      Eigen::MatrixXd(plant.output_count(), recorded)};
   plant.restart();
-  ControllerState control(controller, sample_time);
-  VelocityNoise noise(size, options, sample_time);
+  std::optional<ControllerState> control;
+  if (controller) control.emplace(*controller, sample_time);
+  OutputNoise noise(plant.output_count(), options, sample_time);
   for (Eigen::Index t = 0; t < settling + recorded; ++t) {
     if (keep_going && t % second == 0 && !keep_going()) return {};
     const auto r = reference.col(t % period);
     const Eigen::VectorXd y = plant.output() + noise();
-    const Eigen::VectorXd u = control(r - y);
+    const Eigen::VectorXd u = control ? (*control)(r - y) : Eigen::VectorXd(r);
     if (t >= settling) {
       recording.reference.col(t - settling) = r;
       recording.input.col(t - settling) = u;

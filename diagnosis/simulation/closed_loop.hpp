@@ -9,13 +9,14 @@
 // Noise v: the difference quotient of white noise n on the motor angles, v(t) = (n(t) - n(t-1)) /
 // T_s with variance C_v of n, so that Phi_v(w) = C_v |1 - exp(-j w T_s)|^2 / T_s^2, which is C_v w^2
 // but for less than 0.1 % below 17 Hz and 1.2 % at 60 Hz (T_s = 0.5 ms): the paper's Phi_v = C_v w^2,
-// sampled. PSD in the DFT scaling of multisine.hpp.
+// sampled. PSD in the DFT scaling of multisine.hpp. White noise may come on top.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "graybox/diagnosis/simulation/plant.hpp"
 #include "graybox/problems/robot_model.hpp"
@@ -26,19 +27,21 @@ struct ClosedLoopOptions {
   std::size_t settling_periods = 1;  // simulated before the recording
   std::size_t periods = 2;           // recorded
   double noise_psd_slope = 0.0;      // C_v; 0: no noise
-  std::uint64_t seed = 1;            // of the noise
+  Eigen::VectorXd white_noise{};  // standard deviation of white noise on each output; empty: none
+  std::uint64_t seed = 1;         // of the noise
 };
 
 // n x (periods * N) each.
 struct Recording {
-  Eigen::MatrixXd reference;  // r, rad/s
-  Eigen::MatrixXd input;      // u, N m, from the holding torque
-  Eigen::MatrixXd output;     // y, rad/s, with noise
+  Eigen::MatrixXd reference;  // r
+  Eigen::MatrixXd input;      // u, for robots from the holding torque
+  Eigen::MatrixXd output;     // y, with noise
 };
 
-// `reference`: one period, n_u x N. `keep_going` is asked once a second of simulated time; where it
+// `reference`: one period, n_u x N; without a controller it is the input itself. `keep_going` is asked once a second of simulated time; where it
 // says no, the recording is empty. The plant is restarted first.
-[[nodiscard]] Recording simulate_closed_loop(Plant& plant, const PiController& controller,
+[[nodiscard]] Recording simulate_closed_loop(Plant& plant,
+                                             const std::optional<PiController>& controller,
                                              double sample_time, const Eigen::MatrixXd& reference,
                                              const ClosedLoopOptions& options,
                                              const std::function<bool()>& keep_going = {});

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "graybox/diagnosis/simulation/multisine.hpp"
 #include "graybox/problems/error.hpp"
@@ -31,12 +30,9 @@ std::vector<double> read_levels(const YamlField& field) {
 }
 
 // Hz.
-std::vector<double> read_frequencies(const YamlField& root, const RobotModel& robot) {
+std::vector<double> read_frequencies(const YamlField& root, const SimulatedSystem& system) {
   std::vector<double> frequencies;
-  if (!root.has("frequencies")) {
-    for (const double w : robot.frequencies) frequencies.push_back(w / (2.0 * std::numbers::pi));
-    return frequencies;
-  }
+  if (!root.has("frequencies") && !system.frequencies.empty()) return system.frequencies;
   const YamlField field = root.at("frequencies");
   if (field.is_list()) {
     for (const YamlField& item : field.items()) frequencies.push_back(item.positive());
@@ -75,6 +71,23 @@ std::size_t whole_or_zero(const YamlField& root, const char* key, std::size_t fa
   return root.at(key).number() == 0.0 ? 0 : root.at(key).count();
 }
 
+void read_places(const YamlField& root, const SimulatedSystem& system, ExcitationPlan& plan) {
+  if (system.joints == 0) {
+    for (const char* key : {"plant", "positions", "noise"}) {
+      if (root.has(key)) root.at(key).fail("is for robots; a lumped model has none in its plan");
+    }
+    plan.plant = SimulatedSystem::PlantKind::kLumped;
+    plan.positions.emplace_back();
+    return;
+  }
+  plan.plant = root.at("plant").choice({"local", "robot"}) == "local"
+                   ? SimulatedSystem::PlantKind::kLocal
+                   : SimulatedSystem::PlantKind::kRobot;
+  plan.positions = read_positions(root.at("positions"), system.joints);
+  plan.noise_psd_slope =
+      root.has("noise") ? root.at("noise").non_negative() : system.velocity_psd_slope;
+}
+
 }  // namespace
 
 std::string PlannedExperiment::name() const {
@@ -82,17 +95,14 @@ std::string PlannedExperiment::name() const {
                      sub_experiment + 1);
 }
 
-ExcitationPlan read_plan(const std::filesystem::path& file, const RobotModel& robot) {
+ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSystem& system) {
   const YamlField root = YamlField::load(file);
   root.allow_keys({"format", "plant", "positions", "levels", "realisations",
                    "validation_realisations", "period", "settling_periods", "periods",
                    "frequencies", "detection_lines", "phase_draws", "noise", "data"});
   (void)root.at("format").choice({"graybox-plan/1"});
   ExcitationPlan plan;
-  plan.plant = root.at("plant").choice({"local", "robot"}) == "local"
-                   ? ExcitationPlan::PlantKind::kLocal
-                   : ExcitationPlan::PlantKind::kRobot;
-  plan.positions = read_positions(root.at("positions"), robot.joint_names.size());
+  read_places(root, system, plan);
   plan.levels = read_levels(root.at("levels"));
   plan.realisations = whole(root, "realisations", plan.realisations);
   plan.validation_realisations = whole_or_zero(root, "validation_realisations", 0);
@@ -103,19 +113,18 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const RobotModel& ro
   plan.settling_periods = whole_or_zero(root, "settling_periods", plan.settling_periods);
   plan.periods = whole(root, "periods", plan.periods);
   plan.phase_draws = whole(root, "phase_draws", plan.phase_draws);
-  plan.noise_psd_slope =
-      root.has("noise") ? root.at("noise").non_negative() : robot.velocity_psd_slope;
   if (root.has("data") && root.at("data").choice({"h5", "csv"}) == "csv") {
     plan.data = ExcitationPlan::DataFormat::kCsv;
   }
   const std::vector<std::size_t> lines =
-      odd_lines(read_frequencies(root, robot), plan.period, robot.sample_time);
+      odd_lines(read_frequencies(root, system), plan.period, system.sample_time);
   plan.lines = without_detection_lines(lines, whole_or_zero(root, "detection_lines", 0));
   if (plan.lines.empty()) root.at("frequencies").fail("no line is left to excite");
   if (2 * plan.lines.back() >= plan.period) {
-    root.at("period").fail(fmt::format("is too short: {:.4g} Hz lies beyond half the sample rate",
-                                       static_cast<double>(plan.lines.back()) /
-                                           (static_cast<double>(plan.period) * robot.sample_time)));
+    root.at("period").fail(
+        fmt::format("is too short: {:.4g} Hz lies beyond half the sample rate",
+                    static_cast<double>(plan.lines.back()) /
+                        (static_cast<double>(plan.period) * system.sample_time)));
   }
   return plan;
 }

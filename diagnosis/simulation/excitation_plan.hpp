@@ -15,7 +15,9 @@
 //   noise: 0.0827                    # C_v, rad^2 (closed_loop.hpp); default: the model's; 0: none
 //   data: h5                         # h5 | csv: the files of the recordings; default h5
 //
-// Each position, level and realisation takes n_u sub-experiments (multisine.hpp).
+// Each position, level and realisation takes n_u sub-experiments (multisine.hpp). The plan of a lumped
+// model has no plant, positions and noise (its model has that), and levels in the unit of what is
+// excited, reference or input.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,17 +27,16 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/robot_model.hpp"
+#include "graybox/diagnosis/simulation/simulated_system.hpp"
 
 namespace graybox {
 
 struct ExcitationPlan {
-  enum class PlantKind : std::int8_t { kLocal, kRobot };
   enum class DataFormat : std::int8_t { kHdf5, kCsv };
 
-  PlantKind plant = PlantKind::kLocal;
-  std::vector<Eigen::VectorXd> positions;  // degrees
-  std::vector<double> levels;              // rad/s
+  SimulatedSystem::PlantKind plant = SimulatedSystem::PlantKind::kLocal;
+  std::vector<Eigen::VectorXd> positions;  // degrees; one of size 0 for a lumped model
+  std::vector<double> levels;              // rms
   std::size_t realisations = 1;
   std::size_t validation_realisations = 0;
   std::size_t period = 0;
@@ -57,8 +58,9 @@ struct PlannedExperiment {
   [[nodiscard]] std::string name() const;  // "p1_l1_r1_e1", counting from one
 };
 
-// Throws InputError of one line for whatever is wrong with the file or does not fit the robot.
-[[nodiscard]] ExcitationPlan read_plan(const std::filesystem::path& file, const RobotModel& robot);
+// Throws InputError of one line for whatever is wrong with the file or does not fit the system.
+[[nodiscard]] ExcitationPlan read_plan(const std::filesystem::path& file,
+                                       const SimulatedSystem& system);
 
 // All experiments, sub-experiments running fastest.
 [[nodiscard]] std::vector<PlannedExperiment> planned_experiments(const ExcitationPlan& plan,

@@ -37,106 +37,125 @@ std::string file_name(const ExcitationPlan& plan, const PlannedExperiment& exper
 }
 
 // Phases are those of the position, level and realisation; its sub-experiments share them.
-Multisine excitation(const RobotModel& robot, const ExcitationPlan& plan,
+Multisine excitation(const SimulatedSystem& system, const ExcitationPlan& plan,
                      const PlannedExperiment& experiment, std::uint64_t seed) {
   return Multisine(
       {.period = plan.period,
        .lines = plan.lines,
        .relative_amplitude = {},
-       .inputs = robot.motor_count(),
+       .inputs = static_cast<Eigen::Index>(system.inputs.size()),
        .rms = plan.levels[experiment.level],
        .phase_draws = plan.phase_draws},
       derived_seed(seed, {1, experiment.position, experiment.level, experiment.realisation}));
 }
 
-std::unique_ptr<Plant> plant_at(const RobotModel& robot, const ExcitationPlan& plan,
-                                std::size_t position) {
-  const Eigen::VectorXd angles = plan.positions[position] * (std::numbers::pi / 180.0);
-  if (plan.plant == ExcitationPlan::PlantKind::kRobot) return robot_plant(robot, angles);
-  return local_plant(LocalModelBuilder(robot).build(angles), robot.sample_time);
-}
-
-std::vector<RecordedChannel> channels_of(const Recording& recording) {
+std::vector<RecordedChannel> channels_of(const SimulatedSystem& system,
+                                         const Recording& recording) {
   std::vector<RecordedChannel> channels;
-  const auto add = [&](const char* letter, const char* unit, const Eigen::MatrixXd& rows) {
-    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-      channels.push_back({fmt::format("{}_{}", letter, i + 1), unit, rows.row(i).transpose()});
+  const auto add = [&](const std::vector<SimulatedSystem::Signal>& signals,
+                       const Eigen::MatrixXd& rows) {
+    for (std::size_t k = 0; k < signals.size(); ++k) {
+      channels.push_back(
+          {signals[k].name, signals[k].unit, rows.row(static_cast<Eigen::Index>(k)).transpose()});
     }
   };
-  add("r", "rad/s", recording.reference);
-  add("u", "N m", recording.input);
-  add("y", "rad/s", recording.output);
+  add(system.references, recording.reference);
+  add(system.inputs, recording.input);
+  add(system.outputs, recording.output);
   return channels;
 }
 
-Recording simulate(const RobotModel& robot, const ExcitationPlan& plan,
-                   const PlannedExperiment& experiment, const SimulationOptions& options) {
-  const auto plant = plant_at(robot, plan, experiment.position);
-  const Multisine signal = excitation(robot, plan, experiment, options.seed);
+Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan,
+                       const PlannedExperiment& experiment, const SimulationOptions& options) {
+  const auto plant =
+      system.plant(plan.plant, plan.positions[experiment.position] * (std::numbers::pi / 180.0));
+  const Multisine signal = excitation(system, plan, experiment, options.seed);
   const auto sub = static_cast<std::uint64_t>(experiment.sub_experiment);
   const ClosedLoopOptions loop{
       .settling_periods = plan.settling_periods,
       .periods = plan.periods,
       .noise_psd_slope = plan.noise_psd_slope,
+      .white_noise = system.white_noise,
       .seed = derived_seed(
           options.seed, {2, experiment.position, experiment.level, experiment.realisation, sub})};
-  return simulate_closed_loop(*plant, robot.controller, robot.sample_time,
+  return simulate_closed_loop(*plant, system.controller, system.sample_time,
                               signal.reference(experiment.sub_experiment), loop,
                               options.keep_going);
 }
 
 // ---- campaign.yaml -------------------------------------------------------------------------------
 
-void append_channels(fmt::memory_buffer& text, const RobotModel& robot) {
+void append_channels(fmt::memory_buffer& text, const SimulatedSystem& system) {
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "channels:\n");
-  const auto add = [&](const char* letter, const char* unit, const char* is) {
-    for (Eigen::Index i = 1; i <= robot.motor_count(); ++i) {
-      fmt::format_to(out, "  - {{name: {}_{}, unit: {}, is: {}}}\n", letter, i, unit, is);
+  const auto add = [&](const std::vector<SimulatedSystem::Signal>& signals, const char* is) {
+    for (const auto& [name, unit] : signals) {
+      fmt::format_to(out, "  - {{name: {}, unit: {}, is: {}}}\n", name, unit, is);
     }
   };
-  add("u", "N m", "input");
-  add("y", "rad/s", "output");
-  add("r", "rad/s", "reference");
+  add(system.inputs, "input");
+  add(system.outputs, "output");
+  add(system.references, "reference");
 }
 
-// Standard deviation of v(t) = (n(t) - n(t-1)) / T_s.
-void append_noise(fmt::memory_buffer& text, const RobotModel& robot, const ExcitationPlan& plan) {
-  if (plan.noise_psd_slope == 0.0) return;
-  const double deviation = std::sqrt(2.0 * plan.noise_psd_slope) / robot.sample_time;
-  fmt::format_to(std::back_inserter(text), "noise: {{");
-  for (Eigen::Index i = 1; i <= robot.motor_count(); ++i) {
-    fmt::format_to(std::back_inserter(text), "{}y_{}: {:.10g}", i == 1 ? "" : ", ", i, deviation);
+// Standard deviation of v(t) = (n(t) - n(t-1)) / T_s + white noise.
+void append_noise(fmt::memory_buffer& text, const SimulatedSystem& system,
+                  const ExcitationPlan& plan) {
+  std::vector<std::string> entries;
+  for (std::size_t k = 0; k < system.outputs.size(); ++k) {
+    const double white =
+        system.white_noise.size() > 0 ? system.white_noise(static_cast<Eigen::Index>(k)) : 0.0;
+    const double deviation =
+        std::hypot(std::sqrt(2.0 * plan.noise_psd_slope) / system.sample_time, white);
+    if (deviation > 0.0) {
+      entries.push_back(fmt::format("{}: {:.10g}", system.outputs[k].name, deviation));
+    }
   }
-  fmt::format_to(std::back_inserter(text), "}}\n");
+  if (entries.empty()) return;
+  fmt::format_to(std::back_inserter(text), "noise: {{{}}}\n", fmt::join(entries, ", "));
 }
 
 void append_experiment(fmt::memory_buffer& text, const ExcitationPlan& plan,
                        const PlannedExperiment& experiment) {
   const Eigen::VectorXd& position = plan.positions[experiment.position];
   const bool validates = experiment.realisation >= plan.realisations - plan.validation_realisations;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "  - file: {}\n", file_name(plan, experiment));
+  if (position.size() > 0) {
+    fmt::format_to(out, "    position: [{:g}]\n", fmt::join(position, ", "));
+  }
   fmt::format_to(
-      std::back_inserter(text),
-      "  - file: {}\n    position: [{:g}]\n    level: {:g}\n    realisation: {}\n"
+      out,
+      "    level: {:g}\n    realisation: {}\n"
       "    sub_experiment: {}\n    excitation: {{period: {}, periods: {}, lines: [{}]}}\n"
       "    segments: []\n    role: {}\n",
-      file_name(plan, experiment), fmt::join(position, ", "), plan.levels[experiment.level],
-      experiment.realisation + 1, experiment.sub_experiment + 1, plan.period, plan.periods,
-      fmt::join(plan.lines, ", "), validates ? "validation" : "estimation");
+      plan.levels[experiment.level], experiment.realisation + 1, experiment.sub_experiment + 1,
+      plan.period, plan.periods, fmt::join(plan.lines, ", "),
+      validates ? "validation" : "estimation");
 }
 
-std::string campaign_text(const RobotModel& robot, const ExcitationPlan& plan,
+const char* plant_name(SimulatedSystem::PlantKind kind) {
+  switch (kind) {
+    case SimulatedSystem::PlantKind::kLocal:
+      return "local models at the positions below";
+    case SimulatedSystem::PlantKind::kRobot:
+      return "the non-linear robot at the positions below";
+    case SimulatedSystem::PlantKind::kLumped:
+      break;
+  }
+  return "a lumped model";
+}
+
+std::string campaign_text(const SimulatedSystem& system, const ExcitationPlan& plan,
                           const std::vector<PlannedExperiment>& experiments) {
   fmt::memory_buffer text;
-  fmt::format_to(
-      std::back_inserter(text),
-      "# Simulated: {} at {}.\nformat: graybox-campaign/1\nmodel: {}.yaml\n"
-      "sample_time: {:.10g}\n",
-      plan.plant == ExcitationPlan::PlantKind::kRobot ? "the non-linear robot" : "local models",
-      "the positions below", robot.name, robot.sample_time);
-  append_channels(text, robot);
+  fmt::format_to(std::back_inserter(text),
+                 "# Simulated: {}.\nformat: graybox-campaign/1\nmodel: {}\nsample_time: {:.10g}\n",
+                 plant_name(plan.plant), system.files.front().filename().string(),
+                 system.sample_time);
+  append_channels(text, system);
   fmt::format_to(std::back_inserter(text), "hold: zero\n");
-  append_noise(text, robot, plan);
+  append_noise(text, system, plan);
   fmt::format_to(std::back_inserter(text), "preprocess: []\nexperiments:\n");
   for (const PlannedExperiment& experiment : experiments) {
     append_experiment(text, plan, experiment);
@@ -172,10 +191,11 @@ void claim_folder(const fs::path& folder, const SimulationOptions& options) {
 
 }  // namespace
 
-SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPlan& plan,
+SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const fs::path& folder, const SimulationOptions& options) {
   claim_folder(folder, options);
-  const auto experiments = planned_experiments(plan, robot.motor_count());
+  const auto experiments =
+      planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size()));
   SimulationOutcome outcome{.recordings = experiments.size()};
   std::vector<std::size_t> missing;
   for (std::size_t k = 0; k < experiments.size(); ++k) {
@@ -191,14 +211,14 @@ SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPla
     if (stopped) continue;
     const PlannedExperiment& experiment = experiments[missing[m]];
     try {
-      const Recording recording = simulate(robot, plan, experiment, options);
+      const Recording recording = simulate_one(system, plan, experiment, options);
       const std::scoped_lock lock(writing);
       if (recording.output.size() == 0) {
         stopped = true;
         continue;
       }
-      write_recording(folder / file_name(plan, experiment), robot.sample_time,
-                      channels_of(recording));
+      write_recording(folder / file_name(plan, experiment), system.sample_time,
+                      channels_of(system, recording));
       ++done;
       if (options.report) options.report(done, experiments.size());
     } catch (...) {
@@ -210,7 +230,7 @@ SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPla
   if (failure) std::rethrow_exception(failure);
   outcome.complete = !stopped;
   if (outcome.complete) {
-    write_text_file((folder / "campaign.yaml").string(), campaign_text(robot, plan, experiments));
+    write_text_file((folder / "campaign.yaml").string(), campaign_text(system, plan, experiments));
   }
   return outcome;
 }

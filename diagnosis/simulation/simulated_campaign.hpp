@@ -1,6 +1,6 @@
 // Carries out a plan by simulation and writes a campaign folder (graybox-campaign/1): campaign.yaml
-// and one file a recording, with channels r_1, u_1, y_1, ... (reference rad/s, motor torque N m from
-// the holding torque, motor velocity rad/s).
+// and one file a recording, with references, inputs and outputs as channels: for a robot r_1, u_1,
+// y_1, ... (reference rad/s, motor torque N m from the holding torque, motor velocity rad/s).
 //
 // Resumes: each recording appears complete or not at all, and one that is there is not simulated
 // again. Phases and noise depend on the seed and on the place in the plan alone, so that neither the
@@ -15,7 +15,7 @@
 #include <string>
 
 #include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "graybox/diagnosis/simulation/simulated_system.hpp"
 
 namespace graybox {
 
@@ -34,8 +34,8 @@ struct SimulationOutcome {
 };
 
 // Throws InputError where the folder can't be written or holds other recordings, and
-// std::runtime_error where the robot's motion is too fast for the integrator (plant.hpp).
-SimulationOutcome simulate_campaign(const RobotModel& robot, const ExcitationPlan& plan,
+// std::runtime_error where the motion is too fast for the integrator (plant.hpp).
+SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const std::filesystem::path& folder,
                                     const SimulationOptions& options);
 

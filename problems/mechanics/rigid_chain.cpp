@@ -4,7 +4,6 @@
 
 #include <kdl/chain.hpp>
 #include <kdl/chaindynparam.hpp>
-#include <kdl/chainidsolver_recursive_newton_euler.hpp>
 #include <utility>
 
 #include "graybox/problems/error.hpp"
@@ -70,17 +69,13 @@ struct RigidChainEvaluator::Workspace {
   explicit Workspace(const RigidChain& source)
       : chain(kdl_chain(source)),
         dynamics(chain, to_kdl(source.gravity())),
-        inverse_dynamics(chain, to_kdl(source.gravity())),
         gravity(source.gravity()),
         position(chain.getNrOfJoints()),
         velocity(chain.getNrOfJoints()),
-        acceleration(chain.getNrOfJoints()),
         torque(chain.getNrOfJoints()),
-        no_forces(chain.getNrOfSegments(), KDL::Wrench::Zero()),
         mass(static_cast<int>(chain.getNrOfJoints())),
         coriolis_torque(source.size()),
         gravity_torque(source.size()),
-        bias_torque(source.size()),
         gravity_stiffness(source.size(), source.size()) {
     const auto n = static_cast<std::size_t>(source.size());
     axes.resize(n);
@@ -107,12 +102,10 @@ struct RigidChainEvaluator::Workspace {
 
   KDL::Chain chain;  // KDL caches poses in its chains, so this copy is the evaluator's own
   KDL::ChainDynParam dynamics;
-  KDL::ChainIdSolver_RNE inverse_dynamics;
   Eigen::Vector3d gravity;
-  KDL::JntArray position, velocity, acceleration, torque;  // acceleration stays zero
-  KDL::Wrenches no_forces;
+  KDL::JntArray position, velocity, torque;
   KDL::JntSpaceInertiaMatrix mass;
-  Eigen::VectorXd coriolis_torque, gravity_torque, bias_torque;
+  Eigen::VectorXd coriolis_torque, gravity_torque;
   Eigen::MatrixXd gravity_stiffness;
   std::vector<Eigen::Vector3d> axes, origins, centres;
   std::vector<double> masses;
@@ -145,16 +138,6 @@ const Eigen::VectorXd& RigidChainEvaluator::coriolis_torque(const Eigen::VectorX
                                      workspace_->torque);
   workspace_->coriolis_torque = workspace_->torque.data;
   return workspace_->coriolis_torque;
-}
-
-const Eigen::VectorXd& RigidChainEvaluator::bias_torque(const Eigen::VectorXd& q,
-                                                        const Eigen::VectorXd& velocity) {
-  Workspace& w = *workspace_;
-  w.position.data = q;
-  w.velocity.data = velocity;
-  w.inverse_dynamics.CartToJnt(w.position, w.velocity, w.acceleration, w.no_forces, w.torque);
-  w.bias_torque = w.torque.data;
-  return w.bias_torque;
 }
 
 const Eigen::MatrixXd& RigidChainEvaluator::gravity_stiffness(const Eigen::VectorXd& q) {

@@ -38,8 +38,8 @@ struct RigidBody {
 struct ChainRotation {
   std::string name;
   Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // of any length but zero
-  RigidBody body;                                   // mass 0 for an intermediate rotation
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();          // of any length but zero
+  RigidBody body;                                           // mass 0 for an intermediate rotation
   double lower = -std::numeric_limits<double>::infinity();  // limits of the joint, rad
   double upper = std::numeric_limits<double>::infinity();
 };
@@ -78,8 +78,6 @@ class RigidChainEvaluator {
   const Eigen::VectorXd& gravity_torque(const Eigen::VectorXd& q);  // g(q) = dU/dq, N m
   const Eigen::VectorXd& coriolis_torque(const Eigen::VectorXd& q,  // c(q, q'), N m
                                          const Eigen::VectorXd& velocity);
-  // c(q, q') + g(q) in one recursion; faster than the sum of the two above.
-  const Eigen::VectorXd& bias_torque(const Eigen::VectorXd& q, const Eigen::VectorXd& velocity);
   const Eigen::MatrixXd& gravity_stiffness(const Eigen::VectorXd& q);  // dg/dq, N m/rad
   double potential_energy(const Eigen::VectorXd& q);                   // U(q), J
   BodyPlaces body_places(const Eigen::VectorXd& q);

@@ -1,0 +1,120 @@
+#include "graybox/problems/elements/element.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+namespace graybox {
+namespace {
+
+const LawEntry& read_law(const YamlField& field, const Location& location) {
+  const bool at_signal = location.kind != LocationKind::kElement;
+  const std::string name = field.text();
+  const LawEntry* entry = find_law(name, at_signal);
+  if (entry != nullptr) return *entry;
+  std::vector<std::string> known;
+  for (const LawEntry& law : law_catalogue()) {
+    if (find_law(law.name, at_signal) == &law) known.push_back(law.name);
+  }
+  field.fail(
+      fmt::format("no law '{}' at {}; there are {}", name, location.name, fmt::join(known, ", ")));
+}
+
+void check_law_fits_place(const YamlField& field, const LawEntry& entry, const Location& location) {
+  if (location.is_flange != (entry.use == LawUse::kPayload)) {
+    field.fail(location.is_flange ? "the flange takes payloads alone"
+                                  : "a payload goes to the flange: {kind: element, axis: flange}");
+  }
+  if (entry.use == LawUse::kInertia && !location.takes_inertia) {
+    field.fail(fmt::format("inertia can't be put at {}; put it at a motor, an arm axis or a mass",
+                           location.name));
+  }
+  const bool is_rotation = location.units.deflection == "rad";
+  if (entry.name == "balancer" && !is_rotation) field.fail("a balancer needs a rotation");
+}
+
+void check_range(const YamlField& value, ParameterRange range) {
+  switch (range) {
+    case ParameterRange::kAny:
+      (void)value.number();
+      break;
+    case ParameterRange::kPositive:
+      (void)value.positive();
+      break;
+    case ParameterRange::kNonNegative:
+      (void)value.non_negative();
+      break;
+    case ParameterRange::kUnitInterval:
+      if (value.number() < 0.0 || value.number() > 1.0) value.fail("must lie between 0 and 1");
+      break;
+  }
+}
+
+double read_parameter(const YamlField& field, const LawParameter& parameter,
+                      const PlaceUnits& units) {
+  const std::string expected = unit_at(parameter.unit, units);
+  if (!field.is_mapping()) {
+    field.fail(fmt::format("needs a value and its unit: {{value: ..., unit: {}}}", expected));
+  }
+  field.allow_keys({"value", "unit"});
+  const YamlField unit = field.at("unit");
+  if (unit.text() != expected) {
+    unit.fail(fmt::format("is '{}', must be '{}'", unit.text(), expected));
+  }
+  check_range(field.at("value"), parameter.range);
+  return field.at("value").number();
+}
+
+std::vector<double> read_parameters(const YamlField& field, const LawEntry& entry,
+                                    const PlaceUnits& units) {
+  std::vector<double> values;
+  for (const LawParameter& parameter : entry.parameters) {
+    values.push_back(read_parameter(field.at(parameter.name), parameter, units));
+  }
+  for (const auto& [key, value] : field.entries()) {
+    const bool known = std::ranges::any_of(
+        entry.parameters, [&](const LawParameter& parameter) { return parameter.name == key; });
+    if (!known) value.fail(fmt::format("is no parameter of the law '{}'", entry.name));
+  }
+  return values;
+}
+
+Element read_element(const YamlField& field, const Places& places) {
+  field.allow_keys({"name", "location", "law", "parameters"});
+  Element element;
+  element.name = field.at("name").text();
+  element.location = places.resolve(field.at("location"));
+  const LawEntry& entry = read_law(field.at("law"), element.location);
+  check_law_fits_place(field.at("law"), entry, element.location);
+  element.law_name = entry.name;
+  element.use = entry.use;
+  element.parameters = read_parameters(field.at("parameters"), entry, element.location.units);
+  if (entry.make) element.law = entry.make(element.parameters);
+  return element;
+}
+
+}  // namespace
+
+std::vector<Element> read_elements(const YamlField& list, const Places& places) {
+  std::vector<Element> elements;
+  std::set<std::string> names;
+  for (const YamlField& item : list.items()) {
+    elements.push_back(read_element(item, places));
+    if (!names.insert(elements.back().name).second) {
+      item.at("name").fail("is the name of an earlier element, too");
+    }
+  }
+  return elements;
+}
+
+std::vector<Element> read_physics(const std::filesystem::path& file, const Places& places) {
+  const YamlField root = YamlField::load(file);
+  root.allow_keys({"format", "elements"});
+  (void)root.at("format").choice({"graybox-physics/1"});
+  return read_elements(root.at("elements"), places);
+}
+
+}  // namespace graybox

@@ -1,0 +1,71 @@
+// Element: a law at a place. Models and `physics.yaml` list elements, and all of them are read here:
+//
+//   - name: play in the second gearbox
+//     location: {kind: element, joint: joint_2, axis: gearbox}
+//     law: backlash
+//     parameters:
+//       half_gap: {value: 1e-5, unit: rad}
+//       stiffness: {value: 3.07e6, unit: N m/rad}
+//
+// kind: element. A force law acts on the coordinates q by the force -b_out f(z, z', x) with
+// z = b_in^T q; b_in = b_out unless the location says what drives it (cross-coupling, transmission
+// error):
+//     location: {kind: element, joint: joint_5, axis: motor, driven_by: {joint: joint_4, axis: arm}}
+// kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one signal
+// apply in the order of the list, delays last.
+//
+// What names a place besides `kind` depends on the model: for robots see robot_elements.hpp, for
+// lumped models lumped_model.hpp.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graybox/problems/elements/law_catalogue.hpp"
+#include "graybox/problems/yaml_field.hpp"
+
+namespace graybox {
+
+enum class LocationKind : std::int8_t { kElement, kActuator, kSensor };
+
+struct Location {
+  LocationKind kind = LocationKind::kElement;
+  std::string name;            // "joint_2.gearbox", "actuator joint_1"
+  Eigen::VectorXd input;       // b_in; empty at signals and at the flange
+  Eigen::VectorXd output;      // b_out
+  Eigen::Index channel = 0;    // of an actuator or sensor
+  bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
+  bool is_flange = false;      // takes payloads alone
+  PlaceUnits units;
+};
+
+struct Element {
+  std::string name;
+  Location location;
+  std::string law_name;
+  LawUse use = LawUse::kForce;
+  std::vector<double> parameters;  // in the order of the catalogue
+  std::shared_ptr<const Law> law;  // null for inertia, delay and payload
+};
+
+// How a model names its places.
+class Places {
+ public:
+  virtual ~Places() = default;
+  // Throws InputError through the field.
+  [[nodiscard]] virtual Location resolve(const YamlField& location) const = 0;
+};
+
+// `list`: the value of the key `elements`. Throws InputError of one line for whatever is wrong:
+// unknown law, place or parameter, a missing or wrong unit, a value out of range, two of one name.
+[[nodiscard]] std::vector<Element> read_elements(const YamlField& list, const Places& places);
+
+// The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}.
+[[nodiscard]] std::vector<Element> read_physics(const std::filesystem::path& file,
+                                                const Places& places);
+
+}  // namespace graybox

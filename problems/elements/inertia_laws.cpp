@@ -1,0 +1,22 @@
+// What changes the inertia itself: no force law, the mass matrix takes it up.
+#include "graybox/problems/elements/law_lists.hpp"
+
+namespace graybox {
+
+std::vector<LawEntry> inertia_laws() {
+  using enum ParameterRange;
+  return {
+      {"inertia",
+       "inertia, or the error of one: f = J z''",
+       LawUse::kInertia,
+       {{"inertia", "I", kAny}},
+       {}},
+      {"payload",
+       "a point mass fixed to the flange, in the flange's frame",
+       LawUse::kPayload,
+       {{"mass", "kg", kPositive}, {"x", "m", kAny}, {"y", "m", kAny}, {"z", "m", kAny}},
+       {}},
+  };
+}
+
+}  // namespace graybox

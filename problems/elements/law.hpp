@@ -1,0 +1,30 @@
+// Law: how an element answers the motion at its place,
+//
+//   f = f(z, z', x),   x' = g(z, z', x),
+//
+// z the deflection (or, at an actuator or sensor, the signal, and then z' is not used), x the law's
+// internal states, if any. The catalogue and the units are in law_catalogue.hpp; where the force
+// acts is the element's business (element.hpp).
+//
+// Laws are immutable and hold no state of their own: one law serves many threads.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+namespace graybox {
+
+class Law {
+ public:
+  virtual ~Law() = default;
+  [[nodiscard]] virtual std::size_t state_count() const { return 0; }
+  // `state` has state_count() numbers, here and below.
+  [[nodiscard]] virtual double force(double z, double rate,
+                                     std::span<const double> state) const = 0;
+  virtual void state_rate(double /*z*/, double /*rate*/, std::span<const double> /*state*/,
+                          std::span<double> /*state_rate*/) const {}
+  // The states in which the law rests at z: x' = 0 where z' = 0, reached from x = 0 without motion.
+  virtual void rest(double /*z*/, std::span<double> /*state*/) const {}
+};
+
+}  // namespace graybox

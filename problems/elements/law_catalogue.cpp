@@ -1,0 +1,50 @@
+#include "graybox/problems/elements/law_catalogue.hpp"
+
+#include <algorithm>
+#include <iterator>
+
+#include "graybox/problems/elements/law_lists.hpp"
+
+namespace graybox {
+
+const std::vector<LawEntry>& law_catalogue() {
+  static const std::vector<LawEntry> catalogue = [] {
+    std::vector<LawEntry> all;
+    for (auto part :
+         {spring_laws(), friction_laws(), hysteresis_laws(), inertia_laws(), signal_laws()}) {
+      std::ranges::move(part, std::back_inserter(all));
+    }
+    return all;
+  }();
+  return catalogue;
+}
+
+const LawEntry* find_law(std::string_view name, bool at_signal) {
+  for (const LawEntry& entry : law_catalogue()) {
+    const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
+    if (entry.name == name && is_signal == at_signal) return &entry;
+  }
+  return nullptr;
+}
+
+std::string unit_at(std::string_view unit, const PlaceUnits& place) {
+  std::string text;
+  for (const char letter : unit) {
+    switch (letter) {
+      case 'F':
+        text += place.force;
+        break;
+      case 'x':
+        text += place.deflection;
+        break;
+      case 'I':
+        text += place.inertia;
+        break;
+      default:
+        text += letter;
+    }
+  }
+  return text;
+}
+
+}  // namespace graybox

@@ -1,0 +1,69 @@
+// The catalogue of laws: every law with its parameters, their units and ranges, by name.
+//
+//   const LawEntry& entry = *find_law("cubic_spring", false);
+//   const std::shared_ptr<const Law> law = entry.make({4e9});
+//   law->force(1e-3, 0.0, {})                       // 4 N m
+//
+// A unit is written with F, x and I for the units of force, deflection and inertia of the place:
+// "F/x^3" is N m/rad^3 about a rotation and N/m^3 along a translation (unit_at). At an actuator or
+// sensor F is the unit of the signal.
+//
+// Adding a law: a class in the file of its kind (springs, friction, hysteresis, ...) and one entry in
+// that file's list. Reader, simulator, documentation (`graybox simulate --laws`) and the property
+// tests take it from there.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graybox/problems/elements/law.hpp"
+
+namespace graybox {
+
+// What a law is used for.
+enum class LawUse : std::int8_t {
+  kForce,    // force between the coordinates of its place
+  kSignal,   // added to a torque or a measurement: s -> s + f(s)
+  kInertia,  // adds its one parameter to the inertia at its place; no Law object
+  kDelay,    // delays a signal by its one parameter, s; no Law object
+  kPayload,  // a body fixed to the flange; no Law object
+};
+
+enum class ParameterRange : std::int8_t { kAny, kPositive, kNonNegative, kUnitInterval };
+
+struct LawParameter {
+  std::string name;
+  std::string unit;  // with F, x and I
+  ParameterRange range = ParameterRange::kAny;
+};
+
+struct LawEntry {
+  std::string name;
+  std::string description;  // one line, with the formula
+  LawUse use = LawUse::kForce;
+  std::vector<LawParameter> parameters;
+  // From the parameters in the order above, within their ranges. Empty where there is no Law object.
+  std::function<std::shared_ptr<const Law>(std::span<const double>)> make;
+};
+
+[[nodiscard]] const std::vector<LawEntry>& law_catalogue();
+
+// The law of this name for a place with forces (also inertia and payload) or with a signal (also
+// delay); null if there is none.
+[[nodiscard]] const LawEntry* find_law(std::string_view name, bool at_signal);
+
+struct PlaceUnits {
+  std::string force;       // "N m", "N", or the unit of a signal
+  std::string deflection;  // "rad" or "m"
+  std::string inertia;     // "kg m^2" or "kg"
+};
+
+// "F/x^3" -> "N m/rad^3".
+[[nodiscard]] std::string unit_at(std::string_view unit, const PlaceUnits& place);
+
+}  // namespace graybox

@@ -1,0 +1,378 @@
+// Laws, places and files of elements: formulas, energy, reaction, units, and what is refused.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "graybox/problems/elements/element_dynamics.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+#include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/error.hpp"
+#include "robot_test_support.hpp"
+#include "temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::VectorXd;
+
+std::shared_ptr<const Law> law(const std::string& name, const std::vector<double>& parameters,
+                               bool at_signal = false) {
+  return find_law(name, at_signal)->make(parameters);
+}
+
+double static_force(const std::string& name, const std::vector<double>& parameters, double z,
+                    double rate = 0.0, bool at_signal = false) {
+  return law(name, parameters, at_signal)->force(z, rate, {});
+}
+
+TEST(Laws, FollowTheirFormulas) {
+  EXPECT_DOUBLE_EQ(static_force("stiffness", {3.0}, 0.5), 1.5);
+  EXPECT_DOUBLE_EQ(static_force("cubic_spring", {-2.0}, -0.5), 0.25);
+  EXPECT_DOUBLE_EQ(static_force("offset", {4.0}, 7.0), 4.0);
+  // A spring with backlash does not pull within the gap, and pulls from its edge on beyond it.
+  for (const double z : {-0.3, -0.05, 0.0, 0.1, 0.4}) {
+    const double spring = 10.0 * z + static_force("backlash", {0.1, 10.0}, z);
+    const double expected = std::abs(z) < 0.1 ? 0.0 : 10.0 * (std::abs(z) - 0.1);
+    EXPECT_NEAR(std::abs(spring), expected, 1e-14);
+    EXPECT_NEAR(static_force("dead_zone", {0.1, 10.0}, z), spring, 1e-14);
+  }
+  EXPECT_NEAR(static_force("ripple", {2.0, 0.5, 0.0}, 0.125), 2.0, 1e-14);
+  EXPECT_DOUBLE_EQ(static_force("viscous", {2.0}, 1.0, 3.0), 6.0);
+  EXPECT_DOUBLE_EQ(static_force("quadratic_drag", {2.0}, 0.0, -3.0), -18.0);
+  EXPECT_NEAR(static_force("coulomb", {5.0, 1e-3}, 0.0, -1.0), -5.0, 1e-12);
+  EXPECT_NEAR(static_force("asymmetric_coulomb", {5.0, 3.0, 1e-3}, 0.0, 1.0), 5.0, 1e-12);
+  EXPECT_NEAR(static_force("asymmetric_coulomb", {5.0, 3.0, 1e-3}, 0.0, -1.0), -3.0, 1e-12);
+  // Stribeck: the static level just beyond the transition, the Coulomb level when fast.
+  EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 1e-4), 3.0, 1e-7);
+  EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 10.0), 2.0, 1e-12);
+  EXPECT_DOUBLE_EQ(static_force("gain", {0.1}, 20.0, 0.0, true), 2.0);
+  EXPECT_DOUBLE_EQ(static_force("saturation", {5.0}, -8.0, 0.0, true), 3.0);
+  EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
+}
+
+// The torque of the balancer is the slope of its spring's energy.
+TEST(Laws, TheBalancersTorqueIsTheSlopeOfItsEnergy) {
+  const std::vector<double> p{2e4, 0.4, 0.9, 0.3, 0.2};
+  const auto energy = [&](double z) {
+    const double length =
+        std::sqrt(p[2] * p[2] + p[3] * p[3] - 2.0 * p[2] * p[3] * std::cos(z - p[4]));
+    return 0.5 * p[0] * (length - p[1]) * (length - p[1]);
+  };
+  for (const double z : {-2.0, -0.3, 0.2, 1.0, 2.5}) {
+    const double slope = (energy(z + 1e-6) - energy(z - 1e-6)) / 2e-6;
+    EXPECT_NEAR(static_force("balancer", p, z), slope, 1e-5 * p[0]);
+  }
+}
+
+// Work over the last of several closed cycles of motion, from fixed small Runge-Kutta steps.
+double work_of_a_cycle(const Law& law, double amplitude, double frequency) {
+  const double w = 2.0 * std::numbers::pi * frequency;
+  constexpr int kCycles = 6, kSteps = 4000;
+  const double h = 1.0 / (frequency * kSteps);
+  const std::size_t n = law.state_count();
+  std::vector<double> x(n), k1(n), k2(n), moved(n);
+  law.rest(0.0, x);
+  const auto z = [&](double t) { return amplitude * std::sin(w * t); };
+  const auto rate = [&](double t) { return amplitude * w * std::cos(w * t); };
+  double work = 0.0;
+  for (int step = 0; step < kCycles * kSteps; ++step) {
+    const double t = step * h;
+    law.state_rate(z(t), rate(t), x, k1);
+    for (std::size_t i = 0; i < n; ++i) moved[i] = x[i] + 0.5 * h * k1[i];
+    law.state_rate(z(t + 0.5 * h), rate(t + 0.5 * h), moved, k2);
+    if (step >= (kCycles - 1) * kSteps) {
+      work += h * law.force(z(t + 0.5 * h), rate(t + 0.5 * h), moved) * rate(t + 0.5 * h);
+    }
+    for (std::size_t i = 0; i < n; ++i) x[i] += h * k2[i];
+  }
+  return work;
+}
+
+// Springs give back what they take, friction and hysteresis keep some, in every cycle.
+TEST(Laws, SpringsConserveAndFrictionDissipates) {
+  const double scale = 10.0 * 0.3;  // forces of some 10, amplitude 0.3
+  for (const auto& [name, p] : std::vector<std::pair<std::string, std::vector<double>>>{
+           {"stiffness", {30.0}},
+           {"cubic_spring", {300.0}},
+           {"backlash", {0.1, 30.0}},
+           {"dead_zone", {0.1, 30.0}},
+           {"ripple", {10.0, 0.2, 0.3}},
+           {"balancer", {100.0, 0.2, 0.5, 0.3, 0.7}},
+           {"offset", {10.0}}}) {
+    EXPECT_NEAR(work_of_a_cycle(*law(name, p), 0.3, 1.0), 0.0, 1e-6 * scale) << name;
+  }
+  for (const auto& [name, p] : std::vector<std::pair<std::string, std::vector<double>>>{
+           {"viscous", {5.0}},
+           {"coulomb", {10.0, 0.05}},
+           {"asymmetric_coulomb", {10.0, 6.0, 0.05}},
+           {"stribeck", {10.0, 14.0, 0.5, 0.05}},
+           {"quadratic_drag", {3.0}},
+           {"dahl", {200.0, 10.0}},
+           {"lugre", {200.0, 1.0, 0.5, 10.0, 14.0, 0.5}},
+           {"bouc_wen", {200.0, 0.05, 1.5, 0.6}},
+           {"mode", {0.5, 1.5, 0.1}}}) {
+    EXPECT_GT(work_of_a_cycle(*law(name, p), 0.3, 1.0), 0.05 * scale) << name;
+  }
+  // Slid over a width of 4 x 0.3, a friction of level 10 takes 10 x 1.2 in the limit of stiff
+  // bristles.
+  EXPECT_NEAR(work_of_a_cycle(*law("dahl", {4000.0, 10.0}), 0.3, 1.0), 12.0, 0.15);
+  EXPECT_NEAR(work_of_a_cycle(*law("lugre", {4000.0, 0.0, 0.0, 10.0, 10.0, 1.0}), 0.3, 1.0), 12.0,
+              0.15);
+  EXPECT_NEAR(work_of_a_cycle(*law("bouc_wen", {4000.0, 0.0025, 2.0, 0.5}), 0.3, 1.0), 12.0, 0.15);
+}
+
+TEST(Laws, EveryEntryIsComplete) {
+  for (const LawEntry& entry : law_catalogue()) {
+    EXPECT_FALSE(entry.description.empty()) << entry.name;
+    EXPECT_FALSE(entry.parameters.empty()) << entry.name;
+    const bool has_law = entry.use == LawUse::kForce || entry.use == LawUse::kSignal;
+    EXPECT_EQ(has_law, static_cast<bool>(entry.make)) << entry.name;
+    if (!has_law) continue;
+    // At rest the states do not move.
+    const auto made = entry.make(std::vector<double>(entry.parameters.size(), 0.5));
+    std::vector<double> states(made->state_count()), rates(made->state_count(), 0.0);
+    made->rest(0.3, states);
+    made->state_rate(0.3, 0.0, states, rates);
+    for (const double rate : rates) EXPECT_EQ(rate, 0.0) << entry.name;
+  }
+}
+
+const std::string kDrive = R"(format: graybox-lumped/1
+sample_time: 0.001
+motion: rotation
+masses: {motor: 0.002, load: 0.03}
+elements:
+  - name: shaft
+    location: {kind: element, between: [motor, load]}
+    law: stiffness
+    parameters: {stiffness: {value: 45, unit: N m/rad}}
+inputs:
+  - {name: torque, mass: motor}
+outputs:
+  - {name: speed, mass: load, quantity: velocity}
+)";
+
+std::string physics(const std::string& location, const std::string& law_and_parameters) {
+  return "format: graybox-physics/1\nelements:\n  - name: extra\n    location: {" + location +
+         "}\n    law: " + law_and_parameters + "\n";
+}
+
+class ElementFiles : public ::testing::Test {
+ protected:
+  ElementFiles() {
+    testing::write_text(folder_.file("drive.yaml"), kDrive);
+    for (const char* name : {"irb6600_like.yaml", "irb6600_like.urdf"}) {
+      std::filesystem::copy_file(robot_test::robot_folder() / name, folder_.file(name));
+    }
+  }
+
+  LumpedModel drive(const std::string& text) {
+    testing::write_text(folder_.file("physics.yaml"), text);
+    return load_lumped_model(folder_.file("drive.yaml"), folder_.file("physics.yaml"));
+  }
+  ExtendedRobot robot(const std::string& text) {
+    testing::write_text(folder_.file("physics.yaml"), text);
+    return load_extended_robot(folder_.file("irb6600_like.yaml"), folder_.file("physics.yaml"));
+  }
+  template <typename Load>
+  static void expect_refused(const Load& load, const std::string& text) {
+    try {
+      load();
+      ADD_FAILURE() << "not refused: " << text;
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+    }
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+// Forces between masses add up to nothing: the total momentum feels the inputs alone.
+TEST_F(ElementFiles, ElementsBetweenMassesKeepTheTotalMomentum) {
+  for (const LawEntry& entry : law_catalogue()) {
+    if (entry.use != LawUse::kForce) continue;
+    std::string parameters = entry.name + "\n    parameters:\n";
+    for (const LawParameter& parameter : entry.parameters) {
+      parameters += "      " + parameter.name +
+                    ": {value: 0.5, unit: " + unit_at(parameter.unit, {"N m", "rad", "kg m^2"}) +
+                    "}\n";
+    }
+    const LumpedModel model = drive(physics("kind: element, between: [motor, load]", parameters));
+    const VectorXd ones = VectorXd::Ones(2);
+    EXPECT_LT((ones.transpose() * model.stiffness).norm(), 1e-14) << entry.name;
+    EXPECT_LT((ones.transpose() * model.damping).norm(), 1e-14) << entry.name;
+    const ElementDynamics dynamics(model.elements, 1, 1);
+    const VectorXd q = VectorXd::LinSpaced(2, 1.1, 0.2), velocity = VectorXd::LinSpaced(2, -1, 2);
+    VectorXd states = VectorXd::Constant(dynamics.state_count(), 0.1), rates = states;
+    VectorXd force = VectorXd::Zero(2);
+    dynamics.add_force(q, velocity, states, force, rates);
+    EXPECT_NEAR(force.sum(), 0.0, 1e-14) << entry.name;
+    if (entry.name != "stiffness" && entry.name != "viscous") {
+      EXPECT_GT(force.norm(), 1e-3) << entry.name;
+    }
+  }
+}
+
+TEST_F(ElementFiles, LinearElementsEnterTheMatrices) {
+  const LumpedModel inertia =
+      drive(physics("kind: element, deflection: {motor: 1, load: -5}",
+                    "inertia\n    parameters: {inertia: {value: 0.001, unit: kg m^2}}"));
+  EXPECT_NEAR(inertia.mass(1, 1), 0.03 + 25 * 0.001, 1e-15);
+  EXPECT_NEAR(inertia.mass(0, 1), -5 * 0.001, 1e-15);
+  const LumpedModel cross =
+      drive(physics("kind: element, mass: load, driven_by: {mass: motor}",
+                    "viscous\n    parameters: {damping: {value: 2, unit: N m s/rad}}"));
+  EXPECT_EQ(cross.damping(1, 0), 2.0);
+  EXPECT_EQ(cross.damping(0, 1), 0.0);
+}
+
+// Payload and inertia of the robot, against the kinetic energy they add.
+TEST_F(ElementFiles, PayloadAndInertiaAreBuiltIntoTheRobot) {
+  const RobotModel base = robot_test::paper_robot();
+  const ExtendedRobot loaded = robot(
+      physics("kind: element, axis: flange",
+              "payload\n    parameters: {mass: {value: 50, unit: kg}, x: {value: 0.3, unit: m}, "
+              "y: {value: 0.1, unit: m}, z: {value: -0.2, unit: m}}"));
+  RigidChainEvaluator before(base.chain), after(loaded.robot.chain);
+  const VectorXd q = VectorXd::LinSpaced(12, -0.5, 0.6), velocity = VectorXd::LinSpaced(12, 1, -1);
+  const auto point = [&](const VectorXd& at) {
+    // The mass centre of the last body of a chain whose last body is the payload alone.
+    std::vector<ChainRotation> rotations = base.chain.rotations();
+    rotations.back().body.centre_of_mass = {0.3, 0.1, -0.2};
+    RigidChainEvaluator places(RigidChain(rotations, base.chain.gravity()));
+    return places.body_places(at).centres_of_mass.back();
+  };
+  const Eigen::Vector3d speed = (point(q + 1e-6 * velocity) - point(q - 1e-6 * velocity)) / 2e-6;
+  const double energy = velocity.dot((after.mass_matrix(q) - before.mass_matrix(q)) * velocity);
+  EXPECT_NEAR(energy, 50.0 * speed.squaredNorm(), 1e-6 * energy);
+  EXPECT_NEAR(after.potential_energy(q) - before.potential_energy(q), 50.0 * 9.81 * point(q).z(),
+              1e-6);
+
+  const ExtendedRobot heavier =
+      robot(physics("kind: element, joint: joint_2, axis: motor",
+                    "inertia\n    parameters: {inertia: {value: 0.001, unit: kg m^2}}"));
+  EXPECT_NEAR(heavier.robot.motor_inertia(1), base.motor_inertia(1) + 0.001, 1e-15);
+  const ExtendedRobot turned =
+      robot(physics("kind: element, joint: joint_4, axis: arm",
+                    "inertia\n    parameters: {inertia: {value: 3, unit: kg m^2}}"));
+  RigidChainEvaluator with(turned.robot.chain);
+  EXPECT_NEAR(with.mass_matrix(q)(9, 9) - before.mass_matrix(q)(9, 9), 3.0, 1e-9);
+}
+
+// Whatever the elements, the arm rests where springs, gravity and elements balance.
+TEST_F(ElementFiles, TheRobotRestsWithItsElements) {
+  const RobotModel base = robot_test::paper_robot();
+  for (const auto& [location, law_text] : std::vector<std::pair<std::string, std::string>>{
+           {"kind: element, joint: joint_2, axis: gearbox",
+            "backlash\n    parameters: {half_gap: {value: 1e-3, unit: rad}, "
+            "stiffness: {value: 3.07e6, unit: N m/rad}}"},
+           {"kind: element, joint: joint_3, axis: gearbox",
+            "cubic_spring\n    parameters: {stiffness: {value: 1e13, unit: N m/rad^3}}"},
+           {"kind: element, joint: joint_2, axis: arm",
+            "balancer\n    parameters: {stiffness: {value: 1e5, unit: N/m}, free_length: {value: "
+            "0.4, unit: m}, anchor_distance: {value: 0.8, unit: m}, lever_length: {value: 0.3, "
+            "unit: m}, anchor_angle: {value: 2.5, unit: rad}}"}}) {
+    const ExtendedRobot extended = robot(physics(location, law_text));
+    const ElementDynamics elements(extended.elements, 6, 6);
+    const VectorXd angles = robot_test::some_positions()[4];
+    const RobotRest rest = robot_rest(extended.robot, elements, angles);
+    EXPECT_EQ(rest.coordinates.tail(6), angles);
+    RigidChainEvaluator evaluator(base.chain);
+    VectorXd force = VectorXd::Zero(18), none(0);
+    elements.add_force(rest.coordinates, VectorXd::Zero(18), none, force, none);
+    const Eigen::Index gearboxes[] = {2, 5, 8, 9, 10, 11};
+    VectorXd deflection = rest.coordinates.head(12);
+    for (Eigen::Index j = 0; j < 6; ++j) deflection(gearboxes[j]) -= angles(j);
+    VectorXd torque(12);
+    for (Eigen::Index i = 0; i < 12; ++i) {
+      torque(i) = base.springs[static_cast<std::size_t>(i)].stiffness * deflection(i);
+    }
+    const VectorXd left_over =
+        torque + evaluator.gravity_torque(rest.coordinates.head(12)) - force.head(12);
+    EXPECT_LT(left_over.norm(), 1e-5) << law_text;
+    for (Eigen::Index j = 0; j < 6; ++j) {
+      EXPECT_NEAR(
+          base.transmission(j, j) * rest.holding_torque(j) + torque(gearboxes[j]) + force(12 + j),
+          0.0, 1e-5);
+    }
+  }
+}
+
+TEST_F(ElementFiles, ActuatorsHoldTheRobotThroughTheirLaws) {
+  const auto command = [&](const std::string& text, double torque) {
+    const ExtendedRobot extended = robot(physics("kind: actuator, joint: joint_1", text));
+    return ElementDynamics(extended.elements, 6, 6).command_for(torque * VectorXd::Unit(6, 0))(0);
+  };
+  EXPECT_NEAR(command("gain\n    parameters: {error: {value: 0.25, unit: 1}}", 5.0), 4.0, 1e-12);
+  EXPECT_NEAR(command("offset\n    parameters: {value: {value: 2, unit: N m}}", 5.0), 3.0, 1e-12);
+  EXPECT_NEAR(command("dead_zone\n    parameters: {half_width: {value: 1, unit: N m}}", -5.0), -6.0,
+              1e-12);
+  EXPECT_NEAR(command("lag\n    parameters: {time_constant: {value: 1, unit: s}}", 5.0), 5.0,
+              1e-12);
+  const std::string saturation = "saturation\n    parameters: {limit: {value: 2, unit: N m}}";
+  EXPECT_NEAR(command(saturation, 1.5), 1.5, 1e-12);
+  expect_refused([&] { (void)command(saturation, 3.0); }, "can't give");
+}
+
+TEST_F(ElementFiles, RefusesWhatIsWrongInOneLine) {
+  const std::string gearbox = "kind: element, joint: joint_2, axis: gearbox";
+  const std::string spring = "stiffness\n    parameters: {stiffness: {value: 1, unit: N m/rad}}";
+  struct Mistake {
+    std::string location, law, message;
+  };
+  for (const auto& [location, law_text, message] : std::vector<Mistake>{
+           {"kind: spring, joint: joint_2, axis: gearbox", spring, "location.kind"},
+           {"kind: element, joint: joint_7, axis: gearbox", spring, "no joint 'joint_7'"},
+           {"kind: element, joint: joint_4, axis: bearing_x", spring, "no axis 'bearing_x'"},
+           {"kind: element, joint: joint_2", spring, "axis"},
+           {"kind: actuator, joint: joint_2, axis: motor", spring, "axis"},
+           {gearbox, "springy\n    parameters: {}", "no law 'springy'"},
+           {gearbox, "lag\n    parameters: {time_constant: {value: 1, unit: s}}", "no law 'lag'"},
+           {"kind: sensor, joint: joint_2", spring, "no law 'stiffness'"},
+           {gearbox, "stiffness\n    parameters: {stiffness: 3}", "unit: N m/rad"},
+           {gearbox, "stiffness\n    parameters: {stiffness: {value: 1, unit: Nm/rad}}",
+            "must be 'N m/rad'"},
+           {gearbox, "stiffness\n    parameters: {}", "'stiffness' is missing"},
+           {gearbox,
+            "stiffness\n    parameters: {stiffness: {value: 1, unit: N m/rad}, k: {value: 1}}",
+            "no parameter of the law"},
+           {gearbox,
+            "quadratic_drag\n    parameters: {coefficient: {value: -1, unit: N m s^2/rad^2}}",
+            "must not be negative"},
+           {gearbox, "stiffness\n    parameters: {stiffness: {value: .nan, unit: N m/rad}}",
+            "finite"},
+           {gearbox, "inertia\n    parameters: {inertia: {value: 1, unit: kg m^2}}",
+            "inertia can't be put"},
+           {"kind: element, axis: flange", spring, "payloads alone"},
+           {"kind: element, joint: joint_2, axis: motor",
+            "inertia\n    parameters: {inertia: {value: -1, unit: kg m^2}}", "negative inertia"}}) {
+    expect_refused([&] { (void)robot(physics(location, law_text)); }, message);
+  }
+  expect_refused([&] { (void)drive(physics("kind: element, mass: wheel", spring)); },
+                 "no mass 'wheel'");
+  expect_refused([&] { (void)drive(physics("kind: element, between: [motor, motor]", spring)); },
+                 "two masses");
+  expect_refused([&] { (void)drive(physics("kind: element", spring)); }, "needs one of");
+  expect_refused([&] { (void)drive("format: graybox-physics/2\nelements: []\n"); }, "format");
+  const std::string twice = physics("kind: element, mass: load", spring);
+  expect_refused([&] { (void)drive(twice + twice.substr(twice.find("  - name"))); },
+                 "name of an earlier element");
+}
+
+TEST_F(ElementFiles, OnlySimulationReadsTheElementsOfARobot) {
+  std::string text = testing::read_text(folder_.file("irb6600_like.yaml"));
+  text += physics("kind: element, joint: joint_2, axis: gearbox",
+                  "stiffness\n    parameters: {stiffness: {value: 1, unit: N m/rad}}")
+              .substr(std::string("format: graybox-physics/1\n").size());
+  testing::write_text(folder_.file("extended.yaml"), text);
+  EXPECT_EQ(load_extended_robot(folder_.file("extended.yaml")).elements.size(), 1U);
+  expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); }, "elements");
+}
+
+}  // namespace
+}  // namespace graybox
