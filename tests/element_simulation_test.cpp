@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -79,7 +80,47 @@ TEST_F(ElementSimulation, IntegratesWhatItCanSolveExactly) {
   }
 }
 
-// Between the two pushes an undamped hardening spring neither gains nor loses energy.
+// A mode hung on a mass is a second mass on a spring and damper.
+TEST_F(ElementSimulation, AModeIsASecondMass) {
+  const double inertia = 0.5, frequency = 3.0, ratio = 0.05;
+  const double w = 2.0 * std::numbers::pi * frequency;
+  const auto mode = mass_plant(
+      40.0, element("mode", "kind: element, mass: body",
+                    "mode\n    parameters: {inertia: {value: 0.5, unit: kg}, frequency: {value: 3, "
+                    "unit: Hz}, damping_ratio: {value: 0.05, unit: 1}}"));
+  LumpedModel two = load_lumped_model(folder_.file("mass.yaml"));
+  const MatrixXd apart = (MatrixXd(2, 2) << 1, -1, -1, 1).finished();
+  const MatrixXd first = (MatrixXd(2, 2) << 1, 0, 0, 0).finished();
+  two.mass = VectorXd(Eigen::Vector2d(kMass, inertia)).asDiagonal();
+  two.stiffness = 40.0 * first + inertia * w * w * apart;
+  two.damping = 2.0 * ratio * inertia * w * apart;
+  for (MatrixXd* matrix : {&two.position_output, &two.velocity_output}) {
+    matrix->conservativeResizeLike(MatrixXd::Zero(2, 2));
+  }
+  two.input.conservativeResizeLike(MatrixXd::Zero(2, 1));
+  const auto exact = lumped_plant(two);
+  for (int t = 0; t < 300; ++t) {
+    mode->advance(force(t < 5 ? 3.0 : 0.0));
+    exact->advance(force(t < 5 ? 3.0 : 0.0));
+    EXPECT_LT((mode->output() - exact->output()).norm(), 1e-8) << t;
+  }
+}
+
+// Quadratic drag: 1/v grows evenly.
+TEST_F(ElementSimulation, QuadraticDragSlowsDownHyperbolically) {
+  const auto plant =
+      mass_plant(0.0, element("drag", "kind: element, mass: body",
+                              "quadratic_drag\n    parameters: {coefficient: {value: 0.8, unit: "
+                              "N s^2/m^2}}"));
+  plant->advance(force(500.0));
+  const double start = plant->output()(1);
+  for (int t = 1; t < 200; ++t) {
+    plant->advance(force(0.0));
+    EXPECT_NEAR(1.0 / plant->output()(1), 1.0 / start + 0.8 / kMass * kStep * t, 1e-7);
+  }
+}
+
+// After a push an undamped hardening spring neither gains nor loses energy.
 TEST_F(ElementSimulation, AHardeningSpringConservesEnergy) {
   const auto plant = mass_plant(10.0, element("hardening", "kind: element, mass: body",
                                               "cubic_spring\n    parameters: {stiffness: "

@@ -54,6 +54,27 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
 }
 
+// Slid evenly for long, bristles and hysteresis come to their levels.
+TEST(Laws, ComeToTheirLevelsWhenSlidEvenly) {
+  const auto slide = [](const std::string& name, const std::vector<double>& p, double rate) {
+    const auto made = law(name, p);
+    double state = 0.0, change = 0.0;
+    for (int step = 0; step < 100000; ++step) {
+      made->state_rate(0.0, rate, {&state, 1}, {&change, 1});
+      state += 3e-4 * change;
+    }
+    return made->force(0.0, rate, {&state, 1});
+  };
+  for (const double rate : {0.1, -0.5, 3.0}) {
+    const double sign = rate > 0.0 ? 1.0 : -1.0;
+    EXPECT_NEAR(slide("dahl", {200.0, 10.0}, rate), 10.0 * sign, 1e-6);
+    EXPECT_NEAR(slide("bouc_wen", {200.0, 0.05, 1.5, 0.6}, rate), 10.0 * sign, 1e-6);
+    const double level = 10.0 + 4.0 * std::exp(-rate * rate / 0.25);
+    EXPECT_NEAR(slide("lugre", {200.0, 1.0, 0.7, 10.0, 14.0, 0.5}, rate), level * sign + 0.7 * rate,
+                1e-6);
+  }
+}
+
 // The torque of the balancer is the slope of its spring's energy.
 TEST(Laws, TheBalancersTorqueIsTheSlopeOfItsEnergy) {
   const std::vector<double> p{2e4, 0.4, 0.9, 0.3, 0.2};

@@ -2,17 +2,20 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
 #include "graybox/diagnosis/simulation/multisine.hpp"
 #include "graybox/diagnosis/simulation/plant.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "robot_test_support.hpp"
+#include "temporary_folder.hpp"
 
 namespace graybox {
 namespace {
@@ -108,6 +111,34 @@ TEST(Multisine, OddLinesNearestToFrequencies) {
   for (const std::size_t line : lines) EXPECT_EQ(line % 2, 1U);
   EXPECT_EQ(lines[2], 21U);
   EXPECT_EQ(odd_lines({1.0, 1.01}, 8000, 0.0005).size(), 1U);
+}
+
+// Every fourth odd line of the plan is left out, and nothing but the lines that stay is excited.
+TEST(ExcitationPlan, LeavesDetectionLinesSilent) {
+  const testing::TemporaryFolder folder;
+  const auto write_plan = [&](const char* detection) {
+    testing::write_text(folder.file("plan.yaml"),
+                        std::string("format: graybox-plan/1\nplant: local\n"
+                                    "positions: [[0, 30, -60, 0, 45, 0]]\nlevels: [0.5]\n"
+                                    "period: 8000\nfrequencies: {from: 5, to: 24, count: 20, "
+                                    "spacing: linear}\n") +
+                            detection);
+    return folder.file("plan.yaml");
+  };
+  const SimulatedSystem system = load_system(robot_test::robot_folder() / "irb6600_like.yaml");
+  const auto all = read_plan(write_plan(""), system).lines;
+  const auto excited = read_plan(write_plan("detection_lines: 4\n"), system).lines;
+  ASSERT_EQ(all.size(), 20U);
+  ASSERT_EQ(excited.size(), 15U);
+  const MatrixXd reference =
+      Multisine({.period = 8000, .lines = excited, .relative_amplitude = {}, .inputs = 6}, 2)
+          .reference(3);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    EXPECT_EQ(all[k] % 2, 1U);
+    const bool silent = k % 4 == 3;
+    EXPECT_EQ(std::ranges::find(excited, all[k]) == excited.end(), silent);
+    EXPECT_EQ(dft_line(reference, all[k]).norm() < 1e-10, silent);
+  }
 }
 
 // C (z I - Phi)^-1 Gamma from the impulse response of the plant: exact at any sample rate.

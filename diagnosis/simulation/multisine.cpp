@@ -7,6 +7,7 @@
 #include <cmath>
 #include <complex>
 #include <memory>
+#include <mutex>
 #include <numbers>
 
 #include "graybox/problems/error.hpp"
@@ -55,16 +56,27 @@ std::vector<double> scaled_amplitudes(const MultisineOptions& options) {
   return amplitudes;
 }
 
+// FFTW makes and destroys plans in one thread at a time.
+std::mutex& planning() {
+  static std::mutex mutex;
+  return mutex;
+}
+
 // The real signal with given coefficients at the lines, by FFTW's inverse real transform.
 class InverseTransform {
  public:
   explicit InverseTransform(std::size_t period)
       : period_(period),
         spectrum_(fftw_alloc_complex(period / 2 + 1), fftw_free),
-        signal_(fftw_alloc_real(period), fftw_free),
-        plan_(fftw_plan_dft_c2r_1d(static_cast<int>(period), spectrum_.get(), signal_.get(),
-                                   FFTW_ESTIMATE)) {}
-  ~InverseTransform() { fftw_destroy_plan(plan_); }
+        signal_(fftw_alloc_real(period), fftw_free) {
+    const std::scoped_lock lock(planning());
+    plan_ = fftw_plan_dft_c2r_1d(static_cast<int>(period), spectrum_.get(), signal_.get(),
+                                 FFTW_ESTIMATE);
+  }
+  ~InverseTransform() {
+    const std::scoped_lock lock(planning());
+    fftw_destroy_plan(plan_);
+  }
   InverseTransform(const InverseTransform&) = delete;
   InverseTransform& operator=(const InverseTransform&) = delete;
 
@@ -84,7 +96,7 @@ class InverseTransform {
   std::size_t period_;
   std::unique_ptr<fftw_complex[], void (*)(void*)> spectrum_;
   std::unique_ptr<double[], void (*)(void*)> signal_;
-  fftw_plan plan_;
+  fftw_plan plan_ = nullptr;
 };
 
 std::vector<Eigen::MatrixXd> references_of(const MultisineOptions& options,
