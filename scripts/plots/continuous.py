@@ -26,10 +26,10 @@ def refinement_panel(axes, rows, bounds):
     axes.axhline(covariance, color=VERMILION, label="continuous joint angles, best found")
     axes.axhspan(covariance / (1 + gap), covariance, color=VERMILION, alpha=0.15, lw=0,
                  label=f"still possible by the gap found ({100 * gap:.0f} %)")
-    paper = next(row for row in grids if row["candidates"] == "7920")
-    axes.annotate("the paper's grid", xy=(7920, float(paper["covariance"])), xytext=(8, 14),
-                  textcoords="offset points", fontsize=8, color=GREY,
-                  arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.6})
+    for paper in (row for row in grids if row["candidates"] == "7920"):
+        axes.annotate("the paper's grid", xy=(7920, float(paper["covariance"])), xytext=(8, 14),
+                      textcoords="offset points", fontsize=8, color=GREY,
+                      arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.6})
     axes.set_xlabel("positions on the grid")
     axes.set_ylabel(COVARIANCE)
     axes.set_ylim(bottom=0)
