@@ -245,6 +245,7 @@ void print(const ContinuousArguments& arguments, const InformationSet& grid,
         bound.largest_priced, bound.count, bound.largest_searched, bound.searches, bound.maxima,
         bound.seen_once);
   }
+  if (!outcome.report.message.empty()) fmt::print("  note          {}\n", outcome.report.message);
   fmt::print("  covariance    {:.6f}, on the grid {:.6f}\n", outcome.covariance(result.log_det),
              outcome.covariance(result.grid_log_det));
   fmt::print(
@@ -326,8 +327,11 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   solution.counters.iterations = static_cast<std::int64_t>(outcome.result.rounds.size());
   solution.counters.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  outcome.report =
-      judge(designed.set, "continuous", {.duality_gap = arguments.options.duality_gap}, solution);
+  outcome.report = judge(designed.set, "continuous",
+                         {.duality_gap = arguments.options.duality_gap,
+                          .seed = arguments.options.seed,
+                          .threads = threads},
+                         solution);
   // The certificate over grid and support can't see what the searches found.
   if (outcome.result.status != SolveStatus::kSolved) {
     outcome.report.status = outcome.result.status == SolveStatus::kTimeLimit
@@ -341,6 +345,12 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   for (const std::size_t count : arguments.refined) {
     if (interrupted()) break;
     outcome.bounds.push_back(bound_by(count, space, outcome.result, threads));
+  }
+  if (outcome.report.status == ReportStatus::kSolved &&
+      outcome.bound() > arguments.options.duality_gap) {
+    outcome.report.message =
+        "the refined grids find more than the gap asked: good, but not the best; try another "
+        "--seed or more --random-points";
   }
   for (const std::size_t count : arguments.refinement) {
     if (interrupted()) break;

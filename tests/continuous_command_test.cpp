@@ -42,12 +42,13 @@ TEST_F(ContinuousCommands, ContinuousDesignIsCertifiedByTheChecker) {
       "design continuous" + model() +
       "--grid grid.csv --joint-limit q1=45:45 --joint-limit q4=0:0 --joint-limit q5=-45:-45 "
       "--gap 0.1 --starts 2 --random-points 5 --refined 400 --refinement 7920 --samples 5 "
-      "-o design.json --set set.h5 --tables t --json");
+      "--seed 3 -o design.json --set set.h5 --tables t --json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
   EXPECT_EQ(lines(outcome.out), 1);
   const Json report = Json::parse(outcome.out);
   EXPECT_EQ(report["status"], "solved");
+  EXPECT_EQ(report["seed"], 3);
   EXPECT_LE(report["found_gap"].get<double>(), 0.1);
   EXPECT_LE(report["covariance"].get<double>(), report["grid_covariance"].get<double>());
   EXPECT_EQ(report["refined"].size(), 1U);
