@@ -65,8 +65,7 @@ SimulationOutcome run(const SimulateArguments& arguments) {
   return simulate_campaign(system, plan, arguments.output, options);
 }
 
-int simulate(const SimulateArguments& arguments) {
-  const SimulationOutcome outcome = run(arguments);
+int report(const SimulateArguments& arguments, const SimulationOutcome& outcome) {
   if (arguments.json) {
     const nlohmann::ordered_json line{{"campaign", arguments.output},
                                       {"recordings", outcome.recordings},
@@ -80,6 +79,15 @@ int simulate(const SimulateArguments& arguments) {
     fmt::print("interrupted; the same command goes on where it was\n");
   }
   return outcome.complete ? kDone : kShort;
+}
+
+int simulate(const SimulateArguments& arguments) {
+  try {
+    return report(arguments, run(arguments));
+  } catch (const UnstableMotion& error) {
+    fmt::print(stderr, "graybox: {}\n", error.what());
+    return kShort;
+  }
 }
 
 // F, x and I stand for the units of force, deflection and inertia of the place.

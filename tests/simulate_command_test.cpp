@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "command_runner.hpp"
@@ -124,6 +125,37 @@ TEST_F(SimulateCommand, ADriveWithAndWithoutHiddenFriction) {
   EXPECT_NE(campaign.find("model: drive.yaml"), std::string::npos);
   EXPECT_NE(campaign.find("{name: torque, unit: N m, is: input}"), std::string::npos) << campaign;
   expect_refused(hidden + "known", "another model, plan");
+}
+
+// A motion without bound is no bad input: one line that names the recording, exit code 1.
+TEST_F(SimulateCommand, SaysWhichRecordingIsUnstable) {
+  write_text(folder_.file("drive.yaml"), kDrive);
+  write_text(folder_.file("drive_plan.yaml"), kDrivePlan);
+  for (const auto& [law, parameters] : std::vector<std::pair<std::string, std::string>>{
+           {"viscous", "{damping: {value: -20, unit: N m s/rad}}"},
+           {"cubic_spring", "{stiffness: {value: -1e9, unit: N m/rad^3}}"}}) {
+    write_text(
+        folder_.file("physics.yaml"),
+        "format: graybox-physics/1\nelements:\n  - name: wild\n    location: {kind: element, "
+        "between: [motor, load]}\n    law: " +
+            law + "\n    parameters: " + parameters + "\n");
+    const Outcome outcome =
+        graybox("simulate drive.yaml drive_plan.yaml --hidden physics.yaml -o " + law);
+    EXPECT_EQ(outcome.exit_code, 1) << law;
+    EXPECT_EQ(outcome.err.find("graybox: p1_l1_r1_e1: the motion"), 0U) << outcome.err;
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+  }
+}
+
+// What can't be simulated is refused before anything is written.
+TEST_F(SimulateCommand, RefusesWhatCannotBeDoneAtAPosition) {
+  write_text(folder_.file("physics.yaml"),
+             "format: graybox-physics/1\nelements:\n  - name: weak\n    location: {kind: actuator, "
+             "joint: joint_2}\n    law: saturation\n    parameters: {limit: {value: 0.01, unit: N "
+             "m}}\n");
+  expect_refused("simulate irb6600_like.yaml plan.yaml --hidden physics.yaml -o out", "'weak'");
+  write_plan("levels: [0.5]", "levels: [0.5]\ncrest_limit: 1.1");
+  expect_refused("simulate irb6600_like.yaml plan.yaml -o out", "crest");
 }
 
 TEST_F(SimulateCommand, ListsTheLaws) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <filesystem>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -87,6 +88,37 @@ TEST(Multisine, DrawsPhasesForTheLeastCrestFactor) {
     peak = std::max(peak, best.reference(e).cwiseAbs().maxCoeff());
   }
   EXPECT_DOUBLE_EQ(best.crest_factor(), peak / 0.02);
+}
+
+TEST(Multisine, KeepsACrestLimit) {
+  MultisineOptions options = six_inputs(400);
+  const double first = Multisine(options, 5).crest_factor();
+  options.phase_draws = 200;
+  const double least = Multisine(options, 5).crest_factor();
+  options.crest_limit = 0.5 * (first + least);
+  const double kept = Multisine(options, 5).crest_factor();
+  EXPECT_LE(kept, options.crest_limit);
+  EXPECT_GE(kept, least);
+  options.crest_limit = 0.99 * least;
+  EXPECT_THROW(Multisine(options, 5), InputError);
+}
+
+// The files of docs/simulate.md can be read and their plants built.
+TEST(SimulatedSystem, ReadsTheExamplesOfTheDocumentation) {
+  const std::filesystem::path examples =
+      std::filesystem::path(GRAYBOX_SOURCE_DIR) / "docs/examples/simulate";
+  const SimulatedSystem robot =
+      load_system(robot_test::robot_folder() / "irb6600_like.yaml", examples / "physics.yaml");
+  for (const char* name : {"plan.yaml", "quick_plan.yaml"}) {
+    const ExcitationPlan plan = read_plan(examples / name, robot);
+    for (const VectorXd& position : plan.positions) {
+      const auto plant = robot.plant(plan.plant, position * (std::numbers::pi / 180.0));
+      EXPECT_EQ(plant->output_count(), 6);
+    }
+  }
+  const SimulatedSystem drive = load_system(examples / "drive.yaml");
+  EXPECT_EQ(read_plan(examples / "drive_plan.yaml", drive).levels.size(), 2U);
+  EXPECT_EQ(drive.plant(SimulatedSystem::PlantKind::kLumped, {})->input_count(), 1);
 }
 
 TEST(Multisine, RefusesWhatItCannotExcite) {

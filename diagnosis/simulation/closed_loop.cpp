@@ -98,6 +98,7 @@ Recording simulate_closed_loop(Plant& plant, const std::optional<PiController>& 
     if (keep_going && t % second == 0 && !keep_going()) return {};
     const auto r = reference.col(t % period);
     const Eigen::VectorXd y = plant.output() + noise();
+    if (!y.allFinite()) throw UnstableMotion("the motion grows without bound");
     const Eigen::VectorXd u = control ? (*control)(r - y) : Eigen::VectorXd(r);
     if (t >= settling) {
       recording.reference.col(t - settling) = r;

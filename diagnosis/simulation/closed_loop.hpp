@@ -39,7 +39,7 @@ struct Recording {
 };
 
 // `reference`: one period, n_u x N; without a controller it is the input itself. `keep_going` is asked once a second of simulated time; where it
-// says no, the recording is empty. The plant is restarted first.
+// says no, the recording is empty. The plant is restarted first. Throws UnstableMotion (plant.hpp).
 [[nodiscard]] Recording simulate_closed_loop(Plant& plant,
                                              const std::optional<PiController>& controller,
                                              double sample_time, const Eigen::MatrixXd& reference,

@@ -99,7 +99,8 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSyste
   const YamlField root = YamlField::load(file);
   root.allow_keys({"format", "plant", "positions", "levels", "realisations",
                    "validation_realisations", "period", "settling_periods", "periods",
-                   "frequencies", "detection_lines", "phase_draws", "noise", "data"});
+                   "frequencies", "detection_lines", "phase_draws", "crest_limit", "noise",
+                   "data"});
   (void)root.at("format").choice({"graybox-plan/1"});
   ExcitationPlan plan;
   read_places(root, system, plan);
@@ -113,6 +114,7 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSyste
   plan.settling_periods = whole_or_zero(root, "settling_periods", plan.settling_periods);
   plan.periods = whole(root, "periods", plan.periods);
   plan.phase_draws = whole(root, "phase_draws", plan.phase_draws);
+  if (root.has("crest_limit")) plan.crest_limit = root.at("crest_limit").positive();
   if (root.has("data") && root.at("data").choice({"h5", "csv"}) == "csv") {
     plan.data = ExcitationPlan::DataFormat::kCsv;
   }

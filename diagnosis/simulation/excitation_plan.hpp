@@ -12,6 +12,7 @@
 //   frequencies: {from: 1, to: 60, count: 50, spacing: log}    # Hz; default: the model's
 //   detection_lines: 4               # of so many odd lines one is left unexcited; default 0: none
 //   phase_draws: 20                  # the least crest factor of so many random phases; default 1
+//   crest_limit: 4.0                 # the first draw within it is taken instead; default: no limit
 //   noise: 0.0827                    # C_v, rad^2 (closed_loop.hpp); default: the model's; 0: none
 //   data: h5                         # h5 | csv: the files of the recordings; default h5
 //
@@ -44,6 +45,7 @@ struct ExcitationPlan {
   std::size_t periods = 2;
   std::vector<std::size_t> lines;  // odd DFT lines
   std::size_t phase_draws = 1;
+  double crest_limit = 0.0;  // 0: none
   double noise_psd_slope = 0.0;
   DataFormat data = DataFormat::kHdf5;
 };

@@ -94,6 +94,7 @@ class IntegratedPlant : public Plant {
     memory_ = vector_ == nullptr ? nullptr : ERKStepCreate(rate, 0.0, vector_, context_.handle);
     if (memory_ == nullptr) throw std::runtime_error("SUNDIALS: no memory for the integrator");
     ERKStepSetUserData(memory_, this);
+    ERKStepSetErrHandlerFn(memory_, keep_quiet, nullptr);
     ERKStepSetTableNum(memory_, ARKODE_DORMAND_PRINCE_7_4_5);
     ERKStepSStolerances(memory_, options.relative_tolerance, options.absolute_tolerance);
     ERKStepSetMaxNumSteps(memory_, kMaxStepsPerSample);
@@ -190,10 +191,8 @@ class IntegratedPlant : public Plant {
     double reached = 0.0;
     const int flag = ERKStepEvolve(memory_, duration, vector_, &reached, ARK_NORMAL);
     if (flag < 0 || !state_.allFinite()) {
-      throw std::runtime_error(fmt::format(
-          "the integrator gave up within a sample (ARKODE flag {}): the motion is unstable or too "
-          "fast",
-          flag));
+      throw UnstableMotion(fmt::format(
+          "the motion is unstable or too fast for the integrator (ARKODE flag {})", flag));
     }
     ERKStepGetCurrentStep(memory_, &step_);
   }
@@ -224,6 +223,9 @@ class IntegratedPlant : public Plant {
     }
     Eigen::Map<Eigen::VectorXd>(rate, state_.size()) << velocity_, acceleration_, law_rates_;
   }
+
+  // Failures come back as flags.
+  static void keep_quiet(int, const char*, const char*, char*, void*) {}
 
   static int rate(double /*time*/, N_Vector state, N_Vector rate, void* plant) {
     auto& self = *static_cast<IntegratedPlant*>(plant);

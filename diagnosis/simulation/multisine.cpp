@@ -145,6 +145,13 @@ Multisine::Multisine(const MultisineOptions& options, std::uint64_t seed) : opti
       crest_factor_ = crest;
       references_ = std::move(references);
     }
+    if (crest_factor_ <= options.crest_limit) return;
+  }
+  if (options.crest_limit > 0.0) {
+    throw InputError(
+        fmt::format("multisine: the least crest factor of {} draws of the phases is {:.3g}, above "
+                    "the limit {:g}",
+                    options.phase_draws, crest_factor_, options.crest_limit));
   }
 }
 

@@ -27,13 +27,14 @@ struct MultisineOptions {
   std::vector<double> relative_amplitude{};  // one for each line; empty: all equal
   Eigen::Index inputs = 1;                   // n_u
   double rms = 1.0;                          // of each input in each sub-experiment
-  std::size_t phase_draws = 1;  // of so many random phases the least crest factor is taken
+  std::size_t phase_draws = 1;  // of so many random phases the least crest factor is taken,
+  double crest_limit = 0.0;     // or the first that is within this limit; 0: no limit
 };
 
 class Multisine {
  public:
-  // Throws InputError for a line out of range or given twice, no lines, or a wrong number of
-  // amplitudes.
+  // Throws InputError for a line out of range or given twice, no lines, a wrong number of
+  // amplitudes, or where no draw of the phases keeps the crest limit.
   Multisine(const MultisineOptions& options, std::uint64_t seed);
 
   [[nodiscard]] std::size_t period() const { return options_.period; }

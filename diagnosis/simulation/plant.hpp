@@ -17,6 +17,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include "graybox/problems/elements/element.hpp"
@@ -26,6 +27,12 @@
 
 namespace graybox {
 
+// A motion that grows without bound, or too fast for the integrator to follow.
+class UnstableMotion : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 class Plant {
  public:
   virtual ~Plant() = default;
@@ -33,8 +40,7 @@ class Plant {
   [[nodiscard]] virtual Eigen::Index output_count() const = 0;
   virtual void restart() = 0;  // back to the start
   [[nodiscard]] virtual Eigen::VectorXd output() const = 0;
-  // Holds u for one sample. Throws std::runtime_error where the integrator gives up (a state that
-  // is not finite, a step that underflows).
+  // Holds u for one sample. Throws UnstableMotion where the integrator gives up.
   virtual void advance(const Eigen::VectorXd& input) = 0;
 };
 

@@ -7,6 +7,7 @@
 #include <exception>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -45,8 +46,24 @@ Multisine excitation(const SimulatedSystem& system, const ExcitationPlan& plan,
        .relative_amplitude = {},
        .inputs = static_cast<Eigen::Index>(system.inputs.size()),
        .rms = plan.levels[experiment.level],
-       .phase_draws = plan.phase_draws},
+       .phase_draws = plan.phase_draws,
+       .crest_limit = plan.crest_limit},
       derived_seed(seed, {1, experiment.position, experiment.level, experiment.realisation}));
+}
+
+std::unique_ptr<Plant> plant_at(const SimulatedSystem& system, const ExcitationPlan& plan,
+                                std::size_t position) {
+  return system.plant(plan.plant, plan.positions[position] * (std::numbers::pi / 180.0));
+}
+
+// What can't be done is said before anything is written.
+void check_feasible(const SimulatedSystem& system, const ExcitationPlan& plan,
+                    const std::vector<PlannedExperiment>& experiments, std::uint64_t seed) {
+  for (std::size_t p = 0; p < plan.positions.size(); ++p) (void)plant_at(system, plan, p);
+  if (plan.crest_limit == 0.0) return;
+  for (const PlannedExperiment& experiment : experiments) {
+    if (experiment.sub_experiment == 0) (void)excitation(system, plan, experiment, seed);
+  }
 }
 
 std::vector<RecordedChannel> channels_of(const SimulatedSystem& system,
@@ -67,8 +84,7 @@ std::vector<RecordedChannel> channels_of(const SimulatedSystem& system,
 
 Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan,
                        const PlannedExperiment& experiment, const SimulationOptions& options) {
-  const auto plant =
-      system.plant(plan.plant, plan.positions[experiment.position] * (std::numbers::pi / 180.0));
+  const auto plant = plant_at(system, plan, experiment.position);
   const Multisine signal = excitation(system, plan, experiment, options.seed);
   const auto sub = static_cast<std::uint64_t>(experiment.sub_experiment);
   const ClosedLoopOptions loop{
@@ -78,9 +94,13 @@ Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan
       .white_noise = system.white_noise,
       .seed = derived_seed(
           options.seed, {2, experiment.position, experiment.level, experiment.realisation, sub})};
-  return simulate_closed_loop(*plant, system.controller, system.sample_time,
-                              signal.reference(experiment.sub_experiment), loop,
-                              options.keep_going);
+  try {
+    return simulate_closed_loop(*plant, system.controller, system.sample_time,
+                                signal.reference(experiment.sub_experiment), loop,
+                                options.keep_going);
+  } catch (const UnstableMotion& error) {
+    throw UnstableMotion(fmt::format("{}: {}", experiment.name(), error.what()));
+  }
 }
 
 // ---- campaign.yaml -------------------------------------------------------------------------------
@@ -193,9 +213,10 @@ void claim_folder(const fs::path& folder, const SimulationOptions& options) {
 
 SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const fs::path& folder, const SimulationOptions& options) {
-  claim_folder(folder, options);
   const auto experiments =
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size()));
+  check_feasible(system, plan, experiments, options.seed);
+  claim_folder(folder, options);
   SimulationOutcome outcome{.recordings = experiments.size()};
   std::vector<std::size_t> missing;
   for (std::size_t k = 0; k < experiments.size(); ++k) {

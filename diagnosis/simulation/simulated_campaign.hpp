@@ -33,8 +33,9 @@ struct SimulationOutcome {
   bool complete = false;  // false: asked to stop
 };
 
-// Throws InputError where the folder can't be written or holds other recordings, and
-// std::runtime_error where the motion is too fast for the integrator (plant.hpp).
+// Throws InputError, before anything is written, where the folder can't be made or holds other
+// recordings, a position has no rest, or no phases keep the crest limit; and UnstableMotion (plant.hpp)
+// with the recording's name.
 SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const std::filesystem::path& folder,
                                     const SimulationOptions& options);
