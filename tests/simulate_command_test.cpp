@@ -8,6 +8,9 @@
 #include <vector>
 
 #include "command_runner.hpp"
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
+#include "graybox/diagnosis/simulation/simulated_system.hpp"
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
@@ -38,6 +41,19 @@ class SimulateCommand : public testing::CommandRunner {
     write_text(folder_.file("plan.yaml"), kPlan);
   }
 
+  // One line that contains the text.
+  template <typename Load>
+  static void expect_input_error(const Load& load, const std::string& text) {
+    try {
+      load();
+      ADD_FAILURE() << "not refused: " << text;
+    } catch (const InputError& error) {
+      const std::string message = error.what();
+      EXPECT_NE(message.find(text), std::string::npos) << message;
+      EXPECT_EQ(std::ranges::count(message, '\n'), 0) << message;
+    }
+  }
+
   // kPlan with one text replaced.
   void write_plan(const std::string& from, const std::string& to) {
     std::string text = kPlan;
@@ -61,10 +77,12 @@ TEST_F(SimulateCommand, WritesTheSameCampaignOnAnyNumberOfThreadsAndAfterAnInter
   }
   const std::string lost = read_text(folder_.file("one/p1_l1_r2_e4.h5"));
   fs::remove(folder_.file("one/p1_l1_r2_e4.h5"));
+  write_text(folder_.file("one/p1_l1_r2_e4.h5.Ab3dEf"), "half");  // killed while it wrote
   const Outcome resumed = graybox("simulate irb6600_like.yaml plan.yaml --seed 3 -o one --json");
   EXPECT_EQ(resumed.exit_code, 0);
   EXPECT_NE(resumed.out.find("\"already_there\":23"), std::string::npos) << resumed.out;
   EXPECT_TRUE(read_text(folder_.file("one/p1_l1_r2_e4.h5")) == lost);
+  EXPECT_FALSE(fs::exists(folder_.file("one/p1_l1_r2_e4.h5.Ab3dEf")));
 }
 
 TEST_F(SimulateCommand, TheNonLinearRobotIntoCsv) {
@@ -186,7 +204,7 @@ TEST_F(SimulateCommand, RefusesWrongModelsAndPhysics) {
   write_text(folder_.file("friction.yaml"), kFriction);
   for (const auto& [from, to, message] : drives) {
     write_text(folder_.file("drive.yaml"), replaced(kDrive, from, to));
-    expect_refused(simulate, message);
+    expect_input_error([&] { (void)load_system(folder_.file("drive.yaml")); }, message);
   }
   write_text(folder_.file("drive.yaml"), kDrive);
   for (const auto& [from, to, message] : std::vector<std::array<std::string, 3>>{
@@ -195,8 +213,11 @@ TEST_F(SimulateCommand, RefusesWrongModelsAndPhysics) {
            {"unit: rad/s", "unit: m/s", "must be 'rad/s'"},
            {"value: 0.3", "value: -0.3", "negative"}}) {
     write_text(folder_.file("friction.yaml"), replaced(kFriction, from, to));
-    expect_refused(simulate, message);
+    expect_input_error(
+        [&] { (void)load_system(folder_.file("drive.yaml"), folder_.file("friction.yaml")); },
+        message);
   }
+  expect_refused(simulate, "negative");  // the last of them, as the user sees it
   write_text(folder_.file("friction.yaml"), kFriction);
   write_text(folder_.file("drive_plan.yaml"), kDrivePlan + "plant: robot\n");
   expect_refused(simulate, "is for robots");
@@ -222,11 +243,15 @@ TEST_F(SimulateCommand, RefusesWrongInput) {
       {"periods: 2", "perioden: 2", "perioden"},
       {"to: 60", "to: 2", "to"},
       {"count: 5", "count: 0", "count"},
+      {"{from: 5, to: 60, count: 5, spacing: log}", "[60, 20]", "must increase"},
+      {"period: 400", "detection_lines: 1\nperiod: 400", "detection_lines"},
   };
+  const SimulatedSystem robot = load_system(folder_.file("irb6600_like.yaml"));
   for (const auto& [from, to, field] : mistakes) {
     write_plan(from, to);
-    expect_refused(simulate, field);
+    expect_input_error([&] { (void)read_plan(folder_.file("plan.yaml"), robot); }, field);
   }
+  expect_refused(simulate, "detection_lines");  // the last of them, as the user sees it
   write_text(folder_.file("plan.yaml"), kPlan);
   write_text(folder_.file("file"), "");
   expect_refused("simulate irb6600_like.yaml plan.yaml -o file", "file");

@@ -35,7 +35,13 @@ std::vector<double> read_frequencies(const YamlField& root, const SimulatedSyste
   if (!root.has("frequencies") && !system.frequencies.empty()) return system.frequencies;
   const YamlField field = root.at("frequencies");
   if (field.is_list()) {
-    for (const YamlField& item : field.items()) frequencies.push_back(item.positive());
+    for (const YamlField& item : field.items()) {
+      frequencies.push_back(item.positive());
+      if (frequencies.size() > 1 && frequencies[frequencies.size() - 2] >= frequencies.back()) {
+        item.fail("frequencies must increase");
+      }
+    }
+    if (frequencies.empty()) field.fail("must hold at least one frequency");
     return frequencies;
   }
   field.allow_keys({"from", "to", "count", "spacing"});
@@ -120,8 +126,9 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSyste
   }
   const std::vector<std::size_t> lines =
       odd_lines(read_frequencies(root, system), plan.period, system.sample_time);
-  plan.lines = without_detection_lines(lines, whole_or_zero(root, "detection_lines", 0));
-  if (plan.lines.empty()) root.at("frequencies").fail("no line is left to excite");
+  const std::size_t detection = whole_or_zero(root, "detection_lines", 0);
+  if (detection == 1) root.at("detection_lines").fail("must be 0 or at least 2: 1 leaves no line");
+  plan.lines = without_detection_lines(lines, detection);
   if (2 * plan.lines.back() >= plan.period) {
     root.at("period").fail(
         fmt::format("is too short: {:.4g} Hz lies beyond half the sample rate",

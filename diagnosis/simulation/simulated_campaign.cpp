@@ -209,6 +209,19 @@ void claim_folder(const fs::path& folder, const SimulationOptions& options) {
   write_text_file(file.string(), stamp.dump(2) + "\n");
 }
 
+// Of a run that was killed while it wrote (AtomicFile).
+void remove_leftovers(const fs::path& folder) {
+  std::vector<fs::path> leftovers;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    for (const char* ending : {".h5.", ".csv."}) {
+      if (name.find(ending) != std::string::npos) leftovers.push_back(entry.path());
+    }
+  }
+  std::error_code ignored;
+  for (const fs::path& file : leftovers) fs::remove(file, ignored);
+}
+
 }  // namespace
 
 SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
@@ -217,6 +230,7 @@ SimulationOutcome simulate_campaign(const SimulatedSystem& system, const Excitat
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size()));
   check_feasible(system, plan, experiments, options.seed);
   claim_folder(folder, options);
+  remove_leftovers(folder);
   SimulationOutcome outcome{.recordings = experiments.size()};
   std::vector<std::size_t> missing;
   for (std::size_t k = 0; k < experiments.size(); ++k) {

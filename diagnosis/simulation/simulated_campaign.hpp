@@ -5,7 +5,8 @@
 // Resumes: each recording appears complete or not at all, and one that is there is not simulated
 // again. Phases and noise depend on the seed and on the place in the plan alone, so that neither the
 // number of threads nor an interruption changes a byte. `simulation.json` in the folder says which
-// model, plan and seed the recordings are of; a folder of other ones is refused.
+// model, plan and seed the recordings are of; a folder of other ones is refused. One run at a time in
+// a folder.
 #pragma once
 
 #include <cstddef>
