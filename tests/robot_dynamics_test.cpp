@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "graybox/problems/elements/robot_elements.hpp"
@@ -118,6 +119,34 @@ TEST(RobotDynamics, EnergyBalance) {
                          dynamics.dissipated_power(state);
     EXPECT_NEAR(change, power, 1e-6 * std::abs(power) + 1e-3);
   }
+}
+
+// Let go without dampers, the robot swings and keeps its energy, while kinetic energy comes and goes.
+TEST(RobotDynamics, FreeMotionKeepsItsEnergy) {
+  RobotModel robot = robot_test::paper_robot();
+  for (ArmSpring& spring : robot.springs) spring.damping = 0.0;
+  RobotDynamics dynamics(robot);
+  VectorXd state = moving_state(robot, robot_test::some_positions()[3], 17);
+  const VectorXd torque = VectorXd::Zero(6), none = VectorXd::Zero(18);
+  const double start = dynamics.energy(state), step = 2e-5;
+  const auto kinetic = [&] {
+    VectorXd still = state;
+    still.tail(18).setZero();
+    return dynamics.energy(state) - dynamics.energy(still);
+  };
+  double least = kinetic(), most = least;
+  VectorXd k1(36), k2(36), k3(36), k4(36);
+  for (int t = 0; t < 2000; ++t) {  // Runge and Kutta's classical step
+    dynamics.rate(state, torque, none, k1);
+    dynamics.rate(state + 0.5 * step * k1, torque, none, k2);
+    dynamics.rate(state + 0.5 * step * k2, torque, none, k3);
+    dynamics.rate(state + step * k3, torque, none, k4);
+    state += step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+    least = std::min(least, kinetic());
+    most = std::max(most, kinetic());
+  }
+  EXPECT_GT(most - least, 10.0);
+  EXPECT_NEAR(dynamics.energy(state), start, 1e-6 * (most - least));
 }
 
 // While the bearings of joint 1 are straight its axis is the vertical, about which gravity has no

@@ -67,7 +67,7 @@ class History {
 };
 
 // State: (q, q', states of the laws).
-class IntegratedPlant : public Plant {
+class IntegratedPlant final : public Plant {
  public:
   IntegratedPlant(std::unique_ptr<Mechanism> mechanism, ElementDynamics elements, PlantStart start,
                   double sample_time, const IntegratorOptions& options)
