@@ -179,6 +179,13 @@ TEST_F(ElementSimulation, DelaysToTheFractionOfASample) {
   }
 }
 
+TEST_F(ElementSimulation, RefusesEndlessDelays) {
+  EXPECT_THROW(
+      (void)mass_plant(0.0, element("late", "kind: actuator, input: force",
+                                    "delay\n    parameters: {time: {value: 1e300, unit: s}}")),
+      InputError);
+}
+
 TEST_F(ElementSimulation, ALagAnswersAStepByAnExponential) {
   const std::string lag = "lag\n    parameters: {time_constant: {value: 0.05, unit: s}}";
   const auto plant = mass_plant(0.0, element("slow", "kind: actuator, input: force", lag));

@@ -10,11 +10,15 @@
 #include <stdexcept>
 #include <utility>
 
+#include "graybox/problems/error.hpp"
+
 namespace graybox {
 namespace {
 
 // More than a held input of one sample ever needs; beyond, the model has become unstable.
 constexpr long kMaxStepsPerSample = 5000;
+// Each is kept in memory.
+constexpr double kMostDelayedSamples = 1e6;
 
 struct Context {
   Context() {
@@ -36,6 +40,10 @@ std::vector<Delay> split(const Eigen::VectorXd& delays, double sample_time) {
   std::vector<Delay> result;
   for (const double delay : delays) {
     const double samples = delay / sample_time;
+    if (samples > kMostDelayedSamples) {
+      throw InputError(fmt::format("elements: a delay of {:g} s is more than {:g} samples", delay,
+                                   kMostDelayedSamples));
+    }
     double whole = std::floor(samples);
     double part = samples - whole;
     if (part > 1.0 - 1e-9) {  // rounding of a whole number of samples

@@ -34,6 +34,7 @@ ChainDynamics::ChainDynamics(const RigidChain& chain)
     link.axis_cross = cross_matrix(rotation.axis);
     link.axis_cross_squared = link.axis_cross * link.axis_cross;
     link.body = rotation.body;
+    link.is_massless = rotation.body.mass == 0.0 && rotation.body.inertia.isZero(0.0);
     links_.push_back(link);
   }
 }
@@ -59,7 +60,7 @@ void ChainDynamics::place(const Eigen::VectorXd& q) {
     frame.noalias() = before * turn;
     link.motion.angular.noalias() = before * link.axis;
     link.motion.linear = origin.cross(link.motion.angular);
-    if (link.body.mass == 0.0 && link.body.inertia.isZero(0.0)) continue;
+    if (link.is_massless) continue;
     const Eigen::Vector3d centre = origin + frame * link.body.centre_of_mass;
     link.inertia.mass = link.body.mass;
     link.inertia.moment = link.body.mass * centre;
@@ -81,6 +82,7 @@ void ChainDynamics::recurse_outward(const Eigen::VectorXd& velocity) {
     v.linear += rate * s.linear;
     a.angular += rate * v.angular.cross(s.angular);
     a.linear += rate * (v.angular.cross(s.linear) + v.linear.cross(s.angular));
+    if (link.is_massless) continue;
     const Spatial momentum = link.inertia.times(v);
     link.force = link.inertia.times(a);
     link.force.angular += v.angular.cross(momentum.angular) + v.linear.cross(momentum.linear);
@@ -94,9 +96,11 @@ void ChainDynamics::recurse_inward() {
   for (std::size_t b = links_.size(); b-- > 0;) {
     const Link& link = links_[b];
     const auto column = static_cast<Eigen::Index>(b);
-    composite.add(link.inertia);
-    force.angular += link.force.angular;
-    force.linear += link.force.linear;
+    if (!link.is_massless) {
+      composite.add(link.inertia);
+      force.angular += link.force.angular;
+      force.linear += link.force.linear;
+    }
     bias_(column) = link.motion.angular.dot(force.angular) + link.motion.linear.dot(force.linear);
     const Spatial momentum = composite.times(link.motion);
     for (std::size_t a = 0; a <= b; ++a) {

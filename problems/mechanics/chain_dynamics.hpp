@@ -51,8 +51,9 @@ class ChainDynamics {
     Eigen::Matrix3d origin_rotation, axis_cross, axis_cross_squared;
     Eigen::Vector3d origin, axis;
     RigidBody body;
+    bool is_massless = false;
     Spatial motion;
-    Inertia inertia;
+    Inertia inertia;  // zero, like the force, where massless
     Spatial force;
   };
 
