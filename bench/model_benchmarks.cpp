@@ -4,6 +4,9 @@
 //                             matrix, 50 frequencies, packed set. 7920 is the paper's grid, more
 //                             come from a refined one.
 //   linearisation/Q           of that, the equilibrium and mass matrix alone, one thread
+//   mass_and_bias/graybox, /kdl   mass matrix, Coriolis and gravity torques of the arm, once
+//   equations_of_motion       accelerations of the non-linear robot, once
+//   plant_sample/local, /robot    one simulated sample under the controller, with noise
 //
 // Counters: set_bytes, the packed set; peak_bytes, the most memory the process had in use while it
 // made the set, beyond what it used before (the set included); peak_over_set, their ratio;
@@ -24,7 +27,13 @@
 #include <string_view>
 #include <thread>
 
+#include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "graybox/diagnosis/simulation/multisine.hpp"
+#include "graybox/diagnosis/simulation/plant.hpp"
+#include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/local_model.hpp"
+#include "graybox/problems/mechanics/chain_dynamics.hpp"
+#include "graybox/problems/robot_dynamics.hpp"
 #include "graybox/problems/robot_grid.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/robot_model.hpp"
@@ -86,6 +95,71 @@ void linearisation(benchmark::State& state, std::size_t count) {
       benchmark::Counter(static_cast<double>(count), benchmark::Counter::kIsIterationInvariantRate);
 }
 
+// The robot at rest at one position, moving slowly.
+struct MovingRobot {
+  graybox::RobotModel robot = graybox::load_robot_model(graybox::default_robot_file());
+  Eigen::VectorXd angles = Eigen::VectorXd::Constant(robot.motor_count(), 0.3);
+  graybox::RobotRest rest = graybox::robot_rest(robot, {}, angles);
+  Eigen::VectorXd velocity = Eigen::VectorXd::Constant(rest.coordinates.size(), 0.01);
+};
+
+void mass_and_bias(benchmark::State& state) {
+  const MovingRobot at;
+  graybox::ChainDynamics dynamics(at.robot.chain);
+  const Eigen::Index n = at.robot.arm_size();
+  const Eigen::VectorXd q = at.rest.coordinates.head(n), velocity = at.velocity.head(n);
+  for (auto _ : state) {
+    dynamics.evaluate(q, velocity);
+    benchmark::DoNotOptimize(dynamics.bias().data());
+  }
+}
+
+void mass_and_bias_kdl(benchmark::State& state) {
+  const MovingRobot at;
+  graybox::RigidChainEvaluator kdl(at.robot.chain);
+  const Eigen::Index n = at.robot.arm_size();
+  const Eigen::VectorXd q = at.rest.coordinates.head(n), velocity = at.velocity.head(n);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(kdl.mass_matrix(q).data());
+    benchmark::DoNotOptimize(kdl.coriolis_torque(q, velocity).data());
+    benchmark::DoNotOptimize(kdl.gravity_torque(q).data());
+  }
+}
+
+void equations_of_motion(benchmark::State& state) {
+  const MovingRobot at;
+  graybox::RobotDynamics dynamics(at.robot);
+  const Eigen::VectorXd no_force = Eigen::VectorXd::Zero(at.velocity.size());
+  Eigen::VectorXd acceleration(at.velocity.size());
+  for (auto _ : state) {
+    dynamics.accelerate(at.rest.coordinates, at.velocity, at.rest.holding_torque, no_force,
+                        acceleration);
+    benchmark::DoNotOptimize(acceleration.data());
+  }
+}
+
+// Many samples in a row; `sample` is the time of one.
+void plant_sample(benchmark::State& state, bool is_local) {
+  const MovingRobot at;
+  const auto plant = is_local ? graybox::local_robot_plant(at.robot, {}, at.angles)
+                              : graybox::robot_plant(at.robot, {}, at.angles);
+  const graybox::Multisine signal({.period = 8000,
+                                   .lines = {5, 21, 45, 101, 201, 401},
+                                   .relative_amplitude = {},
+                                   .inputs = at.robot.motor_count(),
+                                   .rms = 1.0},
+                                  1);
+  const graybox::ClosedLoopOptions loop{
+      .settling_periods = 0, .periods = 1, .noise_psd_slope = 1e-12};
+  for (auto _ : state) {
+    const graybox::Recording recording = graybox::simulate_closed_loop(
+        *plant, at.robot.controller, at.robot.sample_time, signal.reference(0), loop);
+    benchmark::DoNotOptimize(recording.output.data());
+  }
+  state.counters["sample"] = benchmark::Counter(
+      8000.0, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
 // Takes --threads=N out of the arguments; 0 if N is no number from 1 on.
 int take_thread_count(int& argc, char** argv) {
   constexpr std::string_view kFlag = "--threads=";
@@ -120,6 +194,14 @@ int main(int argc, char** argv) {
   }
   benchmark::RegisterBenchmark("linearisation/7920", linearisation, 7920UL)
       ->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("mass_and_bias/graybox", mass_and_bias);
+  benchmark::RegisterBenchmark("mass_and_bias/kdl", mass_and_bias_kdl);
+  benchmark::RegisterBenchmark("equations_of_motion", equations_of_motion);
+  for (const bool is_local : {true, false}) {
+    benchmark::RegisterBenchmark(is_local ? "plant_sample/local" : "plant_sample/robot",
+                                 plant_sample, is_local)
+        ->Unit(benchmark::kMillisecond);
+  }
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();
