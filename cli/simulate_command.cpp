@@ -90,7 +90,6 @@ int simulate(const SimulateArguments& arguments) {
   }
 }
 
-// F, x and I stand for the units of force, deflection and inertia of the place.
 int list_laws(bool as_json) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const LawEntry& law : law_catalogue()) {
@@ -110,7 +109,13 @@ int list_laws(bool as_json) {
       fmt::print("{} ({}): {}\n    {}\n", law.name, place, law.description, text);
     }
   }
-  if (as_json) fmt::print("{}\n", list.dump());
+  if (as_json) {
+    fmt::print("{}\n", list.dump());
+  } else {
+    fmt::print(
+        "F, x, I: the units of force, deflection and inertia of the place; at an actuator or "
+        "sensor F is the unit of its signal\n");
+  }
   return kDone;
 }
 
@@ -134,7 +139,7 @@ void add_simulate_command(CLI::App& app, Invocation& invocation) {
                       "graybox-physics/1 file with elements that the model does not have");
   command->add_option("--seed", arguments->seed, "of phases and noise")->capture_default_str();
   command->add_option("--threads", arguments->threads, "threads; the result is the same")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output, "campaign folder to write");
   command->add_flag("--laws", arguments->laws, "list the laws of elements and their parameters");
