@@ -37,7 +37,7 @@ struct Location {
   std::string name;            // "joint_2.gearbox", "actuator joint_1"
   Eigen::VectorXd input;       // b_in; empty at signals and at the flange
   Eigen::VectorXd output;      // b_out
-  Eigen::Index channel = 0;    // of an actuator or sensor
+  Eigen::Index channel = 0;    // of an actuator or sensor; elsewhere on a robot the joint
   bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
   bool is_flange = false;      // takes payloads alone
   PlaceUnits units;

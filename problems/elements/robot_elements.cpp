@@ -67,7 +67,8 @@ void build_in(RobotModel& robot, const Element& element) {
     return;
   }
   const Eigen::Index channel = element.location.channel;  // the joint
-  if (element.location.name.ends_with(".motor")) {
+  const bool is_motor = !element.location.output.tail(robot.motor_count()).isZero(0.0);
+  if (is_motor) {
     robot.motor_inertia(channel) += p[0];
     return;
   }
