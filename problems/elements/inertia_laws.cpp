@@ -12,7 +12,7 @@ std::vector<LawEntry> inertia_laws() {
        {{"inertia", "I", kAny}},
        {}},
       {"payload",
-       "a point mass fixed to the flange, in the flange's frame",
+       "a point mass fixed to the flange; x, y, z in the frame of the last joint",
        LawUse::kPayload,
        {{"mass", "kg", kPositive}, {"x", "m", kAny}, {"y", "m", kAny}, {"z", "m", kAny}},
        {}},
