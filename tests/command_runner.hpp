@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <string>
 
+#include "built_executable.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox::testing {
@@ -18,13 +19,13 @@ struct Outcome {
   std::string err;
 };
 
-// The test's CMake target must define GRAYBOX_COMMAND, the path of the binary.
+// The test's CMake target must depend on the command: graybox_command_test() does.
 class CommandRunner : public ::testing::Test {
  protected:
   // Runs `graybox arguments` in the test's folder; `before` may hold a wrapping command.
   Outcome graybox(const std::string& arguments, const std::string& before = {}) {
     const std::string command = "cd '" + folder_.file("") + "' && " + before +
-                                " '" GRAYBOX_COMMAND "' " + arguments + " >'" + logs_.file("out") +
+                                " '" + built_executable("bin/graybox") + "' " + arguments + " >'" + logs_.file("out") +
                                 "' 2>'" + logs_.file("err") + "'";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(logs_.file("out")),

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "built_executable.hpp"
 #include "graybox/bench/study/process.hpp"
 #include "graybox/bench/study/row_file.hpp"
 #include "graybox/bench/study/run_row.hpp"
@@ -63,7 +64,7 @@ class Study : public ::testing::Test {
     options_.families = false;
     options_.time_limit = 5.0;
     setup_.make_set = small_set;
-    setup_.worker = {GRAYBOX_STUDY_WORKER};
+    setup_.worker = {testing::built_executable("tests/study_worker")};
     setup_.binary = "test";
   }
   void TearDown() override { fs::remove_all(folder_); }
