@@ -5,7 +5,8 @@
 namespace graybox::cli {
 
 void add_design_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand("design", "Designs beyond one criterion and one information set");
+  auto* command =
+      app.add_subcommand("design", "Designs beyond one criterion and one information set");
   command->require_subcommand(1);
   add_design_criteria_command(*command, invocation);
   add_design_continuous_command(*command, invocation);

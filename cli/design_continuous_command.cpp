@@ -25,7 +25,6 @@
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/continuous_design.hpp"
 #include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
@@ -100,10 +99,7 @@ GridOptimum optimum_on(const InformationSet& set, int threads) {
 double covariance_at(const RobotModel& robot, std::size_t joints, const std::vector<double>& points,
                      const std::vector<double>& weights) {
   const InformationSet set = robot_information_set(robot, {joints, points});
-  std::vector<double> matrix(set.packed_size());
-  information_matrix(set, weights, matrix);
-  InverseCholesky factor(set.dimension());
-  return std::exp(-factor.log_det_of(matrix) / static_cast<double>(set.dimension()));
+  return std::exp(-log_det_information(set, weights) / static_cast<double>(set.dimension()));
 }
 
 // How both designs fare where every stiffness is off by up to `error`: medians over samples.
@@ -111,9 +107,8 @@ struct Sensitivity {
   double error = 0.0;
   double grid_covariance = 0.0;
   double continuous_covariance = 0.0;
-  double median_ratio =
-      0.0;  // of the two, sample by sample: below 1 the continuous design is better
-  double share_better = 0.0;  // of the samples, where it is
+  double median_ratio = 0.0;  // of the two, sample by sample; below 1: the continuous one is better
+  double share_better = 0.0;  // of the samples
 };
 
 Sensitivity sensitivity_to(double error, std::size_t samples, const RobotModel& robot,

@@ -48,12 +48,6 @@ struct NamedDesign {
   Design design;
 };
 
-double log_det_of(const InformationSet& set, const Design& design) {
-  std::vector<double> packed(set.packed_size());
-  information_matrix(set, design.weights, packed);
-  return InverseCholesky(set.dimension()).log_det_of(packed);
-}
-
 // All weight on the position with the largest log det H_i.
 NamedDesign best_single_position(const InformationSet& set) {
   InverseCholesky inverse(set.dimension());
@@ -183,12 +177,12 @@ std::vector<double> evaluate(const InformationSet& set, std::size_t index,
     throw InputError(fmt::format("sample {}: its own optimum was not found ({})", index,
                                  to_string(optimum.status)));
   }
-  const double best = log_det_of(set, optimum.design);
+  const double best = log_det_information(set, optimum.design.weights);
   std::vector<double> row{static_cast<double>(index)};
   row.insert(row.end(), theta.begin(), theta.end());
   row.push_back(best);
   for (const NamedDesign& design : designs) {
-    const double difference = log_det_of(set, design.design) - best;
+    const double difference = log_det_information(set, design.design.weights) - best;
     row.push_back(std::exp(difference / static_cast<double>(set.dimension())));
   }
   return row;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/solvers/best_design.hpp"
 #include "graybox/solvers/block_limited_certificate.hpp"
 #include "graybox/solvers/block_limited_working_set.hpp"
 #include "graybox/solvers/candidate_pool.hpp"
@@ -58,7 +59,6 @@ class BlockLimitedRun {
   [[nodiscard]] bool out_of_rounds() const {
     return options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit;
   }
-  void keep_if_better(double gap);
   Solution finish(SolveStatus status, std::string message = {});
 
   const InformationSet& set_;
@@ -71,9 +71,7 @@ class BlockLimitedRun {
   double dimension_;
   std::vector<double> block_maxima_;
   std::int64_t rounds_ = 0;
-  double best_gap_ = std::numeric_limits<double>::infinity();  // of a pass over the whole set
-  std::vector<std::pair<std::size_t, double>> best_design_;
-  std::vector<std::pair<double, std::size_t>> violators_;
+  BestDesign best_;
 };
 
 // The first working set: the heaviest candidates after a few multiplicative steps on the pool from
@@ -153,28 +151,15 @@ double BlockLimitedRun::limited_gap(const CandidatePool& all) {
   return largest_limited_mean(std::span(block_maxima_), limit_) / dimension_ - 1.0;
 }
 
-// The largest reduced sensitivity of each of some dozens of stretches of the pool, the better half.
-// The stretches are shifted at random from round to round. Small limits need many blocks.
+// The better half of some dozens of stretches. Small limits need many blocks.
 std::size_t BlockLimitedRun::add_violators(const CandidatePool& pool) {
-  const std::size_t wished = 4 * set_.dimension() + static_cast<std::size_t>(1.0 / limit_);
-  const std::size_t stretches = std::min(pool.count, wished);
-  const std::size_t length = (pool.count + stretches - 1) / stretches;
-  const std::size_t shift = random_.below(length);
-  violators_.clear();
-  for (std::size_t from = 0; from < pool.count;) {
-    const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
-    const double* first = pool.sensitivity.data() + from;
-    const double* best = std::max_element(first, pool.sensitivity.data() + to);
-    if (*best > working_.level()) {
-      violators_.emplace_back(*best, from + static_cast<std::size_t>(best - first));
-    }
-    from = to;
-  }
-  const std::size_t wanted = std::min(violators_.size(), (stretches + 1) / 2);
-  std::ranges::partial_sort(violators_, violators_.begin() + static_cast<std::ptrdiff_t>(wanted),
-                            std::greater<>());
+  const std::size_t stretches =
+      std::min(pool.count, 4 * set_.dimension() + static_cast<std::size_t>(1.0 / limit_));
   const std::size_t before = working_.size();
-  for (std::size_t k = 0; k < wanted; ++k) add(pool.candidate(violators_[k].second));
+  for (const std::size_t k :
+       violators(pool.sensitivities(), working_.level(), (stretches + 1) / 2, stretches, random_)) {
+    add(pool.candidate(k));
+  }
   return working_.size() - before;
 }
 
@@ -227,8 +212,8 @@ Solution BlockLimitedRun::run() {
     price(all);
     const double gap = limited_gap(all);
     tracer_.record(gap, rounds_);
-    without_progress = gap < 0.9 * best_gap_ ? 0 : without_progress + 1;
-    keep_if_better(gap);
+    without_progress = gap < 0.9 * best_.gap() ? 0 : without_progress + 1;
+    best_.offer(gap, working_.indices(), working_.weights());
     if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
@@ -241,7 +226,7 @@ Solution BlockLimitedRun::run() {
     }
   }
   return finish(SolveStatus::kNumericalFailure,
-                fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
+                fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
 }
 
 // About as many as are wanted of the largest reduced sensitivities; the threshold is a quantile of a
@@ -254,24 +239,10 @@ CandidatePool BlockLimitedRun::short_list(const CandidatePool& all) const {
   return pool_above(all, values, std::min(threshold, all.largest()));
 }
 
-void BlockLimitedRun::keep_if_better(double gap) {
-  if (!(gap < best_gap_)) return;
-  best_gap_ = gap;
-  best_design_.clear();
-  for (std::size_t k = 0; k < working_.size(); ++k) {
-    if (working_.weights()[k] > 0.0) {
-      best_design_.emplace_back(working_.indices()[k], working_.weights()[k]);
-    }
-  }
-}
-
 Solution BlockLimitedRun::finish(SolveStatus status, std::string message) {
   Design design;
-  if (best_design_.empty()) status = SolveStatus::kUnsupported;
-  if (status != SolveStatus::kUnsupported) {
-    design.weights.assign(set_.candidate_count(), 0.0);
-    for (const auto& [candidate, weight] : best_design_) design.weights[candidate] = weight;
-  }
+  if (best_.empty()) status = SolveStatus::kUnsupported;
+  if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
   return tracer_.finish(std::move(design), status, rounds_, std::move(message));
 }
 

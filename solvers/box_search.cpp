@@ -40,6 +40,13 @@ double BoxSearch::value_at(const Function& function, const Eigen::VectorXd& unit
   return function(point_);
 }
 
+void BoxSearch::move_to(std::span<const double> point) {
+  for (Eigen::Index k = 0; k < unit_.size(); ++k) {
+    const double offset = point[static_cast<std::size_t>(k)] - lower_(k);
+    unit_(k) = width_(k) > 0.0 ? std::clamp(offset / width_(k), 0.0, 1.0) : 0.0;
+  }
+}
+
 void BoxSearch::differentiate(const Function& function, const Eigen::VectorXd& unit, double value) {
   trial_ = unit;
   const auto moved = [&](Eigen::Index k, double by) {
@@ -66,10 +73,7 @@ void BoxSearch::differentiate(const Function& function, const Eigen::VectorXd& u
 
 void BoxSearch::gradient(const Function& function, std::span<const double> point,
                          std::span<double> out) {
-  for (Eigen::Index k = 0; k < unit_.size(); ++k) {
-    const double offset = point[static_cast<std::size_t>(k)] - lower_(k);
-    unit_(k) = width_(k) > 0.0 ? std::clamp(offset / width_(k), 0.0, 1.0) : 0.0;
-  }
+  move_to(point);
   differentiate(function, unit_, value_at(function, unit_));
   for (Eigen::Index k = 0; k < unit_.size(); ++k) {
     out[static_cast<std::size_t>(k)] = width_(k) > 0.0 ? gradient_(k) / width_(k) : 0.0;
@@ -102,10 +106,7 @@ double BoxSearch::advance(const Function& function, double value) {
 double BoxSearch::maximise(const Function& function, std::span<double> point,
                            const BoxSearchOptions& options) {
   const Eigen::Index n = unit_.size();
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const double offset = point[static_cast<std::size_t>(k)] - lower_(k);
-    unit_(k) = width_(k) > 0.0 ? std::clamp(offset / width_(k), 0.0, 1.0) : 0.0;
-  }
+  move_to(point);
   double value = value_at(function, unit_);
   differentiate(function, unit_, value);
   bool curvature_known = false;

@@ -40,6 +40,7 @@ class BoxSearch {
   void gradient(const Function& function, std::span<const double> point, std::span<double> out);
 
  private:
+  void move_to(std::span<const double> point);  // unit_, the point in the unit cube
   double value_at(const Function& function, const Eigen::VectorXd& unit);
   void differentiate(const Function& function, const Eigen::VectorXd& unit, double value);
   [[nodiscard]] bool blocked(Eigen::Index k) const;

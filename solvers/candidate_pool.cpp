@@ -64,16 +64,17 @@ void price_pool(const InformationSet& set, std::span<const double> trace_dual, i
       pool.sensitivity.begin());
 }
 
-std::vector<std::size_t> violators(const CandidatePool& pool, double threshold, std::size_t wanted,
-                                   std::size_t stretches, Random& random) {
-  stretches = std::min(pool.count, stretches);
-  const std::size_t length = (pool.count + stretches - 1) / stretches;
+std::vector<std::size_t> violators(std::span<const double> sensitivities, double threshold,
+                                   std::size_t wanted, std::size_t stretches, Random& random) {
+  const std::size_t count = sensitivities.size();
+  stretches = std::min(count, stretches);
+  const std::size_t length = (count + stretches - 1) / stretches;
   const std::size_t shift = random.below(length);
   std::vector<std::pair<double, std::size_t>> found;
-  for (std::size_t from = 0; from < pool.count;) {
-    const std::size_t to = std::min(pool.count, from == 0 ? length - shift : from + length);
-    const double* first = pool.sensitivity.data() + from;
-    const double* best = std::max_element(first, pool.sensitivity.data() + to);
+  for (std::size_t from = 0; from < count;) {
+    const std::size_t to = std::min(count, from == 0 ? length - shift : from + length);
+    const double* first = sensitivities.data() + from;
+    const double* best = std::max_element(first, sensitivities.data() + to);
     if (*best > threshold) {
       found.emplace_back(*best, from + static_cast<std::size_t>(best - first));
     }

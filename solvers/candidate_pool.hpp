@@ -24,6 +24,9 @@ struct CandidatePool {
 
   [[nodiscard]] bool whole() const { return indices.empty(); }
   [[nodiscard]] std::size_t candidate(std::size_t k) const { return whole() ? k : indices[k]; }
+  [[nodiscard]] std::span<const double> sensitivities() const {
+    return {sensitivity.data(), count};
+  }
   [[nodiscard]] double largest() const { return sensitivity[best]; }
 };
 
@@ -41,11 +44,11 @@ struct CandidatePool {
 void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
                 CandidatePool& pool);
 
-// The largest sensitivity above `threshold` of each of `stretches` stretches of the pool's order, the
-// best `wanted` of them, as positions in the pool, largest first. The stretches, for neighbours on a
-// grid are near-duplicates, are shifted at random from call to call.
-[[nodiscard]] std::vector<std::size_t> violators(const CandidatePool& pool, double threshold,
-                                                 std::size_t wanted, std::size_t stretches,
-                                                 Random& random);
+// The largest sensitivity above `threshold` of each of `stretches` stretches of their order, the best
+// `wanted` of them, as positions, largest first. The stretches, for neighbours on a grid are
+// near-duplicates, are shifted at random from call to call.
+[[nodiscard]] std::vector<std::size_t> violators(std::span<const double> sensitivities,
+                                                 double threshold, std::size_t wanted,
+                                                 std::size_t stretches, Random& random);
 
 }  // namespace graybox

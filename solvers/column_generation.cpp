@@ -12,6 +12,7 @@
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/solvers/best_design.hpp"
 #include "graybox/solvers/candidate_pool.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/criterion_column_generation.hpp"
@@ -52,7 +53,6 @@ class ColumnGenerationRun {
   [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
   void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
   Solution finish(SolveStatus status, std::string message = {});
-  void keep_if_better(double gap);
 
   const InformationSet& set_;
   const SolveOptions& options_;
@@ -61,8 +61,7 @@ class ColumnGenerationRun {
   Random random_;
   double dimension_;
   std::int64_t rounds_ = 0;
-  double best_gap_ = kInfinity;  // of a pass over the whole set
-  std::vector<std::pair<std::size_t, double>> best_design_;
+  BestDesign best_;
 };
 
 // First working set: a dozen multiplicative steps on the pool from equal weights, then the heaviest
@@ -131,7 +130,7 @@ double ColumnGenerationRun::price(CandidatePool& pool) {
 std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
   const std::size_t d = set_.dimension();
   std::size_t added = 0;
-  for (const std::size_t k : violators(pool, dimension_, 2 * d, 4 * d, random_)) {
+  for (const std::size_t k : violators(pool.sensitivities(), dimension_, 2 * d, 4 * d, random_)) {
     const std::size_t i = pool.candidate(k);
     added += working_.add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
   }
@@ -181,14 +180,14 @@ Solution ColumnGenerationRun::run() {
   for (int passes_without_progress = 0;;) {
     const double gap = price(all) / dimension_ - 1.0;
     tracer_.record(gap, rounds_);
-    passes_without_progress = gap < 0.9 * best_gap_ ? 0 : passes_without_progress + 1;
-    keep_if_better(gap);
+    passes_without_progress = gap < 0.9 * best_.gap() ? 0 : passes_without_progress + 1;
+    best_.offer(gap, working_.indices(), working_.weights());
     if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
     if (passes_without_progress > 8) {
       return finish(SolveStatus::kNumericalFailure,
-                    fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
+                    fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
     }
     CandidatePool list =
         short_list(all);  // before the working set moves: the rules hold for this design
@@ -243,23 +242,9 @@ void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_s
   list.count = kept;
 }
 
-void ColumnGenerationRun::keep_if_better(double gap) {
-  if (!(gap < best_gap_)) return;
-  best_gap_ = gap;
-  best_design_.clear();
-  for (std::size_t k = 0; k < working_.size(); ++k) {
-    if (working_.weights()[k] > 0.0) {
-      best_design_.emplace_back(working_.indices()[k], working_.weights()[k]);
-    }
-  }
-}
-
 Solution ColumnGenerationRun::finish(SolveStatus status, std::string message) {
   Design design;
-  if (status != SolveStatus::kUnsupported) {
-    design.weights.assign(set_.candidate_count(), 0.0);
-    for (const auto& [candidate, weight] : best_design_) design.weights[candidate] = weight;
-  }
+  if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
   return tracer_.finish(std::move(design), status, rounds_, std::move(message));
 }
 

@@ -342,21 +342,25 @@ class Run {
         if (!report(merged)) break;
         return;
       }
-      // Move every point to the maximum that stands nearest.
-      for (std::size_t k = 0; k < centres.size(); ++k) {
-        const Maximum* nearest = &centres[k];
-        double least = options_.merge_distance;
-        for (const Maximum& maximum : found) {
-          const double away = distance(space_, maximum.point, centres[k].point);
-          if (away < least) {
-            least = away;
-            nearest = &maximum;
-          }
-        }
-        centres[k] = Maximum(*nearest);
-      }
+      move_to_nearest(found, centres);
     }
     result_ = before;
+  }
+
+  // Moves every centre to the maximum that stands nearest, if one does within the merge distance.
+  void move_to_nearest(const std::vector<Maximum>& found, std::vector<Maximum>& centres) const {
+    for (Maximum& centre : centres) {
+      const Maximum* nearest = nullptr;
+      double least = options_.merge_distance;
+      for (const Maximum& maximum : found) {
+        const double away = distance(space_, maximum.point, centre.point);
+        if (away < least) {
+          least = away;
+          nearest = &maximum;
+        }
+      }
+      if (nearest != nullptr) centre = *nearest;
+    }
   }
 
   // Support points grouped by the heaviest of each neighbourhood: weighted means and total weights.

@@ -64,7 +64,7 @@ double CriterionRun::price(CandidatePool& pool) {
 std::size_t CriterionRun::add_violators(const CandidatePool& pool) {
   const std::size_t d = set_.dimension();
   std::size_t added = 0;
-  for (const std::size_t k : violators(pool, 1.0, 2 * d, 4 * d, random_)) {
+  for (const std::size_t k : violators(pool.sensitivities(), 1.0, 2 * d, 4 * d, random_)) {
     const std::size_t i = pool.candidate(k);
     added += problem_->add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
   }

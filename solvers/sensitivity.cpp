@@ -28,6 +28,12 @@ void information_matrix(const InformationSet& set, std::span<const double> weigh
   }
 }
 
+double log_det_information(const InformationSet& set, std::span<const double> weights) {
+  std::vector<double> packed(set.packed_size());
+  information_matrix(set, weights, packed);
+  return InverseCholesky(set.dimension()).log_det_of(packed);
+}
+
 bool invert(std::span<const double> packed, std::size_t dimension, InverseFactor& factor) {
   InverseCholesky cholesky(dimension);
   if (!cholesky.factor(packed)) return false;

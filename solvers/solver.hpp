@@ -12,8 +12,8 @@
 //   assert(proof.duality_gap <= 1e-9);
 //
 // A solver stops as soon as its own figure for the duality gap (for D, max_i tr(M^-1 H_i)/d - 1; for
-// each criterion as certificate.hpp has it) is at most options.duality_gap. What counts as solved is decided by certify() (certificate.hpp), never by
-// the solver. Bad problems throw InputError; everything numerical is a status.
+// each criterion as certificate.hpp has it) is at most options.duality_gap. What counts as solved is
+// decided by certify() (certificate.hpp), never by the solver. Bad problems throw InputError; everything numerical is a status.
 #pragma once
 
 #include <cstddef>

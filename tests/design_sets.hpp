@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -37,6 +38,14 @@ inline std::vector<Eigen::MatrixXd> matrices_of(const InformationSet& set) {
   std::vector<Eigen::MatrixXd> all;
   for (std::size_t i = 0; i < set.candidate_count(); ++i) all.push_back(matrix_of(set, i));
   return all;
+}
+
+// log det sum_i weights_i H_i from the full matrices.
+inline double log_det(const InformationSet& set, const std::vector<double>& weights) {
+  const auto d = static_cast<Eigen::Index>(set.dimension());
+  Eigen::MatrixXd m = Eigen::MatrixXd::Zero(d, d);
+  for (std::size_t i = 0; i < weights.size(); ++i) m += weights[i] * matrix_of(set, i);
+  return std::log(m.determinant());
 }
 
 inline Eigen::MatrixXd gaussian(Eigen::Index rows, Eigen::Index columns, Random& random) {

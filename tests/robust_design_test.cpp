@@ -22,19 +22,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using testing_sets::from_matrices;
+using testing_sets::log_det;
 using testing_sets::matrices_of;
 using testing_sets::wishart;
 
 constexpr SolveOptions kPrecise{.duality_gap = 1e-9};
-
-double log_det(const InformationSet& set, const std::vector<double>& weights) {
-  const auto d = static_cast<Index>(set.dimension());
-  MatrixXd m = MatrixXd::Zero(d, d);
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    m += weights[i] * testing_sets::matrix_of(set, i);
-  }
-  return std::log(m.determinant());
-}
 
 RobustProblem problem_of(const std::vector<InformationSet>& sets, RobustObjective objective,
                          bool relative = false) {

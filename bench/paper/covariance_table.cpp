@@ -45,10 +45,7 @@ double design_covariance(const InformationSet& set, const Design& design) {
     throw InputError(fmt::format("{}: the design has {} weights, the set {} candidates", set.name(),
                                  design.weights.size(), set.candidate_count()));
   }
-  std::vector<double> matrix(set.packed_size());
-  information_matrix(set, design.weights, matrix);
-  InverseCholesky factor(set.dimension());
-  const double log_det = factor.log_det_of(matrix);
+  const double log_det = log_det_information(set, design.weights);
   if (!std::isfinite(log_det)) {
     throw InputError(
         fmt::format("{}: the design's information matrix is singular, so that its covariance is "

@@ -8,24 +8,15 @@
 #include <numeric>
 
 #include "graybox/bench/paper/covariance_table.hpp"
+#include "graybox/bench/study/statistics.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/solvers/exact/rounding.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
+#include "graybox/solvers/sensitivity.hpp"
 
 namespace graybox::bench {
 namespace {
-
-// The value below which the share `probability` of the sorted values lies, by linear interpolation.
-double quantile(const std::vector<double>& sorted, double probability) {
-  const double place = probability * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  if (below + 1 == sorted.size()) return sorted.back();
-  const double share = place - static_cast<double>(below);
-  // Without this, infinity times zero.
-  if (share == 0.0) return sorted[below];
-  return (1.0 - share) * sorted[below] + share * sorted[below + 1];
-}
 
 // covariances[M - 1][r]: covariance of the first M of the r-th sequence of random candidates.
 std::vector<std::vector<double>> random_covariances(const InformationSet& set,
@@ -47,19 +38,6 @@ std::vector<std::vector<double>> random_covariances(const InformationSet& set,
   return covariances;
 }
 
-double counts_covariance(const InformationSet& set, const std::vector<std::int64_t>& counts) {
-  std::vector<double> sum(set.packed_size(), 0.0);
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    if (counts[i] == 0) continue;
-    const auto added = set.information(i);
-    for (std::size_t k = 0; k < sum.size(); ++k) {
-      sum[k] += static_cast<double>(counts[i]) * added[k];
-    }
-  }
-  InverseCholesky factor(set.dimension());
-  return std::exp(-factor.log_det_of(sum) / static_cast<double>(set.dimension()));
-}
-
 std::string cell(double value) {
   return std::isfinite(value) ? fmt::format(",{:.10g}", value) : std::string(",");
 }
@@ -74,6 +52,7 @@ std::vector<CurvePoint> experiment_curve(const InformationSet& set, const Design
                                          const CurveOptions& options) {
   if (options.experiments == 0) throw InputError("number of experiments: must be at least 1");
   if (options.repetitions == 0) throw InputError("random repetitions: must be at least 1");
+  const double d = static_cast<double>(set.dimension());
   const double unit = design_covariance(set, relaxed);
   const std::vector<double> single = single_candidate_covariances(set);
   const double best = *std::ranges::min_element(single) / unit;
@@ -85,8 +64,9 @@ std::vector<CurvePoint> experiment_curve(const InformationSet& set, const Design
     std::vector<double>& draws = random[m - 1];
     std::ranges::sort(draws);
     CurvePoint point{.experiments = m, .relaxed = 1.0 / count};
-    point.rounded =
-        counts_covariance(set, round_weights(relaxed.weights, static_cast<std::int64_t>(m))) / unit;
+    const auto counts = round_weights(relaxed.weights, static_cast<std::int64_t>(m));
+    const std::vector<double> rounded(counts.begin(), counts.end());
+    point.rounded = std::exp(-log_det_information(set, rounded) / d) / unit;
     point.best_single = best / count;
     point.random_mean = mean(draws) / unit;
     point.random_low = quantile(draws, 0.05) / unit;

@@ -11,21 +11,21 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-double interpolated(const std::vector<double>& sorted, double share) {
+}  // namespace
+
+double quantile(const std::vector<double>& sorted, double share) {
   const double position = share * static_cast<double>(sorted.size() - 1);
   const auto below = static_cast<std::size_t>(position);
   const std::size_t above = std::min(below + 1, sorted.size() - 1);
   const double weight = position - static_cast<double>(below);
-  if (weight == 0.0) return sorted[below];
+  if (weight == 0.0) return sorted[below];  // infinity times zero is no number
   return (1.0 - weight) * sorted[below] + weight * sorted[above];
 }
-
-}  // namespace
 
 Quartiles quartiles(std::vector<double> sample) {
   if (sample.empty()) throw InputError("quartiles of an empty sample");
   std::ranges::sort(sample);
-  return {interpolated(sample, 0.25), interpolated(sample, 0.5), interpolated(sample, 0.75)};
+  return {quantile(sample, 0.25), quantile(sample, 0.5), quantile(sample, 0.75)};
 }
 
 double student_975(std::size_t degrees_of_freedom) {

@@ -11,14 +11,14 @@
 #include "graybox/problems/aligned_array.hpp"
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/solvers/best_design.hpp"
+#include "graybox/solvers/candidate_pool.hpp"
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/robust/robust_working_set.hpp"
 #include "graybox/solvers/tracer.hpp"
 
 namespace graybox {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 class RobustColumnGeneration {
  public:
@@ -43,15 +43,15 @@ class RobustColumnGeneration {
         return fail("the information matrix of a sample became singular");
       }
       pool_gap = price() / dimension_ * working_.spread() - 1.0;
-      since_progress = pool_gap < 0.9 * best_gap_ ? 0 : since_progress + 1;
+      since_progress = pool_gap < 0.9 * best_.gap() ? 0 : since_progress + 1;
       keep_if_better(pool_gap);
-      if (best_gap_ <= options_.duality_gap) return finish(SolveStatus::kSolved);
+      if (best_.gap() <= options_.duality_gap) return finish(SolveStatus::kSolved);
       if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
       if (options_.iteration_limit > 0 && rounds_ + 1 >= options_.iteration_limit) {
         return finish(SolveStatus::kIterationLimit);
       }
       if (since_progress > kPatience) {
-        return fail(fmt::format("rounding keeps the gap at {:.1e}", best_gap_));
+        return fail(fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
       }
       working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + pool_gap)));
       add_violators();
@@ -97,7 +97,7 @@ class RobustColumnGeneration {
 
   // Lets the user's wish to stop arrive between pricings.
   bool out_of_time() {
-    tracer_.record(best_gap_, working_.iterations());
+    tracer_.record(best_.gap(), working_.iterations());
     return tracer_.out_of_time();
   }
 
@@ -126,35 +126,17 @@ class RobustColumnGeneration {
     return *std::max_element(sensitivity_.begin(), sensitivity_.end());
   }
 
-  // The best of each of a few dozen stretches of the candidates, at most 2 d, as in
-  // column_generation: neighbours on a grid are near-duplicates.
   void add_violators() {
     const std::size_t d = problem_.first().dimension();
-    const std::size_t stretches = std::min(count_, 4 * d);
-    const std::size_t length = (count_ + stretches - 1) / stretches;
-    const std::size_t shift = random_.below(length);
-    std::vector<std::pair<double, std::size_t>> violators;
-    for (std::size_t from = 0; from < count_;) {
-      const std::size_t to = std::min(count_, from == 0 ? length - shift : from + length);
-      const auto* best = std::max_element(sensitivity_.begin() + from, sensitivity_.begin() + to);
-      if (*best > dimension_) {
-        violators.emplace_back(*best, static_cast<std::size_t>(best - sensitivity_.begin()));
-      }
-      from = to;
+    for (const std::size_t candidate :
+         violators(sensitivity_.span(), dimension_, 2 * d, 4 * d, random_)) {
+      working_.add(candidate, 0.0);
     }
-    std::ranges::sort(violators, std::greater<>());
-    violators.resize(std::min(violators.size(), 2 * d));
-    for (const auto& [sensitivity, candidate] : violators) working_.add(candidate, 0.0);
   }
 
   void keep_if_better(double gap) {
-    if (gap < best_gap_ || best_design_.empty()) {
-      best_gap_ = gap;
+    if (best_.offer(gap, working_.members(), working_.weights())) {
       best_prices_.assign(working_.prices().begin(), working_.prices().end());
-      best_design_.clear();
-      for (std::size_t k = 0; k < working_.members().size(); ++k) {
-        best_design_.emplace_back(working_.members()[k], working_.weights()[k]);
-      }
     }
     tracer_.record(gap, working_.iterations());
   }
@@ -166,10 +148,7 @@ class RobustColumnGeneration {
 
   RobustSolution finish(SolveStatus status) {
     Design design;
-    if (status != SolveStatus::kUnsupported) {
-      design.weights.assign(count_, 0.0);
-      for (const auto& [candidate, weight] : best_design_) design.weights[candidate] = weight;
-    }
+    if (status != SolveStatus::kUnsupported) design = best_.design(count_);
     return {tracer_.finish(std::move(design), status, working_.iterations(), std::move(message_)),
             std::move(best_prices_)};
   }
@@ -184,8 +163,7 @@ class RobustColumnGeneration {
   AlignedArray sensitivity_;
   std::size_t repaired_ = static_cast<std::size_t>(-1);
   std::int64_t rounds_ = 0;
-  double best_gap_ = kInfinity;
-  std::vector<std::pair<std::size_t, double>> best_design_;
+  BestDesign best_;
   std::vector<double> best_prices_;
   std::string message_;
 };
