@@ -29,7 +29,10 @@ function(graybox_compile_options target)
     target_link_options(${target} PRIVATE -fsanitize=${GRAYBOX_SANITIZE})
   endif()
   if(GRAYBOX_SANITIZE AND NOT arg_UNSANITIZED)
-    target_compile_options(${target} PRIVATE -fsanitize=${GRAYBOX_SANITIZE} -fno-omit-frame-pointer)
+    # Eigen changes its allocator under the address sanitizer unless told that malloc aligns; all
+    # that is linked together has to allocate alike.
+    target_compile_options(${target} PRIVATE -fsanitize=${GRAYBOX_SANITIZE} -fno-omit-frame-pointer
+      -DEIGEN_MALLOC_ALREADY_ALIGNED=1)
     if(GRAYBOX_SANITIZE MATCHES "undefined")
       # These checks stand before every access; through Eigen's templates they double the time to
       # compile and find what the address sanitizer finds anyway.
