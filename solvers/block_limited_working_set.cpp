@@ -117,10 +117,24 @@ void BlockLimitedWorkingSet::choose_centring(double tolerance) {
                        0.005 * tolerance * static_cast<double>(dimension_) / pairs);
 }
 
-// The factor of K + T.
+// The factor of K + T. Near the optimum Gamma is large where a block is at its limit, and rounding
+// beside it hides what tells copies and near-copies in that block apart: where the factorisation
+// fails, a proximal term of that size is added. It shortens the step along what can't be told apart
+// and leaves the optimum where it is.
 bool BlockLimitedWorkingSet::factorise() {
+  constexpr double kSmallest = 1e-15, kLargest = 1e-10;
+  if (factorise(0.0)) return true;
+  for (double share = kSmallest; share <= kLargest; share *= 10.0) {
+    if (factorise(share)) return true;
+  }
+  return false;
+}
+
+// The same with `share` of its largest diagonal entry added to the diagonal.
+bool BlockLimitedWorkingSet::factorise(double share) {
   const std::size_t n = size();
   dense_kernels().gram(whitened_.data(), n, stride_, system_.data());
+  double largest = 0.0;
   for (std::size_t j = 0; j < n; ++j) {
     double* column = system_.data() + j * n;
     const std::uint32_t block = block_[j];
@@ -129,7 +143,9 @@ bool BlockLimitedWorkingSet::factorise() {
     for (std::size_t i = j; i < n; ++i) {
       if (block_[i] == block) column[i] += gamma;
     }
+    largest = std::max(largest, column[j]);
   }
+  for (std::size_t j = 0; j < n; ++j) system_[j * n + j] += share * largest;
   return lapack::factorise_cholesky(n, system_.data());
 }
 

@@ -79,6 +79,7 @@ class BlockLimitedWorkingSet {
   void information(std::span<const double> weights, std::span<double> packed) const;
   void choose_centring(double tolerance);
   [[nodiscard]] bool factorise();
+  [[nodiscard]] bool factorise(double share);
   [[nodiscard]] bool direction();
   [[nodiscard]] bool step();
   [[nodiscard]] double barrier(double step);

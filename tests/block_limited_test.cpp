@@ -301,9 +301,11 @@ TEST(BlockLimited, TheOptimumFallsAsTheLimitDoes) {
   }
 }
 
-TEST(BlockLimited, DoesNotDependOnUnitsOrderOrNamesOfBlocks) {
-  Random random(13);
-  const InformationSet set = testing_sets::wishart(4, 200, 2, 6, 1.0);
+class BlockLimitedInvariance : public ::testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(BlockLimitedInvariance, DoesNotDependOnUnitsOrderOrNamesOfBlocks) {
+  Random random(GetParam());
+  const InformationSet set = testing_sets::wishart(4, 200, 2, GetParam(), 1.0);
   const CandidateBlocks blocks = random_blocks(200, 20, random);
   const double limit = 0.09;
   const double expected = solve_and_certify(set, blocks, limit, 1e-9).log_det;
@@ -324,6 +326,8 @@ TEST(BlockLimited, DoesNotDependOnUnitsOrderOrNamesOfBlocks) {
   doubled.label.insert(doubled.label.end(), blocks.label.begin(), blocks.label.end());
   EXPECT_NEAR(solve_and_certify(twice, doubled, limit, 1e-9).log_det, expected, 1e-7);
 }
+
+INSTANTIATE_TEST_SUITE_P(Seeds, BlockLimitedInvariance, ::testing::Range<std::uint64_t>(6, 16));
 
 TEST(BlockLimited, SameAnswerForEveryThreadCount) {
   const InformationSet set = testing_sets::wishart(3, 40000, 1, 2, 1.0);
