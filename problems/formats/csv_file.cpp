@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -14,43 +13,11 @@
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
+#include "graybox/problems/formats/text_lines.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {
-
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-// The lines that carry something, numbered as an editor numbers them.
-class LineReader {
- public:
-  explicit LineReader(const std::string& path) : path_(path), stream_(path, std::ios::binary) {}
-
-  bool next(std::string_view& line) {
-    while (std::getline(stream_, text_)) {
-      ++number_;
-      line = text_;
-      if (number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);  // a BOM
-      line = trimmed(line);
-      if (!line.empty() && line.front() != '#') return true;
-    }
-    if (stream_.bad()) throw InputError(fmt::format("{}: can't be read", path_));
-    return false;
-  }
-  [[nodiscard]] std::size_t number() const { return number_; }
-
- private:
-  std::string path_;
-  std::ifstream stream_;
-  std::string text_;
-  std::size_t number_ = 0;
-};
 
 // The fields of a line; a separator is a comma, a semicolon or a run of blanks.
 class FieldReader {
@@ -74,15 +41,6 @@ class FieldReader {
   std::string_view rest_;
   bool done_ = false;
 };
-
-bool parse_number(std::string_view field, double& value) {
-  if (field.starts_with('+')) field.remove_prefix(1);
-  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-  // Beyond the range of doubles counts as parsed: it is then refused as not finite.
-  if (error == std::errc::result_out_of_range) value = HUGE_VAL;
-  return (error == std::errc() || error == std::errc::result_out_of_range) &&
-         end == field.data() + field.size() && !field.empty();
-}
 
 struct Extent {
   std::size_t rows = 0;

@@ -1,0 +1,401 @@
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <set>
+#include <string_view>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/units.hpp"
+#include "graybox/problems/yaml_field.hpp"
+
+namespace graybox {
+namespace {
+
+namespace fs = std::filesystem;
+
+const Unit& unit_in(const YamlField& field) {
+  const Unit* unit = find_unit(field.text());
+  if (unit == nullptr) {
+    field.fail(fmt::format("unknown unit '{}'; known: {}", field.text(), known_unit_names()));
+  }
+  return *unit;
+}
+
+ChannelRole role_in(const YamlField& field) {
+  const std::string word = field.choice({"input", "output", "reference", "other"});
+  if (word == "input") return ChannelRole::kInput;
+  if (word == "output") return ChannelRole::kOutput;
+  return word == "reference" ? ChannelRole::kReference : ChannelRole::kOther;
+}
+
+std::vector<std::string> words_in(const YamlField& field) {
+  std::vector<std::string> words;
+  for (const YamlField& item : field.items()) words.push_back(item.text());
+  return words;
+}
+
+std::size_t index_in(const YamlField& field) {
+  const double value = field.non_negative();
+  if (value != std::floor(value) || value > 1e12) {
+    field.fail(fmt::format("must be a whole number from 0 on, is {}", value));
+  }
+  return static_cast<std::size_t>(value);
+}
+
+// ---- channels ------------------------------------------------------------------------------------
+
+// gain: {value: 0.12, unit: N m/A}: what one recorded unit is worth.
+void apply_gain(const YamlField& field, Channel& channel) {
+  field.allow_keys({"value", "unit"});
+  const double value = field.at("value").number();
+  if (value == 0.0) field.at("value").fail("must not be zero");
+  const std::string unit = field.at("unit").text();
+  const std::string divisor = "/" + channel.recorded_unit;
+  if (!unit.ends_with(divisor)) {
+    field.at("unit").fail(
+        fmt::format("is '{}', but the channel is recorded in {}; write it as '.../{}'", unit,
+                    channel.recorded_unit, channel.recorded_unit));
+  }
+  const std::string product = unit.substr(0, unit.size() - divisor.size());
+  const Unit* base = find_unit(product);
+  if (base == nullptr) {
+    field.at("unit").fail(fmt::format("unknown unit '{}'; known: {}", product, known_unit_names()));
+  }
+  channel.factor = value * base->factor;
+  channel.unit = base->base;
+}
+
+Channel channel_in(const YamlField& field) {
+  field.allow_keys({"name", "unit", "is", "column", "file", "gain", "range"});
+  Channel channel;
+  channel.name = field.at("name").text();
+  channel.role = role_in(field.at("is"));
+  const Unit& unit = unit_in(field.at("unit"));
+  channel.recorded_unit = unit.name;
+  channel.unit = unit.base;
+  channel.factor = unit.factor;
+  if (field.has("gain")) apply_gain(field.at("gain"), channel);
+  channel.column = field.has("column") ? field.at("column").text() : channel.name;
+  if (field.has("file")) channel.file = field.at("file").text();
+  if (field.has("range")) {
+    const std::vector<double> limits = field.at("range").numbers(2);
+    if (limits[0] >= limits[1]) field.at("range").fail("must be [lowest, highest]");
+    channel.range = {limits[0], limits[1]};
+  }
+  return channel;
+}
+
+std::vector<Channel> channels_in(const YamlField& field) {
+  std::vector<Channel> channels;
+  std::set<std::string> names;
+  std::set<std::pair<std::string, std::string>> columns;
+  for (const YamlField& item : field.items()) {
+    channels.push_back(channel_in(item));
+    const Channel& channel = channels.back();
+    if (!names.insert(channel.name).second) {
+      item.at("name").fail(fmt::format("'{}' is given twice; names are unique", channel.name));
+    }
+    if (!columns.insert({channel.file, channel.column}).second) {
+      item.fail(fmt::format("column '{}' is read twice; each channel has a column of its own",
+                            channel.column));
+    }
+  }
+  if (channels.empty()) field.fail("there are no channels; list at least one");
+  return channels;
+}
+
+void read_noise(const YamlField& field, std::vector<Channel>& channels) {
+  for (const auto& [name, value] : field.entries()) {
+    const auto channel = std::ranges::find(channels, name, &Channel::name);
+    if (channel == channels.end()) value.fail("no such channel");
+    channel->noise = value.non_negative() * std::abs(channel->factor);
+  }
+}
+
+// ---- preprocessing -------------------------------------------------------------------------------
+
+// Names of the channels that exist before a step, and after it.
+class ChannelNames {
+ public:
+  explicit ChannelNames(const std::vector<Channel>& channels) {
+    for (const Channel& channel : channels) names_.push_back(channel.name);
+  }
+  std::vector<std::string> existing(const YamlField& field) const {
+    for (const YamlField& item : field.items()) {
+      if (!contains(item.text())) {
+        item.fail(fmt::format("no such channel; there are: {}", fmt::join(names_, ", ")));
+      }
+    }
+    return words_in(field);
+  }
+  std::vector<std::string> added(const YamlField& field, std::size_t count) {
+    const std::vector<std::string> names = words_in(field);
+    if (names.size() != count) {
+      field.fail(fmt::format("must name {} channels, names {}", count, names.size()));
+    }
+    for (const std::string& name : names) {
+      if (contains(name)) field.fail(fmt::format("'{}' is a channel already", name));
+      names_.push_back(name);
+    }
+    return names;
+  }
+
+ private:
+  bool contains(const std::string& name) const {
+    return std::ranges::find(names_, name) != names_.end();
+  }
+  std::vector<std::string> names_;
+};
+
+LowPass low_pass_in(const YamlField& field, const ChannelNames& names) {
+  field.allow_keys({"kind", "frequency", "order", "channels"});
+  LowPass step{.frequency = field.at("frequency").positive(), .order = 4, .channels = {}};
+  if (field.has("order")) {
+    const std::size_t order = field.at("order").count();
+    if (order > 12) field.at("order").fail("must be at most 12");
+    step.order = static_cast<int>(order);
+  }
+  if (field.has("channels")) step.channels = names.existing(field.at("channels"));
+  return step;
+}
+
+Derivative derivative_in(const YamlField& field, ChannelNames& names) {
+  field.allow_keys({"kind", "of", "name", "is"});
+  Derivative step;
+  step.of = names.existing(field.at("of"));
+  step.names = names.added(field.at("name"), step.of.size());
+  if (field.has("is")) step.role = role_in(field.at("is"));
+  return step;
+}
+
+Eigen::MatrixXd transmission_matrix(const YamlField& field, std::size_t size) {
+  if (field.has("gear_ratios") == field.has("matrix")) {
+    field.fail("needs either gear_ratios or matrix (motor angles = matrix * arm angles)");
+  }
+  const auto n = static_cast<Eigen::Index>(size);
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(n, n);
+  if (field.has("gear_ratios")) {
+    const std::vector<double> ratios = field.at("gear_ratios").numbers(size);
+    for (Eigen::Index i = 0; i < n; ++i) matrix(i, i) = ratios[static_cast<std::size_t>(i)];
+  } else {
+    const std::vector<YamlField> rows = field.at("matrix").items();
+    if (rows.size() != size) {
+      field.at("matrix").fail(fmt::format("must have {} rows, has {}", size, rows.size()));
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const std::vector<double> row = rows[static_cast<std::size_t>(i)].numbers(size);
+      matrix.row(i) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), n);
+    }
+  }
+  if (n == 0 || !Eigen::FullPivLU<Eigen::MatrixXd>(matrix).isInvertible()) {
+    field.fail("can't be inverted; no gear ratio may be zero and no axes may be lost");
+  }
+  return matrix;
+}
+
+Transmission transmission_in(const YamlField& field, ChannelNames& names) {
+  field.allow_keys({"kind", "towards", "of", "name", "is", "gear_ratios", "matrix"});
+  Transmission step;
+  step.to_arm = field.at("towards").choice({"arm", "motor"}) == "arm";
+  step.of = names.existing(field.at("of"));
+  step.names = names.added(field.at("name"), step.of.size());
+  step.matrix = transmission_matrix(field, step.of.size());
+  if (field.has("is")) step.role = role_in(field.at("is"));
+  return step;
+}
+
+std::vector<PreprocessStep> preprocess_in(const YamlField& field,
+                                          const std::vector<Channel>& channels) {
+  std::vector<PreprocessStep> steps;
+  ChannelNames names(channels);
+  for (const YamlField& item : field.items()) {
+    const std::string kind =
+        item.at("kind").choice({"low_pass", "decimate", "derivative", "transmission"});
+    if (kind == "low_pass") {
+      steps.emplace_back(low_pass_in(item, names));
+    } else if (kind == "decimate") {
+      item.allow_keys({"kind", "factor"});
+      steps.emplace_back(Decimate{item.at("factor").count()});
+    } else if (kind == "derivative") {
+      steps.emplace_back(derivative_in(item, names));
+    } else {
+      steps.emplace_back(transmission_in(item, names));
+    }
+  }
+  return steps;
+}
+
+// ---- experiments ---------------------------------------------------------------------------------
+
+// "${NAME}/x" with the environment's value of NAME.
+std::string expanded(const YamlField& field) {
+  std::string text = field.text();
+  for (std::size_t begin = 0; (begin = text.find("${")) != std::string::npos;) {
+    const std::size_t end = text.find('}', begin);
+    if (end == std::string::npos) field.fail("'${' without '}'");
+    const std::string name = text.substr(begin + 2, end - begin - 2);
+    const char* value = std::getenv(name.c_str());
+    if (value == nullptr || *value == '\0') {
+      field.fail(
+          fmt::format("the environment variable {} is not set; set it to the folder of the "
+                      "recordings",
+                      name));
+    }
+    text.replace(begin, end + 1 - begin, value);
+  }
+  return text;
+}
+
+fs::path data_file(const YamlField& field, const fs::path& folder) {
+  const fs::path path = folder / expanded(field);  // an absolute path stays what it is
+  if (!fs::is_regular_file(path)) {
+    field.fail(fmt::format("there is no file {}; correct the name or remove the experiment",
+                           path.string()));
+  }
+  return path;
+}
+
+void read_files(const YamlField& field, const Campaign& campaign, Experiment& experiment) {
+  if (field.has("file") == field.has("files")) {
+    field.fail("needs either file or files ({key: file, ...})");
+  }
+  const fs::path folder = campaign.file.parent_path();
+  if (field.has("file")) {
+    experiment.files[""] = data_file(field.at("file"), folder);
+  } else {
+    for (const auto& [key, value] : field.at("files").entries()) {
+      experiment.files[key] = data_file(value, folder);
+    }
+    if (experiment.files.empty()) field.at("files").fail("names no file");
+  }
+  experiment.name = experiment.files.begin()->second.filename().string();
+  for (const Channel& channel : campaign.channels) {
+    if (experiment.files.contains(channel.file)) continue;
+    const bool single = experiment.files.contains("");
+    field.fail(single ? fmt::format("channel {} wants file '{}', but the experiment has one file; "
+                                    "write files: {{{}: ...}}",
+                                    channel.name, channel.file, channel.file)
+                      : fmt::format("channel {} wants file '{}', which is not among the "
+                                    "experiment's files",
+                                    channel.name, channel.file));
+  }
+}
+
+PeriodicExcitation excitation_in(const YamlField& field) {
+  field.allow_keys({"period", "periods", "lines"});
+  PeriodicExcitation excitation{
+      .period = field.at("period").count(), .periods = field.at("periods").count(), .lines = {}};
+  for (const YamlField& item : field.at("lines").items()) {
+    const std::size_t line = index_in(item);
+    if (2 * line > excitation.period) {
+      item.fail(fmt::format("is above half the period ({} samples)", excitation.period));
+    }
+    if (!excitation.lines.empty() && line <= excitation.lines.back()) {
+      item.fail("lines must rise");
+    }
+    excitation.lines.push_back(line);
+  }
+  return excitation;
+}
+
+std::vector<Segment> segments_in(const YamlField& field) {
+  std::vector<Segment> segments;
+  for (const YamlField& item : field.items()) {
+    const std::vector<YamlField> ends = item.items();
+    if (ends.size() != 2) item.fail("must be [first sample, last sample], counted from 0");
+    segments.push_back({index_in(ends[0]), index_in(ends[1])});
+    if (segments.back().last <= segments.back().first) {
+      item.fail("the last sample must come after the first");
+    }
+  }
+  return segments;
+}
+
+Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
+  field.allow_keys({"file", "files", "position", "level", "realisation", "sub_experiment",
+                    "excitation", "segments", "role"});
+  Experiment experiment;
+  read_files(field, campaign, experiment);
+  if (field.has("position")) {
+    for (const YamlField& item : field.at("position").items()) {
+      experiment.position.push_back(item.number());
+    }
+  }
+  if (field.has("level")) experiment.level = field.at("level").positive();
+  if (field.has("realisation")) experiment.realisation = field.at("realisation").count();
+  if (field.has("sub_experiment")) experiment.sub_experiment = field.at("sub_experiment").count();
+  if (field.has("excitation")) experiment.excitation = excitation_in(field.at("excitation"));
+  if (field.has("segments")) experiment.segments = segments_in(field.at("segments"));
+  if (field.has("role") && field.at("role").choice({"estimation", "validation"}) == "validation") {
+    experiment.role = ExperimentRole::kValidation;
+  }
+  return experiment;
+}
+
+// ---- the whole -----------------------------------------------------------------------------------
+
+void read_time(const YamlField& root, Campaign& campaign) {
+  const YamlField sample_time = root.at("sample_time");
+  if (sample_time.text() != "irregular") campaign.sample_time = sample_time.positive();
+  if (!root.has("time")) {
+    campaign.time.required = !campaign.sample_time.has_value();
+    return;
+  }
+  const YamlField field = root.at("time");
+  field.allow_keys({"column", "unit"});
+  const Unit& unit = unit_in(field.at("unit"));
+  if (unit.base != "s") field.at("unit").fail("must be a unit of time: s, ms, us, min");
+  campaign.time = {.column = field.at("column").text(), .factor = unit.factor, .required = true};
+}
+
+InputHold hold_in(const YamlField& field) {
+  const std::string word = field.choice({"zero", "first", "band_limited"});
+  if (word == "zero") return InputHold::kZero;
+  return word == "first" ? InputHold::kFirst : InputHold::kBandLimited;
+}
+
+}  // namespace
+
+const char* name_of(ChannelRole role) {
+  switch (role) {
+    case ChannelRole::kInput:
+      return "input";
+    case ChannelRole::kOutput:
+      return "output";
+    case ChannelRole::kReference:
+      return "reference";
+    case ChannelRole::kOther:
+      break;
+  }
+  return "other";
+}
+
+Campaign read_campaign(const fs::path& path) {
+  Campaign campaign;
+  campaign.file = fs::is_directory(path) ? path / "campaign.yaml" : path;
+  const YamlField root = YamlField::load(campaign.file);
+  root.allow_keys({"format", "model", "sample_time", "time", "channels", "hold", "noise",
+                   "preprocess", "experiments"});
+  (void)root.at("format").choice({"graybox-campaign/1"});
+  if (root.has("model")) campaign.model = root.at("model").text();
+  read_time(root, campaign);
+  campaign.channels = channels_in(root.at("channels"));
+  if (root.has("hold")) campaign.hold = hold_in(root.at("hold"));
+  if (root.has("noise")) read_noise(root.at("noise"), campaign.channels);
+  if (root.has("preprocess")) {
+    campaign.preprocess = preprocess_in(root.at("preprocess"), campaign.channels);
+  }
+  for (const YamlField& item : root.at("experiments").items()) {
+    campaign.experiments.push_back(experiment_in(item, campaign));
+  }
+  if (campaign.experiments.empty()) root.at("experiments").fail("there are no experiments");
+  return campaign;
+}
+
+}  // namespace graybox

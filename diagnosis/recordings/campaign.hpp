@@ -1,0 +1,120 @@
+// A campaign: which files hold which experiments, what their channels are, and what is done to the
+// signals before anything is computed from them. Read from campaign.yaml (docs/recordings.md has
+// every field):
+//
+//   format: graybox-campaign/1
+//   sample_time: 0.001                       # s, or irregular
+//   channels:
+//     - {name: torque, unit: A, gain: {value: 0.12, unit: N m/A}, is: input}
+//     - {name: speed, unit: rpm, is: output}
+//   experiments:
+//     - {file: run_1.csv}
+//     - {file: run_2.csv, role: validation}
+//
+//   const Campaign campaign = read_campaign("folder");           // folder/campaign.yaml
+//   const ExperimentRecording run = load_experiment(campaign, 0);  // experiment_recording.hpp
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace graybox {
+
+enum class ChannelRole { kInput, kOutput, kReference, kOther };
+enum class InputHold { kZero, kFirst, kBandLimited };
+enum class ExperimentRole { kEstimation, kValidation };
+
+[[nodiscard]] const char* name_of(ChannelRole role);
+
+// A column of a file and how its numbers become the channel: value = factor * recorded, in `unit`.
+struct Channel {
+  std::string name;
+  ChannelRole role = ChannelRole::kOther;
+  std::string recorded_unit;  // as in the file
+  std::string unit;           // base unit (units.hpp), after the gain
+  double factor = 1.0;
+  std::string column;                              // in the file; the name unless stated
+  std::string file;                                // key of the experiment's `files`, or empty
+  std::optional<std::pair<double, double>> range;  // of the sensor or actuator, recorded unit
+  double noise = 0.0;                              // standard deviation in `unit`; 0: not known
+};
+
+struct TimeColumn {
+  std::string column = "time";
+  double factor = 1.0;    // to seconds
+  bool required = false;  // stated in the campaign, so it must be there
+};
+
+// Zero phase: a Butterworth filter of this order runs forward and backward (preprocess.hpp).
+struct LowPass {
+  double frequency;  // Hz, where one pass has -3 dB
+  int order;
+  std::vector<std::string> channels;
+};
+struct Decimate {
+  std::size_t factor;
+};
+struct Derivative {
+  std::vector<std::string> of;
+  std::vector<std::string> names;
+  std::optional<ChannelRole> role;
+};
+// Motor angles = matrix * arm angles, so arm torques = matrix' * motor torques. A matrix of gear
+// ratios alone is diagonal; ratios may be negative, rows may couple axes.
+struct Transmission {
+  Eigen::MatrixXd matrix;
+  bool to_arm;  // else to the motors
+  std::vector<std::string> of;
+  std::vector<std::string> names;
+  std::optional<ChannelRole> role;
+};
+using PreprocessStep = std::variant<LowPass, Decimate, Derivative, Transmission>;
+
+struct PeriodicExcitation {
+  std::size_t period;              // samples
+  std::size_t periods;             // recorded
+  std::vector<std::size_t> lines;  // excited DFT lines of one period
+};
+
+// Samples first to last, both included, counted from 0 in the file.
+struct Segment {
+  std::size_t first;
+  std::size_t last;
+};
+
+struct Experiment {
+  std::string name;                                    // of its file, for messages
+  std::map<std::string, std::filesystem::path> files;  // by key; one file has the key ""
+  std::vector<double> position;                        // degrees
+  double level = 0.0;                                  // rms of the reference; 0: not stated
+  std::size_t realisation = 1;
+  std::size_t sub_experiment = 1;
+  std::optional<PeriodicExcitation> excitation;
+  std::vector<Segment> segments;  // all samples if empty
+  ExperimentRole role = ExperimentRole::kEstimation;
+};
+
+struct Campaign {
+  std::filesystem::path file;
+  std::string model;                  // empty if none is named
+  std::optional<double> sample_time;  // s; none: irregular, the times are in the files
+  std::vector<Channel> channels;
+  TimeColumn time;
+  InputHold hold = InputHold::kZero;
+  std::vector<PreprocessStep> preprocess;
+  std::vector<Experiment> experiments;
+};
+
+// `path` is the file or its folder. ${NAME} in a data file's name is the environment variable.
+// Throws InputError with one line (file, line, field, what is wrong and what to write) for a
+// missing file, an unknown field or unit, an unknown channel, and data files that are not there.
+[[nodiscard]] Campaign read_campaign(const std::filesystem::path& path);
+
+}  // namespace graybox

@@ -1,0 +1,281 @@
+#include "graybox/diagnosis/recordings/experiment_recording.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "graybox/diagnosis/recordings/recording_file.hpp"
+#include "graybox/diagnosis/recordings/signal_checks.hpp"
+#include "graybox/diagnosis/recordings/time_axis.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/units.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+using FilesByKey = std::map<std::string, RecordingFile>;
+
+constexpr double kSampleTimeAgreement = 1e-6;  // relative
+constexpr double kTimesAgreement = 0.01;       // of a step, among files of one experiment
+
+void add_error(ExperimentRecording& recording, const char* check, const std::string& text) {
+  recording.findings.push_back({Severity::kError, check, text});
+}
+void add_warning(ExperimentRecording& recording, const char* check, const std::string& text) {
+  recording.findings.push_back({Severity::kWarning, check, text});
+}
+
+// ---- columns -------------------------------------------------------------------------------------
+
+struct ChannelColumn {
+  const Channel* channel;
+  const RecordedColumn* column;
+  const RecordingFile* file;
+};
+
+std::vector<ChannelColumn> channel_columns(const Campaign& campaign, const FilesByKey& files) {
+  std::vector<ChannelColumn> columns;
+  for (const Channel& channel : campaign.channels) {
+    const RecordingFile& file = files.at(channel.file);
+    columns.push_back({&channel, &file.at(channel.column), &file});
+  }
+  return columns;
+}
+
+// False, with findings, if the columns don't belong together.
+bool equal_lengths(const std::vector<ChannelColumn>& columns, ExperimentRecording& recording) {
+  const ChannelColumn& first = columns.front();
+  for (const ChannelColumn& other : columns) {
+    if (other.column->values.size() == first.column->values.size()) continue;
+    add_error(recording, "length",
+              fmt::format("{}: {} has {} samples, but {} has {}; channels of one experiment share "
+                          "one sample rate",
+                          other.file->path, other.channel->name, other.column->values.size(),
+                          first.channel->name, first.column->values.size()));
+    return false;
+  }
+  return true;
+}
+
+void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRecording& recording) {
+  for (const auto& [channel, column, file] : columns) {
+    if (column->unit.empty() || column->unit == channel->recorded_unit) continue;
+    add_error(recording, "unit",
+              fmt::format("{}: {} is in {}, but the campaign says {}", file->path, column->name,
+                          column->unit, channel->recorded_unit));
+  }
+}
+
+// ---- time ----------------------------------------------------------------------------------------
+
+// Seconds, from the first file that has the column; empty if none has.
+Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files, Index samples,
+                               ExperimentRecording& recording) {
+  Eigen::VectorXd times;
+  const RecordingFile* first = nullptr;
+  for (const auto& [key, file] : files) {
+    const RecordedColumn* column = file.find(campaign.time.column);
+    if (column == nullptr) continue;
+    if (column->values.size() != samples) {
+      add_error(recording, "time",
+                fmt::format("{}: {} has {} samples, the channels have {}", file.path, column->name,
+                            column->values.size(), samples));
+      continue;
+    }
+    const Eigen::VectorXd here = campaign.time.factor * column->values;
+    if (first == nullptr) {
+      times = here;
+      first = &file;
+    } else if (const double step = (times(samples - 1) - times(0)) / static_cast<double>(samples);
+               !((here - times).cwiseAbs().maxCoeff() <= kTimesAgreement * step)) {
+      add_error(recording, "time",
+                fmt::format("{}: samples were taken at other times than in {}; they can't be put "
+                            "side by side",
+                            file.path, first->path));
+    }
+  }
+  if (first == nullptr && campaign.time.required) {
+    (void)files.begin()->second.at(campaign.time.column);  // says which columns there are
+  }
+  return times;
+}
+
+void check_stated_sample_times(const Campaign& campaign, const FilesByKey& files,
+                               ExperimentRecording& recording) {
+  if (!campaign.sample_time) return;
+  for (const auto& [key, file] : files) {
+    if (!file.sample_time || std::abs(*file.sample_time - *campaign.sample_time) <=
+                                 kSampleTimeAgreement * *campaign.sample_time) {
+      continue;
+    }
+    add_error(recording, "time",
+              fmt::format("{}: states a sample time of {:g} s, but the campaign says {:g} s",
+                          file.path, *file.sample_time, *campaign.sample_time));
+  }
+}
+
+// ---- pieces --------------------------------------------------------------------------------------
+
+// The segments, or all samples; empty with a finding if one lies outside.
+std::vector<Segment> used_segments(const Experiment& experiment, std::size_t samples,
+                                   ExperimentRecording& recording) {
+  if (experiment.segments.empty()) return {{0, samples - 1}};
+  for (const Segment& segment : experiment.segments) {
+    if (segment.last < samples) continue;
+    add_error(recording, "segment",
+              fmt::format("{}: segment [{}, {}] ends beyond the last sample, {}", experiment.name,
+                          segment.first, segment.last, samples - 1));
+    return {};
+  }
+  return experiment.segments;
+}
+
+void check_period(const Experiment& experiment, const Segment& segment,
+                  ExperimentRecording& recording) {
+  if (!experiment.excitation) return;
+  const std::size_t samples = segment.last - segment.first + 1;
+  const std::size_t needed = experiment.excitation->period * experiment.excitation->periods;
+  if (samples < needed) {
+    add_error(recording, "period",
+              fmt::format("{}: {} samples, but {} periods of {} need {}", experiment.name, samples,
+                          experiment.excitation->periods, experiment.excitation->period, needed));
+  } else if (samples > needed) {
+    add_warning(recording, "period",
+                fmt::format("{}: {} samples beyond the {} periods", experiment.name,
+                            samples - needed, experiment.excitation->periods));
+  }
+}
+
+SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
+                     const Eigen::VectorXd& times, const Segment& segment) {
+  const auto first = static_cast<Index>(segment.first);
+  const auto size = static_cast<Index>(segment.last - segment.first + 1);
+  SignalPiece piece{.first_sample = segment.first, .time = {}, .values = {}};
+  if (campaign.sample_time) {
+    piece.time =
+        *campaign.sample_time * Eigen::VectorXd::LinSpaced(size, static_cast<double>(segment.first),
+                                                           static_cast<double>(segment.last));
+  } else {
+    piece.time = times.segment(first, size);
+  }
+  piece.values.resize(size, static_cast<Index>(columns.size()));
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    piece.values.col(static_cast<Index>(k)) =
+        columns[k].channel->factor * columns[k].column->values.segment(first, size);
+  }
+  return piece;
+}
+
+void check_piece(const Campaign& campaign, const Experiment& experiment,
+                 const std::vector<ChannelColumn>& columns, const Eigen::VectorXd& times,
+                 const Segment& segment, ExperimentRecording& recording) {
+  const auto first = static_cast<Index>(segment.first);
+  const auto size = static_cast<Index>(segment.last - segment.first + 1);
+  if (times.size() > 0) {
+    check_times(experiment.name, times.segment(first, size), campaign.sample_time, segment.first,
+                recording.findings);
+  }
+  for (const auto& [channel, column, file] : columns) {
+    check_signal(fmt::format("{}: {}", experiment.name, channel->name),
+                 column->values.segment(first, size), channel->range, segment.first,
+                 recording.findings);
+  }
+  check_period(experiment, segment, recording);
+}
+
+// "position_deg" -> deg, "torque_nm" -> N m; null if the last word is no unit of measurement.
+const Unit* unit_in_name(const std::string& name) {
+  static constexpr std::array kSpellings = {std::pair{"deg", "deg"}, std::pair{"rad", "rad"},
+                                            std::pair{"rpm", "rpm"}, std::pair{"nm", "N m"},
+                                            std::pair{"Nm", "N m"},  std::pair{"mm", "mm"},
+                                            std::pair{"mA", "mA"},   std::pair{"ms", "ms"}};
+  const std::string stem = name.substr(0, name.find('['));
+  const std::string word = stem.substr(stem.find_last_of("_ ") + 1);
+  if (word.size() == stem.size()) return nullptr;
+  for (const auto& [spelling, unit] : kSpellings) {
+    if (word == spelling) return find_unit(unit);
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+bool ExperimentRecording::sound() const {
+  return std::ranges::none_of(findings,
+                              [](const Finding& f) { return f.severity == Severity::kError; });
+}
+
+Index ExperimentRecording::index_of(const std::string& name) const {
+  const auto found = std::ranges::find(data.signals, name, &Signal::name);
+  if (found == data.signals.end()) throw InputError(fmt::format("there is no channel '{}'", name));
+  return found - data.signals.begin();
+}
+
+ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index) {
+  const Experiment& experiment = campaign.experiments[index];
+  FilesByKey files;
+  for (const auto& [key, path] : experiment.files) files[key] = read_recording_file(path);
+  ExperimentRecording recording;
+  const std::vector<ChannelColumn> columns = channel_columns(campaign, files);
+  check_stated_units(columns, recording);
+  check_stated_sample_times(campaign, files, recording);
+  if (!equal_lengths(columns, recording)) return recording;
+  recording.samples = static_cast<std::size_t>(columns.front().column->values.size());
+  const Eigen::VectorXd times =
+      recorded_times(campaign, files, static_cast<Index>(recording.samples), recording);
+  if (!recording.sound()) return recording;
+  const auto segments = used_segments(experiment, recording.samples, recording);
+  for (const Segment& segment : segments) {
+    check_piece(campaign, experiment, columns, times, segment, recording);
+  }
+  if (!recording.sound()) return recording;
+  for (const Channel& channel : campaign.channels) {
+    recording.data.signals.push_back({channel.name, channel.unit, channel.role});
+  }
+  recording.data.sample_time = campaign.sample_time;
+  recording.data.excitation = experiment.excitation;
+  for (const Segment& segment : segments) {
+    recording.data.pieces.push_back(piece_of(campaign, columns, times, segment));
+    const Eigen::VectorXd& time = recording.data.pieces.back().time;
+    recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
+  }
+  preprocess(experiment.name, campaign.preprocess, recording.data);
+  return recording;
+}
+
+ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index) {
+  ExperimentRecording recording = examine_experiment(campaign, index);
+  for (const Finding& finding : recording.findings) {
+    if (finding.severity == Severity::kError) throw InputError(finding.message);
+  }
+  return recording;
+}
+
+std::vector<Finding> examine_channels(const Campaign& campaign) {
+  std::vector<Finding> findings;
+  for (const Channel& channel : campaign.channels) {
+    const auto other = std::ranges::find_if(campaign.channels, [&](const Channel& candidate) {
+      return candidate.name == channel.column && candidate.column == channel.name;
+    });
+    if (other != campaign.channels.end() && channel.name < other->name) {
+      findings.push_back(
+          {Severity::kWarning, "swapped",
+           fmt::format("channels {} and {} read each other's columns", channel.name, other->name)});
+    }
+    const Unit* named = unit_in_name(channel.column);
+    if (named != nullptr && named->name != channel.recorded_unit) {
+      findings.push_back(
+          {Severity::kWarning, "unit",
+           fmt::format("channel {}: column {} sounds like {}, but its unit is {}", channel.name,
+                       channel.column, named->name, channel.recorded_unit)});
+    }
+  }
+  return findings;
+}
+
+}  // namespace graybox

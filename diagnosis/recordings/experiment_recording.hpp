@@ -1,0 +1,43 @@
+// The signals of one experiment of a campaign, read, checked, converted to base units, cut into its
+// segments and preprocessed.
+//
+//   const ExperimentRecording run = load_experiment(campaign, 0);
+//   run.data.pieces[0].values.col(run.index_of("speed"))     // rad/s
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/recordings/finding.hpp"
+#include "graybox/diagnosis/recordings/preprocess.hpp"
+
+namespace graybox {
+
+struct ExperimentRecording {
+  Signals data;             // empty pieces if there are errors among the findings
+  std::size_t samples = 0;  // in the files
+  double duration = 0.0;    // s, of the pieces, before preprocessing
+  std::vector<Finding> findings;
+
+  [[nodiscard]] bool sound() const;  // no finding is an error
+  // Column of `values`. Throws InputError if there is no such signal.
+  [[nodiscard]] Eigen::Index index_of(const std::string& name) const;
+};
+
+// Reads and checks; faults of the data are findings. Checked: the time axis of every file
+// (time_axis.hpp), every signal (signal_checks.hpp), files of one experiment against each other
+// (length, times), units and sample times that files state, names and units that contradict each
+// other, segments and periods against the length. Throws InputError for files that can't be read and
+// for columns that are not there.
+[[nodiscard]] ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index);
+
+// The same; throws InputError with the first error that was found.
+[[nodiscard]] ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index);
+
+// What the channel list itself makes doubtful: channels that read each other's columns, and columns
+// whose name ends in another unit than the stated one ("position_deg" in rad).
+[[nodiscard]] std::vector<Finding> examine_channels(const Campaign& campaign);
+
+}  // namespace graybox

@@ -1,0 +1,247 @@
+#include "graybox/diagnosis/recordings/preprocess.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/units.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+// ---- filter --------------------------------------------------------------------------------------
+
+// y(t) = b0 x(t) + b1 x(t-1) + b2 x(t-2) - a1 y(t-1) - a2 y(t-2), gain 1 at frequency zero.
+struct Section {
+  double b0, b1, b2, a1, a2;
+
+  void run(Eigen::VectorXd& x) const {
+    // The state of a signal that has always been x(0).
+    double s2 = (b2 - a2) * x(0);
+    double s1 = (b1 - a1) * x(0) + s2;
+    for (double& value : x) {
+      const double in = value;
+      value = b0 * in + s1;
+      s1 = b1 * in - a1 * value + s2;
+      s2 = b2 * in - a2 * value;
+    }
+  }
+};
+
+// Butterworth by the bilinear transform, s = (1/w)(z - 1)/(z + 1) with w = tan(pi f) so that the
+// cut-off stays where it is.
+std::vector<Section> butterworth(double frequency, int order) {
+  const double w = std::tan(std::numbers::pi * frequency);
+  std::vector<Section> sections;
+  for (int k = 0; k < order / 2; ++k) {
+    const double damping =
+        2.0 * std::sin(std::numbers::pi * (2.0 * k + 1.0) / (2.0 * static_cast<double>(order)));
+    const double scale = 1.0 / (1.0 + damping * w + w * w);
+    sections.push_back({w * w * scale, 2.0 * w * w * scale, w * w * scale,
+                        2.0 * (w * w - 1.0) * scale, (1.0 - damping * w + w * w) * scale});
+  }
+  if (order % 2 == 1) {
+    const double scale = 1.0 / (1.0 + w);
+    sections.push_back({w * scale, w * scale, 0.0, (w - 1.0) * scale, 0.0});
+  }
+  return sections;
+}
+
+// Samples after which a step has settled, roughly: a few times 1/(2 pi f).
+Index reflected_samples(double frequency, int order, Index size) {
+  const double settling = static_cast<double>(order) / frequency;
+  return static_cast<Index>(std::min(std::ceil(settling), static_cast<double>(size - 1)));
+}
+
+// ---- steps ---------------------------------------------------------------------------------------
+
+class Preprocessor {
+ public:
+  Preprocessor(const std::string& source, Signals& data) : source_(source), data_(data) {}
+
+  void operator()(const LowPass& step) {
+    const double sample_time = even("low_pass");
+    const double share = step.frequency * sample_time;
+    if (share >= 0.5) {
+      fail(fmt::format("low_pass at {:g} Hz is not below the Nyquist frequency, {:g} Hz",
+                       step.frequency, 0.5 / sample_time));
+    }
+    for (std::size_t k = 0; k < data_.signals.size(); ++k) {
+      Signal& signal = data_.signals[k];
+      if (!step.channels.empty() &&
+          std::ranges::find(step.channels, signal.name) == step.channels.end()) {
+        continue;
+      }
+      signal.low_pass =
+          signal.low_pass > 0.0 ? std::min(signal.low_pass, step.frequency) : step.frequency;
+      for (SignalPiece& piece : data_.pieces) {
+        auto column = piece.values.col(static_cast<Index>(k));
+        column = zero_phase_low_pass(column, share, step.order);
+      }
+    }
+  }
+
+  void operator()(const Decimate& step) {
+    const double sample_time = even("decimate") * static_cast<double>(step.factor);
+    const double nyquist = 0.5 / sample_time;
+    for (const Signal& signal : data_.signals) {
+      if (signal.low_pass == 0.0 || signal.low_pass >= nyquist) {
+        fail(
+            fmt::format("decimate by {} folds what {} has above {:g} Hz; put a low_pass below it "
+                        "first",
+                        step.factor, signal.name, nyquist));
+      }
+    }
+    decimate_excitation(step.factor);
+    data_.sample_time = sample_time;
+    const auto factor = static_cast<Index>(step.factor);
+    for (SignalPiece& piece : data_.pieces) {
+      const Index size = (piece.time.size() + factor - 1) / factor;
+      const auto rows = Eigen::seqN(0, size, factor);
+      piece.time = Eigen::VectorXd(piece.time(rows));
+      piece.values = Eigen::MatrixXd(piece.values(rows, Eigen::all));
+    }
+  }
+
+  void operator()(const Derivative& step) {
+    std::vector<Signal> added;
+    for (std::size_t k = 0; k < step.of.size(); ++k) {
+      const Signal& signal = data_.signals[index_of(step.of[k])];
+      added.push_back({step.names[k], unit_of_derivative(signal.unit),
+                       step.role.value_or(signal.role), signal.low_pass});
+    }
+    const std::vector<Index> of = indices(step.of);
+    for (SignalPiece& piece : data_.pieces) {
+      if (piece.time.size() < 3) fail("derivative needs at least three samples in each segment");
+      Eigen::MatrixXd derived(piece.time.size(), static_cast<Index>(of.size()));
+      for (std::size_t k = 0; k < of.size(); ++k) {
+        derived.col(static_cast<Index>(k)) = time_derivative(piece.time, piece.values.col(of[k]));
+      }
+      append(piece, derived);
+    }
+    data_.signals.insert(data_.signals.end(), added.begin(), added.end());
+  }
+
+  void operator()(const Transmission& step) {
+    const std::string unit = data_.signals[index_of(step.of.front())].unit;
+    const bool motion = unit.starts_with("rad");
+    if (!motion && unit != "N m") {
+      fail(
+          fmt::format("transmission: {} is in {}; angles, their derivatives and torques go through "
+                      "a transmission",
+                      step.of.front(), unit));
+    }
+    std::vector<Signal> added;
+    for (std::size_t k = 0; k < step.of.size(); ++k) {
+      const Signal& signal = data_.signals[index_of(step.of[k])];
+      if (signal.unit != unit) {
+        fail(fmt::format("transmission: {} is in {}, but {} is in {}; all must be of one unit",
+                         signal.name, signal.unit, step.of.front(), unit));
+      }
+      added.push_back({step.names[k], unit, step.role.value_or(signal.role), signal.low_pass});
+    }
+    // Columns are samples: arm = N^-1 motor for motion, N' motor for torques, and back.
+    Eigen::MatrixXd matrix =
+        motion ? step.matrix : Eigen::MatrixXd(step.matrix.transpose().inverse());
+    if (step.to_arm) matrix = matrix.inverse().eval();
+    const std::vector<Index> of = indices(step.of);
+    for (SignalPiece& piece : data_.pieces) {
+      const Eigen::MatrixXd source = piece.values(Eigen::all, of);
+      append(piece, source * matrix.transpose());
+    }
+    data_.signals.insert(data_.signals.end(), added.begin(), added.end());
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& text) const {
+    throw InputError(fmt::format("{}: preprocess: {}", source_, text));
+  }
+  double even(const char* step) const {
+    if (!data_.sample_time) {
+      fail(fmt::format("{} needs even samples, but sample_time is irregular", step));
+    }
+    return *data_.sample_time;
+  }
+  std::size_t index_of(const std::string& name) const {
+    const auto found = std::ranges::find(data_.signals, name, &Signal::name);
+    if (found == data_.signals.end()) fail(fmt::format("there is no channel '{}'", name));
+    return static_cast<std::size_t>(found - data_.signals.begin());
+  }
+  std::vector<Index> indices(const std::vector<std::string>& names) const {
+    std::vector<Index> result;
+    for (const std::string& name : names) result.push_back(static_cast<Index>(index_of(name)));
+    return result;
+  }
+  static void append(SignalPiece& piece, const Eigen::MatrixXd& columns) {
+    const Index before = piece.values.cols();
+    piece.values.conservativeResize(Eigen::NoChange, before + columns.cols());
+    piece.values.rightCols(columns.cols()) = columns;
+  }
+  void decimate_excitation(std::size_t factor) {
+    if (!data_.excitation) return;
+    PeriodicExcitation& excitation = *data_.excitation;
+    if (excitation.period % factor != 0) {
+      fail(fmt::format("decimate by {} doesn't divide the period of {} samples", factor,
+                       excitation.period));
+    }
+    excitation.period /= factor;
+    if (!excitation.lines.empty() && 2 * excitation.lines.back() >= excitation.period) {
+      fail(
+          fmt::format("decimate by {} folds the excited line {}", factor, excitation.lines.back()));
+    }
+  }
+
+  const std::string& source_;
+  Signals& data_;
+};
+
+}  // namespace
+
+Eigen::VectorXd zero_phase_low_pass(const Eigen::Ref<const Eigen::VectorXd>& values,
+                                    double frequency, int order) {
+  const Index size = values.size();
+  const Index margin = reflected_samples(frequency, order, size);
+  // Odd reflection about both ends: value and slope go on.
+  Eigen::VectorXd extended(size + 2 * margin);
+  extended.segment(margin, size) = values;
+  for (Index k = 1; k <= margin; ++k) {
+    extended(margin - k) = 2.0 * values(0) - values(k);
+    extended(margin + size - 1 + k) = 2.0 * values(size - 1) - values(size - 1 - k);
+  }
+  const std::vector<Section> sections = butterworth(frequency, order);
+  for (int pass = 0; pass < 2; ++pass) {
+    for (const Section& section : sections) section.run(extended);
+    extended.reverseInPlace();
+  }
+  return extended.segment(margin, size);
+}
+
+Eigen::VectorXd time_derivative(const Eigen::Ref<const Eigen::VectorXd>& time,
+                                const Eigen::Ref<const Eigen::VectorXd>& values) {
+  const Index last = time.size() - 1;
+  Eigen::VectorXd derivative(time.size());
+  for (Index k = 0; k <= last; ++k) {
+    const Index middle = std::clamp(k, Index{1}, last - 1);
+    const double before = (values(middle) - values(middle - 1)) / (time(middle) - time(middle - 1));
+    const double after = (values(middle + 1) - values(middle)) / (time(middle + 1) - time(middle));
+    // The parabola's slope runs linearly through `before` and `after` at the middles of the steps.
+    const double left = 0.5 * (time(middle - 1) + time(middle));
+    const double right = 0.5 * (time(middle) + time(middle + 1));
+    derivative(k) = before + (after - before) * (time(k) - left) / (right - left);
+  }
+  return derivative;
+}
+
+void preprocess(const std::string& source, const std::vector<PreprocessStep>& steps,
+                Signals& signals) {
+  Preprocessor preprocessor(source, signals);
+  for (const PreprocessStep& step : steps) std::visit(preprocessor, step);
+}
+
+}  // namespace graybox

@@ -1,0 +1,60 @@
+// What is done to the signals of an experiment after they are read and before anything is computed
+// from them, in the order of the campaign's list. Every piece of consecutive samples is treated by
+// itself: nothing is filtered or differentiated across a gap.
+//
+// low_pass      Butterworth low-pass of order n at f_c, forward and then backward: zero phase,
+//               |H|^2 = 1/(1 + (tan(pi f T_s)/tan(pi f_c T_s))^(2n)), so -6 dB at f_c. The ends are
+//               extended by odd reflection. Filter inputs and outputs alike: the relation between
+//               them then stays the same.
+// decimate      every k-th sample. Refused unless each channel was low-passed below the new Nyquist
+//               frequency (what lies above would fold), and for a periodic excitation unless k divides
+//               the period and all lines are below it.
+// derivative    the parabola through three neighbours: second order, also for uneven times.
+// transmission  motor angles q_m = N q_a and torques t_a = N' t_m (Transmission in campaign.hpp).
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+namespace graybox {
+
+struct Signal {
+  std::string name;
+  std::string unit;  // base unit (units.hpp)
+  ChannelRole role;
+  double low_pass = 0.0;  // Hz, lowest filter it went through; 0: none
+};
+
+// Consecutive samples.
+struct SignalPiece {
+  std::size_t first_sample;  // in the file
+  Eigen::VectorXd time;      // s
+  Eigen::MatrixXd values;    // [samples x signals]
+};
+
+struct Signals {
+  std::vector<Signal> signals;
+  std::optional<double> sample_time;  // s; none: irregular
+  std::optional<PeriodicExcitation> excitation;
+  std::vector<SignalPiece> pieces;
+};
+
+// Throws InputError (`source` begins its line) if a step can't be done: a filter above the Nyquist
+// frequency or of irregular samples, pieces too short, decimation that would fold, a period that
+// the factor doesn't divide, channels of a transmission in different or unfit units.
+void preprocess(const std::string& source, const std::vector<PreprocessStep>& steps,
+                Signals& signals);
+
+// The filter of low_pass. `frequency` as a share of the sample rate, below 1/2; at least two values.
+[[nodiscard]] Eigen::VectorXd zero_phase_low_pass(const Eigen::Ref<const Eigen::VectorXd>& values,
+                                                  double frequency, int order);
+
+// d values / d time at each time. At least three rising times.
+[[nodiscard]] Eigen::VectorXd time_derivative(const Eigen::Ref<const Eigen::VectorXd>& time,
+                                              const Eigen::Ref<const Eigen::VectorXd>& values);
+
+}  // namespace graybox

@@ -1,0 +1,85 @@
+#include "graybox/diagnosis/recordings/recording_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "graybox/diagnosis/recordings/recording_formats.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_file.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::size_t kListedNames = 30;
+
+std::string names_in(const RecordingFile& file) {
+  std::string text;
+  for (std::size_t k = 0; k < std::min(file.columns.size(), kListedNames); ++k) {
+    text += (text.empty() ? "" : ", ") + file.columns[k].name;
+  }
+  if (file.columns.size() > kListedNames) {
+    text += fmt::format(" and {} more", file.columns.size() - kListedNames);
+  }
+  return text;
+}
+
+}  // namespace
+
+const RecordedColumn* RecordingFile::find(const std::string& name) const {
+  const auto found = std::ranges::find(columns, name, &RecordedColumn::name);
+  return found == columns.end() ? nullptr : &*found;
+}
+
+const RecordedColumn& RecordingFile::at(const std::string& name) const {
+  if (const RecordedColumn* column = find(name)) return *column;
+  throw InputError(
+      fmt::format("{}: there is no column '{}'; there are: {}", path, name, names_in(*this)));
+}
+
+RecordingFile read_recording_file(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  { const InputFile present(name); }  // missing, a folder, empty
+  const std::string ending = path.extension().string();
+  RecordingFile file;
+  if (ending == ".csv" || ending == ".txt") {
+    file = formats::read_csv_recording(name);
+  } else if (ending == ".h5" || ending == ".hdf5") {
+    file = formats::read_hdf5_recording(name);
+  } else {
+    throw InputError(
+        fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5", name, ending));
+  }
+  if (file.columns.empty()) throw InputError(name + ": there are no columns of numbers");
+  return file;
+}
+
+namespace formats {
+
+void add_array(const std::string& name, const std::string& unit, Eigen::Index rows,
+               Eigen::Index columns, const double* values, RecordingFile& file) {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Map<const Rows> array(values, rows, columns);
+  if (rows == 1 || columns == 1) {
+    file.columns.push_back({name.empty() ? "1" : name, unit,
+                            Eigen::Map<const Eigen::VectorXd>(values, rows * columns)});
+    return;
+  }
+  if (std::max(rows, columns) < 2 * std::min(rows, columns)) {
+    throw InputError(fmt::format(
+        "{}: {} is {} x {}: along which axis does time run? store at least twice as many "
+        "samples as channels",
+        file.path, name.empty() ? "the array" : name, rows, columns));
+  }
+  const bool along_rows = rows > columns;
+  for (Eigen::Index k = 0; k < std::min(rows, columns); ++k) {
+    const std::string column =
+        name.empty() ? std::to_string(k + 1) : fmt::format("{}[{}]", name, k + 1);
+    file.columns.push_back(
+        {column, unit,
+         along_rows ? Eigen::VectorXd(array.col(k)) : Eigen::VectorXd(array.row(k).transpose())});
+  }
+}
+
+}  // namespace formats
+}  // namespace graybox

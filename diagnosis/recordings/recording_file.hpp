@@ -1,0 +1,41 @@
+// The columns of one data file, whatever its format:
+//
+//   .csv .txt   a header with the columns' names, then numbers; separated by commas, semicolons,
+//               tabs or blanks. Without a header the columns are called 1, 2, ... A name may carry
+//               its unit: "speed [rpm]". Empty fields are NaN.
+//   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
+//
+// Column k of an array with two axes is "name[k]", k from 1; time runs along the
+// longer axis. A file whose axes leave that open is refused, not guessed.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace graybox {
+
+struct RecordedColumn {
+  std::string name;
+  std::string unit;  // as the file states it; empty if it doesn't
+  Eigen::VectorXd values;
+};
+
+struct RecordingFile {
+  std::string path;
+  std::vector<RecordedColumn> columns;
+  std::optional<double> sample_time;  // s, as the file states it
+
+  // Null if there is none.
+  [[nodiscard]] const RecordedColumn* find(const std::string& name) const;
+  // Throws InputError naming the columns there are.
+  [[nodiscard]] const RecordedColumn& at(const std::string& name) const;
+};
+
+// Throws InputError with one line for a file that is missing, truncated, of another kind, or holds
+// no numbers. Cost: the whole file is in memory once.
+[[nodiscard]] RecordingFile read_recording_file(const std::filesystem::path& path);
+
+}  // namespace graybox

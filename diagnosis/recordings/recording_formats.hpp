@@ -1,0 +1,20 @@
+// The readers behind read_recording_file, one a format (recording_file.hpp says what each takes).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/recording_file.hpp"
+
+namespace graybox::formats {
+
+[[nodiscard]] RecordingFile read_csv_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_hdf5_recording(const std::string& path);
+
+// Adds an array as columns; `name` is empty for an array without one. `values` is row-major
+// [rows x columns]. Throws InputError if it is not clear along which axis time
+// runs: the longer must be at least twice the shorter.
+void add_array(const std::string& name, const std::string& unit, Eigen::Index rows,
+               Eigen::Index columns, const double* values, RecordingFile& file);
+
+}  // namespace graybox::formats

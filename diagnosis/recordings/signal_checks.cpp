@@ -1,0 +1,107 @@
+#include "graybox/diagnosis/recordings/signal_checks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr std::size_t kSwitchingValues = 16;
+constexpr Index kFlatRun = 4;
+constexpr std::size_t kFlatRuns = 2;
+
+bool switches(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  std::set<double> seen;
+  for (const double value : values) {
+    seen.insert(value);
+    if (seen.size() > kSwitchingValues) return false;
+  }
+  return true;
+}
+
+struct StepSizes {
+  double rms = 0.0;
+  double smallest = HUGE_VAL;  // that is not zero
+};
+
+StepSizes step_sizes(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  StepSizes sizes;
+  for (Index k = 1; k < values.size(); ++k) {
+    const double step = std::abs(values(k) - values(k - 1));
+    sizes.rms += step * step;
+    if (step > 0.0) sizes.smallest = std::min(sizes.smallest, step);
+  }
+  sizes.rms = std::sqrt(sizes.rms / static_cast<double>(values.size() - 1));
+  return sizes;
+}
+
+// Samples in flat runs at this value.
+std::size_t clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
+                       const StepSizes& sizes) {
+  const double abrupt = std::max(0.1 * sizes.rms, 2.0 * sizes.smallest);
+  std::size_t samples = 0;
+  std::size_t runs = 0;
+  bool entered_abruptly = false;
+  for (Index k = 0; k < values.size();) {
+    Index end = k;
+    while (end < values.size() && values(end) == limit) ++end;
+    if (end - k >= kFlatRun) {
+      ++runs;
+      samples += static_cast<std::size_t>(end - k);
+      entered_abruptly = entered_abruptly || (k > 0 && std::abs(limit - values(k - 1)) > abrupt);
+    }
+    k = end + 1;
+  }
+  return runs >= kFlatRuns && entered_abruptly ? samples : 0;
+}
+
+}  // namespace
+
+std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  if (values.size() < 2 || switches(values)) return 0;
+  const StepSizes sizes = step_sizes(values);
+  return clipped_at(values, values.maxCoeff(), sizes) +
+         clipped_at(values, values.minCoeff(), sizes);
+}
+
+void check_signal(const std::string& source, const Eigen::Ref<const Eigen::VectorXd>& values,
+                  const std::optional<std::pair<double, double>>& range, std::size_t offset,
+                  std::vector<Finding>& findings) {
+  const auto add = [&](Severity severity, const char* check, const std::string& text) {
+    findings.push_back({severity, check, fmt::format("{}: {}", source, text)});
+  };
+  const auto finite = [](double value) { return std::isfinite(value); };
+  if (!values.allFinite()) {
+    const auto first = std::find_if_not(values.begin(), values.end(), finite) - values.begin();
+    const auto count = values.size() - std::count_if(values.begin(), values.end(), finite);
+    add(Severity::kError, "not a number",
+        fmt::format("{} of {} samples are not finite, the first is sample {}; repair them or use "
+                    "segments without them",
+                    count, values.size(), static_cast<std::size_t>(first) + offset));
+    return;
+  }
+  const double lowest = values.minCoeff();
+  const double highest = values.maxCoeff();
+  if (lowest == highest) {
+    add(Severity::kWarning, "constant", fmt::format("is {:g} throughout", lowest));
+  } else if (range) {
+    const auto count = (values.array() <= range->first || values.array() >= range->second).count();
+    if (count > 0) {
+      add(Severity::kWarning, "clipped",
+          fmt::format("{} of {} samples are at or beyond the range [{:g}, {:g}]", count,
+                      values.size(), range->first, range->second));
+    }
+  } else if (const std::size_t count = clipped_samples(values); count > 0) {
+    add(Severity::kWarning, "clipped",
+        fmt::format("{} of {} samples lie in flat tops at {:g} or {:g}; state the range if that is "
+                    "no limit",
+                    count, values.size(), lowest, highest));
+  }
+}
+
+}  // namespace graybox

@@ -1,0 +1,29 @@
+// Faults of a recorded signal that a plot would show: numbers that are none, a sensor at its limit, a
+// wire that is not connected.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/finding.hpp"
+
+namespace graybox {
+
+// Adds findings on samples `offset` and on of `source` (for messages), in the recorded unit.
+//   Errors: NaN or infinite.
+//   Warnings: constant; at or beyond a stated `range`; or, without one, clipped_samples() > 0.
+void check_signal(const std::string& source, const Eigen::Ref<const Eigen::VectorXd>& values,
+                  const std::optional<std::pair<double, double>>& range, std::size_t offset,
+                  std::vector<Finding>& findings);
+
+// Samples that lie in flat tops at the largest or flat bottoms at the smallest value and look like a
+// limit: at least two runs of at least four equal samples at that value, entered at least once by a
+// step above a tenth of the rms step and above twice the smallest step (a quantised signal that turns
+// there enters by single steps). 0 for signals of at most 16 values: they switch.
+[[nodiscard]] std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values);
+
+}  // namespace graybox
