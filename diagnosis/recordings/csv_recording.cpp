@@ -86,7 +86,7 @@ double number_in(const std::string& path, std::size_t line, const std::string& c
 }  // namespace
 
 RecordingFile read_csv_recording(const std::string& path) {
-  RecordingFile file{.path = path, .columns = {}, .sample_time = {}};
+  RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
   LineReader lines(path);
   std::string_view line;
   if (!lines.next(line)) throw InputError(path + ": there are no numbers");

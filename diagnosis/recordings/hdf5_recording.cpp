@@ -16,6 +16,7 @@ std::string text_attribute(const std::string& source, hid_t object, const char* 
 
 bool is_numeric(const hdf5::Dataset& dataset) {
   const H5T_class_t type = H5Tget_class(dataset.type);
+  if (text_attribute(dataset.source, dataset.dataset, "MATLAB_class") == "char") return false;
   return (type == H5T_FLOAT || type == H5T_INTEGER) && dataset.shape.size() <= 2 &&
          !dataset.shape.empty();
 }
@@ -66,7 +67,8 @@ RecordingFile read_hdf5_recording(const std::string& path) {
   if (!root.valid()) {
     throw InputError(path + ": not readable as an HDF5 file; it is truncated, damaged or another");
   }
-  RecordingFile file{.path = path, .columns = {}, .sample_time = sample_time_in(root)};
+  RecordingFile file{
+      .path = path, .columns = {}, .unclear_arrays = {}, .sample_time = sample_time_in(root)};
   for (const std::string& name : dataset_names(root)) add_dataset(path, root, name, file);
   return file;
 }

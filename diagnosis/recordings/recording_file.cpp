@@ -24,6 +24,12 @@ std::string names_in(const RecordingFile& file) {
   return text;
 }
 
+[[noreturn]] void fail_unclear(const RecordingFile& file, const std::string& array) {
+  throw InputError(fmt::format(
+      "{}: {}: along which axis does time run? store at least twice as many samples as channels",
+      file.path, array.empty() ? "the array" : array));
+}
+
 }  // namespace
 
 const RecordedColumn* RecordingFile::find(const std::string& name) const {
@@ -33,6 +39,8 @@ const RecordedColumn* RecordingFile::find(const std::string& name) const {
 
 const RecordedColumn& RecordingFile::at(const std::string& name) const {
   if (const RecordedColumn* column = find(name)) return *column;
+  const std::string array = name.substr(0, name.find('['));
+  if (std::ranges::find(unclear_arrays, array) != unclear_arrays.end()) fail_unclear(*this, array);
   throw InputError(
       fmt::format("{}: there is no column '{}'; there are: {}", path, name, names_in(*this)));
 }
@@ -46,11 +54,20 @@ RecordingFile read_recording_file(const std::filesystem::path& path) {
     file = formats::read_csv_recording(name);
   } else if (ending == ".h5" || ending == ".hdf5") {
     file = formats::read_hdf5_recording(name);
+  } else if (ending == ".mat") {
+    file = formats::read_mat_recording(name);
+  } else if (ending == ".npy") {
+    file = formats::read_npy_recording(name);
+  } else if (ending == ".json") {
+    file = formats::read_json_recording(name);
   } else {
-    throw InputError(
-        fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5", name, ending));
+    throw InputError(fmt::format(
+        "{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5, .mat, .npy, .json", name, ending));
   }
-  if (file.columns.empty()) throw InputError(name + ": there are no columns of numbers");
+  if (file.columns.empty()) {
+    if (!file.unclear_arrays.empty()) fail_unclear(file, file.unclear_arrays.front());
+    throw InputError(name + ": there are no columns of numbers");
+  }
   return file;
 }
 
@@ -66,10 +83,8 @@ void add_array(const std::string& name, const std::string& unit, Eigen::Index ro
     return;
   }
   if (std::max(rows, columns) < 2 * std::min(rows, columns)) {
-    throw InputError(fmt::format(
-        "{}: {} is {} x {}: along which axis does time run? store at least twice as many "
-        "samples as channels",
-        file.path, name.empty() ? "the array" : name, rows, columns));
+    file.unclear_arrays.push_back(name);
+    return;
   }
   const bool along_rows = rows > columns;
   for (Eigen::Index k = 0; k < std::min(rows, columns); ++k) {

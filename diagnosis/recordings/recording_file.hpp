@@ -5,8 +5,13 @@
 //               its unit: "speed [rpm]". Empty fields are NaN.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
 //
-// Column k of an array with two axes is "name[k]", k from 1; time runs along the
-// longer axis. A file whose axes leave that open is refused, not guessed.
+//   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as "rec.speed"
+//   .npy        one array, float32 or float64: columns 1, 2, ...
+//   .json       arrays of numbers, or of equal rows of numbers, by their key "group.key"; null is NaN
+//
+// Column k of an array with two axes is "name[k]", k from 1. Time runs along the longer axis, which
+// must be at least twice the shorter: a column of an array that leaves it open is refused, not
+// guessed.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,7 +31,8 @@ struct RecordedColumn {
 struct RecordingFile {
   std::string path;
   std::vector<RecordedColumn> columns;
-  std::optional<double> sample_time;  // s, as the file states it
+  std::vector<std::string> unclear_arrays;  // whose axes leave open which of them is time
+  std::optional<double> sample_time;        // s, as the file states it
 
   // Null if there is none.
   [[nodiscard]] const RecordedColumn* find(const std::string& name) const;

@@ -10,10 +10,12 @@ namespace graybox::formats {
 
 [[nodiscard]] RecordingFile read_csv_recording(const std::string& path);
 [[nodiscard]] RecordingFile read_hdf5_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_mat_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_npy_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_json_recording(const std::string& path);
 
-// Adds an array as columns; `name` is empty for an array without one. `values` is row-major
-// [rows x columns]. Throws InputError if it is not clear along which axis time
-// runs: the longer must be at least twice the shorter.
+// Adds an array as columns, or to the unclear arrays. `values` is row-major [rows x columns]; its
+// transpose gives the same columns. `name` is empty for an array without one.
 void add_array(const std::string& name, const std::string& unit, Eigen::Index rows,
                Eigen::Index columns, const double* values, RecordingFile& file);
 

@@ -53,25 +53,6 @@ std::vector<std::string> fitting_variables(mat_t* file) {
   return names;
 }
 
-// matio takes what there is of a truncated file and fills the rest with zeros, so the elements are
-// counted here first: each begins with its type and its length in bytes (MAT-file format, level 5).
-void require_complete_level_5(const std::string& path) {
-  const InputFile file(path);
-  if (file.size() < 128) throw InputError(path + ": truncated in its header; copy it again");
-  std::array<char, 2> order{};
-  file.read(126, order.data(), order.size());
-  const bool swapped = order[0] == 'M';
-  for (std::uint64_t offset = 128; offset < file.size();) {
-    std::array<std::uint32_t, 2> tag{};
-    file.read(offset, tag.data(), sizeof tag);
-    offset += sizeof tag + (swapped ? __builtin_bswap32(tag[1]) : tag[1]);
-    if (offset > file.size()) {
-      throw InputError(fmt::format("{}: truncated: {} bytes of {} are there; copy it again", path,
-                                   file.size(), offset));
-    }
-  }
-}
-
 std::string size_text(const matvar_t& variable) {
   return fmt::format("{}",
                      fmt::join(variable.dims, variable.dims + std::max(variable.rank, 0), " x "));
@@ -156,10 +137,30 @@ AlignedArray from_numeric_array(const std::string& source, const matvar_t& varia
 
 }  // namespace
 
+// matio takes what there is of a truncated file and fills the rest with zeros, so the elements are
+// counted here first: each begins with its type and its length in bytes (MAT-file format, level 5).
+void require_complete_mat(const std::string& path) {
+  const InputFile file(path);
+  if (!file.head(16).starts_with("MATLAB 5")) return;
+  if (file.size() < 128) throw InputError(path + ": truncated in its header; copy it again");
+  std::array<char, 2> order{};
+  file.read(126, order.data(), order.size());
+  const bool swapped = order[0] == 'M';
+  for (std::uint64_t offset = 128; offset < file.size();) {
+    std::array<std::uint32_t, 2> tag{};
+    file.read(offset, tag.data(), sizeof tag);
+    offset += sizeof tag + (swapped ? __builtin_bswap32(tag[1]) : tag[1]);
+    if (offset > file.size()) {
+      throw InputError(fmt::format("{}: truncated: {} bytes of {} are there; copy it again", path,
+                                   file.size(), offset));
+    }
+  }
+}
+
 InformationSet read_mat(const std::string& path, const std::string& variable) {
   const std::string head = InputFile(path).head(16);
   if (head.starts_with("MATLAB 7.3")) return read_mat73(path, variable);
-  if (head.starts_with("MATLAB 5")) require_complete_level_5(path);
+  require_complete_mat(path);
   Mat_LogInitFunc("graybox", [](int, char*) {});
   const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
   if (file == nullptr) {

@@ -14,6 +14,9 @@ namespace graybox {
 // unequal, not square or not symmetric.
 [[nodiscard]] InformationSet read_mat(const std::string& path, const std::string& variable = {});
 
+// Throws InputError for a truncated file of version 5 or 7, which matio would fill with zeros.
+void require_complete_mat(const std::string& path);
+
 // Writes the cell Hi [1 x Q], version 5, uncompressed; coordinates and names are not kept. Throws
 // InputError above the format's limit of 2^31 bytes (version 5).
 void write_mat(const std::string& path, const InformationSet& set);

@@ -205,6 +205,18 @@ AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_
 
 }  // namespace
 
+NpyArray read_npy_array(const std::string& path) {
+  const InputFile file(path);
+  const Layout layout = read_layout(file);
+  require_size(file, layout);
+  std::size_t count = 1;
+  for (const std::size_t extent : layout.shape) count *= extent;
+  if (count == 0) throw InputError(path + ": the array is empty");
+  NpyArray array{layout.shape, layout.fortran_order, std::vector<double>(count)};
+  NumberReader(file, layout).read(0, count, array.values.data());
+  return array;
+}
+
 InformationSet read_npy(const std::string& path) {
   const InputFile file(path);
   const Layout layout = read_layout(file);

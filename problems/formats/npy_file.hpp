@@ -7,10 +7,22 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
+
+// Any array, as stored: values in the order of the file.
+struct NpyArray {
+  std::vector<std::size_t> shape;
+  bool fortran_order = false;
+  std::vector<double> values;
+};
+
+// Little-endian float64 and float32. Throws InputError for a file that is no such array, or is
+// truncated.
+[[nodiscard]] NpyArray read_npy_array(const std::string& path);
 
 // Throws InputError for a file that is no such array.
 [[nodiscard]] InformationSet read_npy(const std::string& path);
