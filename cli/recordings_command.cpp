@@ -96,7 +96,7 @@ Json summarise(const Campaign& campaign, bool& complete) {
   Json summary{
       {"campaign", campaign.file.string()}, {"model", campaign.model},
       {"recorded_sample_time", nullptr},    {"sample_time", nullptr},
-      {"channels", Json::array()},          {"findings", json_of(examine_channels(campaign))},
+      {"channels", Json::array()},          {"findings", json_of(examine_campaign(campaign))},
       {"experiments", Json::array()}};
   if (campaign.sample_time) summary["recorded_sample_time"] = *campaign.sample_time;
   complete = examine(campaign, summary);

@@ -211,11 +211,11 @@ TEST_F(Recordings, SwappedColumnsAndUnlikelyUnitsAreNamed) {
   std::string text = testing::read_text(folder_.file("campaign.yaml"));
   write_text(folder_.file("campaign.yaml"),
              text.replace(text.find("unit: A,"), 8, "unit: A, column: y,"));
-  const auto swapped = examine_channels(read_campaign(folder_.file("")));
+  const auto swapped = examine_campaign(read_campaign(folder_.file("")));
   ASSERT_EQ(swapped.size(), 1U);
   EXPECT_NE(swapped[0].message.find("u and y read each other's"), std::string::npos);
   write_campaign("unit: rpm", "unit: rad, column: angle_deg");
-  const auto unlikely = examine_channels(read_campaign(folder_.file("")));
+  const auto unlikely = examine_campaign(read_campaign(folder_.file("")));
   ASSERT_EQ(unlikely.size(), 1U);
   EXPECT_NE(unlikely[0].message.find("sounds like deg"), std::string::npos);
 }
@@ -264,6 +264,30 @@ TEST_F(Recordings, SeveralFilesMakeOneExperiment) {
   expect_finding(Severity::kError, "time", "at other times");
 }
 
+TEST_F(Recordings, ValidationOnSamplesOfTheFitIsNamed) {
+  write_campaign("file: b.csv", "file: a.csv, segments: [[100, 199]]");
+  const auto shared = examine_campaign(read_campaign(folder_.file("")));
+  ASSERT_EQ(shared.size(), 1U);
+  EXPECT_NE(shared[0].message.find("a.csv: validation uses samples"), std::string::npos);
+  write_campaign("- {file: a.csv}\n  - {file: b.csv",
+                 "- {file: a.csv, segments: [[0, 99]]}\n  - {file: a.csv, segments: [[100, 199]]");
+  EXPECT_TRUE(examine_campaign(read_campaign(folder_.file(""))).empty());
+}
+
+TEST_F(Recordings, TimesAreUsedOrIgnoredAsTheCampaignSays) {
+  write_text(folder_.file("a.csv"), "time,u,y\n0,1,2\n0.4,2,3\n0.5,4,5\n1.7,5,7\n");
+  expect_finding(Severity::kError, "time", "if they are rounded, time: ignore");
+  write_campaign("sample_time: 0.001", "sample_time: 0.001\ntime: ignore");
+  EXPECT_TRUE(examined().findings.empty());
+  EXPECT_EQ(examined().data.pieces.at(0).time(3), 0.003);
+  write_campaign("sample_time: 0.001", "sample_time: irregular");
+  EXPECT_EQ(examined().data.pieces.at(0).time, Eigen::Vector4d(0.0, 0.4, 0.5, 1.7));
+  write_campaign("sample_time: 0.001", "sample_time: irregular\ntime: ignore");
+  expect_refused("recordings .", "irregular samples need their times");
+  write_campaign("sample_time: 0.001", "sample_time: irregular\ntime: {column: t, unit: s}");
+  expect_refused("recordings .", "there is no column 't'; there are: time, u, y");
+}
+
 // ---- time axes -----------------------------------------------------------------------------------
 
 Eigen::VectorXd even_times(Eigen::Index count) {
@@ -279,6 +303,11 @@ TEST(TimeAxis, TellsEvenFromJitteredFromGapsFromTwoRates) {
   const TimeAxis jittered = examine_times(times);
   EXPECT_EQ(jittered.kind, Kind::kJittered);
   EXPECT_GT(jittered.jitter, 0.2);
+  // A clock 1 % fast at first and 1 % slow at last is off by five samples in the middle.
+  times = even_times(2000);
+  times += 5.0 * (times.array() * (times.array() - 1.999)).matrix() * 1e-3;
+  EXPECT_EQ(examine_times(times).kind, Kind::kJittered);
+  EXPECT_GT(examine_times(times).jitter, 2.0);
   times = even_times(2000);
   times.tail(1500).array() += 0.25;
   const TimeAxis gaps = examine_times(times);

@@ -348,6 +348,12 @@ void read_time(const YamlField& root, Campaign& campaign) {
     return;
   }
   const YamlField field = root.at("time");
+  if (!field.is_mapping()) {
+    (void)field.choice({"ignore"});
+    if (!campaign.sample_time) field.fail("irregular samples need their times");
+    campaign.time.column.clear();
+    return;
+  }
   field.allow_keys({"column", "unit"});
   const Unit& unit = unit_in(field.at("unit"));
   if (unit.base != "s") field.at("unit").fail("must be a unit of time: s, ms, us, min");

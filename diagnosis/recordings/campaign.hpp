@@ -47,9 +47,9 @@ struct Channel {
 };
 
 struct TimeColumn {
-  std::string column = "time";
-  double factor = 1.0;    // to seconds
-  bool required = false;  // stated in the campaign, so it must be there
+  std::string column = "time";  // empty: the recorded times are ignored
+  double factor = 1.0;          // to seconds
+  bool required = false;        // stated in the campaign, so it must be there
 };
 
 // Zero phase: a Butterworth filter of this order runs forward and backward (preprocess.hpp).

@@ -77,6 +77,7 @@ void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRec
 Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files, Index samples,
                                ExperimentRecording& recording) {
   Eigen::VectorXd times;
+  if (campaign.time.column.empty()) return times;
   const RecordingFile* first = nullptr;
   for (const auto& [key, file] : files) {
     const RecordedColumn* column = file.find(campaign.time.column);
@@ -203,6 +204,50 @@ const Unit* unit_in_name(const std::string& name) {
   return nullptr;
 }
 
+void find_doubtful_channels(const Campaign& campaign, std::vector<Finding>& findings) {
+  for (const Channel& channel : campaign.channels) {
+    const auto other = std::ranges::find_if(campaign.channels, [&](const Channel& candidate) {
+      return candidate.name == channel.column && candidate.column == channel.name;
+    });
+    if (other != campaign.channels.end() && channel.name < other->name) {
+      findings.push_back(
+          {Severity::kWarning, "swapped",
+           fmt::format("channels {} and {} read each other's columns", channel.name, other->name)});
+    }
+    const Unit* named = unit_in_name(channel.column);
+    if (named != nullptr && named->name != channel.recorded_unit) {
+      findings.push_back(
+          {Severity::kWarning, "unit",
+           fmt::format("channel {}: column {} sounds like {}, but its unit is {}", channel.name,
+                       channel.column, named->name, channel.recorded_unit)});
+    }
+  }
+}
+
+// All samples are used where no segment is named.
+bool share_samples(const Experiment& a, const Experiment& b) {
+  if (a.files != b.files) return false;
+  if (a.segments.empty() || b.segments.empty()) return true;
+  return std::ranges::any_of(a.segments, [&](const Segment& one) {
+    return std::ranges::any_of(b.segments, [&](const Segment& other) {
+      return one.first <= other.last && other.first <= one.last;
+    });
+  });
+}
+
+void find_shared_samples(const Campaign& campaign, std::vector<Finding>& findings) {
+  for (const Experiment& validation : campaign.experiments) {
+    if (validation.role != ExperimentRole::kValidation) continue;
+    for (const Experiment& estimation : campaign.experiments) {
+      if (estimation.role == ExperimentRole::kEstimation && share_samples(validation, estimation)) {
+        findings.push_back({Severity::kWarning, "validation",
+                            fmt::format("{}: validation uses samples that are for estimation too",
+                                        validation.name)});
+      }
+    }
+  }
+}
+
 }  // namespace
 
 bool ExperimentRecording::sound() const {
@@ -256,25 +301,10 @@ ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index)
   return recording;
 }
 
-std::vector<Finding> examine_channels(const Campaign& campaign) {
+std::vector<Finding> examine_campaign(const Campaign& campaign) {
   std::vector<Finding> findings;
-  for (const Channel& channel : campaign.channels) {
-    const auto other = std::ranges::find_if(campaign.channels, [&](const Channel& candidate) {
-      return candidate.name == channel.column && candidate.column == channel.name;
-    });
-    if (other != campaign.channels.end() && channel.name < other->name) {
-      findings.push_back(
-          {Severity::kWarning, "swapped",
-           fmt::format("channels {} and {} read each other's columns", channel.name, other->name)});
-    }
-    const Unit* named = unit_in_name(channel.column);
-    if (named != nullptr && named->name != channel.recorded_unit) {
-      findings.push_back(
-          {Severity::kWarning, "unit",
-           fmt::format("channel {}: column {} sounds like {}, but its unit is {}", channel.name,
-                       channel.column, named->name, channel.recorded_unit)});
-    }
-  }
+  find_doubtful_channels(campaign, findings);
+  find_shared_samples(campaign, findings);
   return findings;
 }
 

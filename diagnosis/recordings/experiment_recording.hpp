@@ -36,8 +36,9 @@ struct ExperimentRecording {
 // The same; throws InputError with the first error that was found.
 [[nodiscard]] ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index);
 
-// What the channel list itself makes doubtful: channels that read each other's columns, and columns
-// whose name ends in another unit than the stated one ("position_deg" in rad).
-[[nodiscard]] std::vector<Finding> examine_channels(const Campaign& campaign);
+// What the campaign file itself makes doubtful: channels that read each other's columns, columns whose
+// name ends in another unit than the stated one ("position_deg" in rad), and validation on samples
+// that are for estimation too.
+[[nodiscard]] std::vector<Finding> examine_campaign(const Campaign& campaign);
 
 }  // namespace graybox

@@ -16,7 +16,9 @@ std::string text_attribute(const std::string& source, hid_t object, const char* 
 
 bool is_numeric(const hdf5::Dataset& dataset) {
   const H5T_class_t type = H5Tget_class(dataset.type);
+  // MATLAB writes texts as numbers, and for an empty matrix its size.
   if (text_attribute(dataset.source, dataset.dataset, "MATLAB_class") == "char") return false;
+  if (H5Aexists(dataset.dataset, "MATLAB_empty") > 0) return false;
   return (type == H5T_FLOAT || type == H5T_INTEGER) && dataset.shape.size() <= 2 &&
          !dataset.shape.empty();
 }

@@ -53,7 +53,7 @@ std::vector<Section> butterworth(double frequency, int order) {
   return sections;
 }
 
-// Samples after which a step has settled, roughly: a few times 1/(2 pi f).
+// Reflected samples at each end: a filter of this order settles within about order / (2 pi f).
 Index reflected_samples(double frequency, int order, Index size) {
   const double settling = static_cast<double>(order) / frequency;
   return static_cast<Index>(std::min(std::ceil(settling), static_cast<double>(size - 1)));

@@ -13,6 +13,7 @@ using Index = Eigen::Index;
 constexpr double kEvenTolerance = 0.01;  // of a step
 constexpr double kUsableJitter = 0.1;    // of a step
 constexpr double kGap = 1.5;             // steps
+constexpr double kLongStep = 5.0;        // medians, in irregular recordings
 constexpr double kSameRate = 0.05;       // of a step
 constexpr double kMixedShare = 0.05;     // of all steps
 constexpr double kStretch = 10.0;        // steps
@@ -23,12 +24,13 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-bool is_even(const Eigen::Ref<const Eigen::VectorXd>& times) {
+// Largest distance from the straight line through the first and the last time, in steps.
+double distance_from_even(const Eigen::Ref<const Eigen::VectorXd>& times) {
   const Index last = times.size() - 1;
   const double step = (times(last) - times(0)) / static_cast<double>(last);
   const Eigen::ArrayXd line =
       times(0) + step * Eigen::ArrayXd::LinSpaced(times.size(), 0.0, static_cast<double>(last));
-  return (times.array() - line).abs().maxCoeff() <= kEvenTolerance * step;
+  return (times.array() - line).abs().maxCoeff() / step;
 }
 
 // Another step than the median, in stretches.
@@ -99,6 +101,9 @@ class TimeReport {
   std::vector<Finding>& findings_;
 };
 
+constexpr const char* kIfTrue =
+    "if these times are true, write sample_time: irregular; if they are rounded, time: ignore";
+
 void report_uneven(const TimeReport& report, const TimeAxis& axis) {
   switch (axis.kind) {
     case TimeAxis::Kind::kGaps:
@@ -114,21 +119,18 @@ void report_uneven(const TimeReport& report, const TimeAxis& axis) {
                              "recording",
                              axis.step, axis.other_step, report.place(axis.first)));
       return;
-    case TimeAxis::Kind::kJittered:
-      report.add(axis.jitter <= kUsableJitter ? Severity::kWarning : Severity::kError,
-                 axis.jitter <= kUsableJitter
-                     ? fmt::format("steps vary by up to {:.2g} % of {:.6g} s; samples are taken as "
-                                   "even",
-                                   100.0 * axis.jitter, axis.step)
-                     : fmt::format("steps vary by up to {:.2g} % of {:.6g} s; if the times are "
-                                   "true, write sample_time: irregular",
-                                   100.0 * axis.jitter, axis.step));
+    case TimeAxis::Kind::kJittered: {
+      const bool usable = axis.jitter <= kUsableJitter;
+      report.add(usable ? Severity::kWarning : Severity::kError,
+                 fmt::format("times are up to {:.2g} % of a step of {:.6g} s off even ones; {}",
+                             100.0 * axis.jitter, axis.step,
+                             usable ? "samples are taken as even" : kIfTrue));
       return;
+    }
     default:
       report.add(Severity::kError,
-                 fmt::format("samples are not even: steps from {:.4g} s to {:.4g} s; if the times "
-                             "are true, write sample_time: irregular",
-                             axis.shortest, axis.longest));
+                 fmt::format("samples are not even: steps from {:.4g} s to {:.4g} s; {}",
+                             axis.shortest, axis.longest, kIfTrue));
   }
 }
 
@@ -146,9 +148,12 @@ TimeAxis examine_times(const Eigen::Ref<const Eigen::VectorXd>& times) {
     axis.count = static_cast<std::size_t>((steps.array() <= 0.0).count());
     return axis;
   }
-  if (is_even(times)) return axis;
+  const double distance = distance_from_even(times);
+  if (distance <= kEvenTolerance) return axis;
   examine_rates(steps, axis);
   if (axis.kind == TimeAxis::Kind::kEven) examine_gaps(steps, axis);
+  // Small steps off add up: a clock that drifts is as uneven as one that jumps.
+  if (axis.kind == TimeAxis::Kind::kJittered) axis.jitter = std::max(axis.jitter, distance);
   return axis;
 }
 
@@ -171,7 +176,7 @@ void check_times(const std::string& source, const Eigen::Ref<const Eigen::Vector
     return;
   }
   if (!sample_time) {
-    if (axis.longest > 5.0 * axis.step) {
+    if (axis.longest > kLongStep * axis.step) {
       report.add(Severity::kWarning,
                  fmt::format("the longest step is {:.4g} s, the median {:.4g} s", axis.longest,
                              axis.step));

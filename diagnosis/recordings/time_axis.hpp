@@ -29,7 +29,8 @@ struct TimeAxis {
   double step = 0.0;  // s, median
   double shortest = 0.0;
   double longest = 0.0;
-  double jitter = 0.0;      // largest |step - m|/m among steps that are no gaps
+  double jitter = 0.0;      // largest |step - m|/m but for gaps; of kJittered also the largest
+                            // distance from even times, in steps
   std::size_t count = 0;    // of gaps, or of steps backward
   std::size_t first = 0;    // sample after which the first gap, step backward or other rate comes
   double other_step = 0.0;  // s, of kMixedRates
