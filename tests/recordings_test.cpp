@@ -467,6 +467,18 @@ TEST(Preprocess, DecimatesWhatWasFilteredAndRefusesTheRest) {
   periodic.excitation = {.period = 100, .periods = 4, .lines = {1, 20}};
   refused(periodic, {LowPass{50.0, 4, {}}, Decimate{3}}, "doesn't divide");
   refused(periodic, {LowPass{50.0, 4, {}}, Decimate{5}}, "folds the excited line 20");
+  // A channel combined from a filtered and an unfiltered one is unfiltered.
+  const PreprocessStep couple =
+      Transmission{Eigen::MatrixXd::Ones(2, 2) + Eigen::MatrixXd::Identity(2, 2),
+                   true,
+                   {"a", "b"},
+                   {"d", "e"},
+                   {}};
+  refused(data, {LowPass{50.0, 4, {"a"}}, couple, LowPass{50.0, 4, {"b", "c"}}, Decimate{4}},
+          "folds what d has above 125 Hz");
+  Signals mixed = some_signals("rad");
+  mixed.signals[1].unit = "rad/s";
+  refused(mixed, {couple}, "all must be of one unit");
   refused(some_signals("N"),
           {Transmission{Eigen::MatrixXd::Identity(1, 1), true, {"a"}, {"d"}, {}}},
           "go through a transmission");

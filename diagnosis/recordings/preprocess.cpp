@@ -137,14 +137,17 @@ class Preprocessor {
                       "a transmission",
                       step.of.front(), unit));
     }
+    for (const std::string& name : step.of) {
+      const Signal& signal = data_.signals[index_of(name)];
+      if (signal.unit == unit) continue;
+      fail(fmt::format("transmission: {} is in {}, but {} is in {}; all must be of one unit", name,
+                       signal.unit, step.of.front(), unit));
+    }
+    const double low_pass = common_low_pass(step.of);
     std::vector<Signal> added;
     for (std::size_t k = 0; k < step.of.size(); ++k) {
-      const Signal& signal = data_.signals[index_of(step.of[k])];
-      if (signal.unit != unit) {
-        fail(fmt::format("transmission: {} is in {}, but {} is in {}; all must be of one unit",
-                         signal.name, signal.unit, step.of.front(), unit));
-      }
-      added.push_back({step.names[k], unit, step.role.value_or(signal.role), signal.low_pass});
+      const ChannelRole role = step.role.value_or(data_.signals[index_of(step.of[k])].role);
+      added.push_back({step.names[k], unit, role, low_pass});
     }
     // Columns are samples: arm = N^-1 motor for motion, N' motor for torques, and back.
     Eigen::MatrixXd matrix =
@@ -177,6 +180,16 @@ class Preprocessor {
     std::vector<Index> result;
     for (const std::string& name : names) result.push_back(static_cast<Index>(index_of(name)));
     return result;
+  }
+  // Of a combination of channels: as high as its least filtered one.
+  double common_low_pass(const std::vector<std::string>& names) const {
+    double highest = 0.0;
+    for (const std::string& name : names) {
+      const double low_pass = data_.signals[index_of(name)].low_pass;
+      if (low_pass == 0.0) return 0.0;
+      highest = std::max(highest, low_pass);
+    }
+    return highest;
   }
   static void append(SignalPiece& piece, const Eigen::MatrixXd& columns) {
     const Index before = piece.values.cols();
