@@ -16,6 +16,7 @@
 #include "graybox/diagnosis/response_model.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/quantile.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/solvers/column_generation.hpp"
@@ -280,15 +281,9 @@ StageSummary::Spread spread(std::vector<double> values) {
   }
   result.standard_deviation =
       values.size() > 1 ? std::sqrt(result.standard_deviation / (n - 1.0)) : 0.0;
-  const auto quantile = [&](double share) {  // linear between order statistics
-    const double at = share * (n - 1.0);
-    const auto low = static_cast<std::size_t>(at);
-    const std::size_t high = std::min(low + 1, values.size() - 1);
-    return std::lerp(values[low], values[high], at - std::floor(at));
-  };
-  result.lower_quartile = quantile(0.25);
-  result.median = quantile(0.5);
-  result.upper_quartile = quantile(0.75);
+  result.lower_quartile = quantile(values, 0.25);
+  result.median = quantile(values, 0.5);
+  result.upper_quartile = quantile(values, 0.75);
   return result;
 }
 

@@ -8,8 +8,8 @@
 #include <numeric>
 
 #include "graybox/bench/paper/covariance_table.hpp"
-#include "graybox/bench/study/statistics.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/quantile.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/solvers/exact/rounding.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"

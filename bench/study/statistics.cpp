@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/quantile.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -12,15 +13,6 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
-
-double quantile(const std::vector<double>& sorted, double share) {
-  const double position = share * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(position);
-  const std::size_t above = std::min(below + 1, sorted.size() - 1);
-  const double weight = position - static_cast<double>(below);
-  if (weight == 0.0) return sorted[below];  // infinity times zero is no number
-  return (1.0 - weight) * sorted[below] + weight * sorted[above];
-}
 
 Quartiles quartiles(std::vector<double> sample) {
   if (sample.empty()) throw InputError("quartiles of an empty sample");

@@ -15,10 +15,6 @@ struct Quartiles {
   double upper = 0.0;
 };
 
-// The value that `share` of the sorted sample (not empty) lies below, by linear interpolation between
-// order statistics (Hyndman and Fan 1996, type 7).
-[[nodiscard]] double quantile(const std::vector<double>& sorted, double share);
-
 // Three quantiles. Throws InputError for an empty sample.
 [[nodiscard]] Quartiles quartiles(std::vector<double> sample);
 

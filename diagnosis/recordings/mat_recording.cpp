@@ -3,24 +3,15 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <memory>
 
 #include "graybox/diagnosis/recordings/recording_formats.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/mat_file.hpp"
+#include "graybox/problems/formats/mat_handles.hpp"
 
 namespace graybox::formats {
 namespace {
-
-struct CloseMat {
-  void operator()(mat_t* file) const { Mat_Close(file); }
-};
-struct FreeVariable {
-  void operator()(matvar_t* variable) const { Mat_VarFree(variable); }
-};
-using MatFile = std::unique_ptr<mat_t, CloseMat>;
-using MatVariable = std::unique_ptr<matvar_t, FreeVariable>;
 
 template <typename Number>
 std::vector<double> doubles(const matvar_t& variable, std::size_t count) {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -14,21 +13,13 @@
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/mat73_file.hpp"
+#include "graybox/problems/formats/mat_handles.hpp"
 #include "graybox/problems/formats/mat_variable.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {
-
-struct CloseMat {
-  void operator()(mat_t* file) const { Mat_Close(file); }
-};
-struct FreeVariable {
-  void operator()(matvar_t* variable) const { Mat_VarFree(variable); }
-};
-using MatFile = std::unique_ptr<mat_t, CloseMat>;
-using MatVariable = std::unique_ptr<matvar_t, FreeVariable>;
 
 bool is_real_float(const matvar_t& variable) {
   return (variable.class_type == MAT_C_DOUBLE || variable.class_type == MAT_C_SINGLE) &&
