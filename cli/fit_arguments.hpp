@@ -1,0 +1,26 @@
+// `graybox fit` by the format of the model file: each format has one function (fit_<format>.cpp) that
+// reads model and campaign and fits; fit_command.cpp chooses, prints and writes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "graybox/diagnosis/fit_report.hpp"
+
+namespace graybox::cli {
+
+struct FitArguments {
+  std::string model;
+  std::string campaign;
+  std::string output;
+  int threads = 1;
+  std::uint64_t seed = 1;
+  int starts = 8;  // of the search, at most
+  bool json = false;
+};
+
+// All throw InputError for files that are missing, wrong or do not belong together. After Ctrl-C
+// (interrupt.hpp) they hand back the best so far.
+[[nodiscard]] FitReport fit_robot(const FitArguments& arguments);
+
+}  // namespace graybox::cli

@@ -1,0 +1,82 @@
+// `graybox fit`: the parameters of a model from the recordings of a campaign.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+
+#include "commands.hpp"
+#include "fit_arguments.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/yaml_field.hpp"
+#include "interrupt.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct FittedFormat {
+  std::string_view name;
+  FitReport (*fit)(const FitArguments&);
+};
+constexpr FittedFormat kFormats[] = {
+    {"graybox-robot/1", fit_robot},
+};
+
+const FittedFormat& format_of(const std::string& model) {
+  const YamlField field = YamlField::load(model).at("format");
+  const std::string name = field.text();
+  const auto* found = std::ranges::find(kFormats, name, &FittedFormat::name);
+  if (found != std::end(kFormats)) return *found;
+  std::string known;
+  for (const FittedFormat& each : kFormats) {
+    known += (known.empty() ? "" : ", ") + std::string(each.name);
+  }
+  field.fail(fmt::format("is '{}'; models that can be fitted: {}", name, known));
+}
+
+int execute(const FitArguments& arguments) {
+  const FittedFormat& format = format_of(arguments.model);
+  catch_interrupts();
+  const FitReport report = format.fit(arguments);
+  if (!arguments.output.empty()) write_fit(arguments.output, report);
+  if (arguments.json) {
+    fmt::print("{}\n", fit_json(report).dump());
+  } else {
+    fmt::print("{}", fit_text(report));
+    if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+  }
+  return report.converged() ? kDone : kShort;
+}
+
+}  // namespace
+
+void add_fit_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("fit", "Estimate the parameters of a model from recordings");
+  auto arguments = std::make_shared<FitArguments>();
+  command->add_option("model", arguments->model, "model file (YAML)")->required();
+  command
+      ->add_option("campaign", arguments->campaign,
+                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
+      ->required();
+  command->add_option("-o,--output", arguments->output, "write the result to this file (JSON)");
+  command->add_option("--threads", arguments->threads, "threads")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command->add_option("--seed", arguments->seed, "of the starts after the first")
+      ->capture_default_str();
+  command->add_option("--starts", arguments->starts, "starts of the search, at most")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"
+      "Examples:\n"
+      "  graybox fit robot.yaml campaign/ -o fit.json\n"
+      "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
+  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+}
+
+}  // namespace graybox::cli
