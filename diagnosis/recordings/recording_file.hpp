@@ -41,7 +41,7 @@ struct RecordingFile {
 };
 
 // Throws InputError with one line for a file that is missing, truncated, of another kind, or holds
-// no numbers. Cost: the whole file is in memory once.
+// no numbers. Several threads may read different files. Cost: the whole file is in memory once.
 [[nodiscard]] RecordingFile read_recording_file(const std::filesystem::path& path);
 
 }  // namespace graybox

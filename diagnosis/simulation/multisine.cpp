@@ -10,6 +10,7 @@
 #include <mutex>
 #include <numbers>
 
+#include "graybox/diagnosis/real_transform.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
 
@@ -56,12 +57,6 @@ std::vector<double> scaled_amplitudes(const MultisineOptions& options) {
   return amplitudes;
 }
 
-// FFTW makes and destroys plans in one thread at a time.
-std::mutex& planning() {
-  static std::mutex mutex;
-  return mutex;
-}
-
 // The real signal with given coefficients at the lines, by FFTW's inverse real transform.
 class InverseTransform {
  public:
@@ -69,12 +64,12 @@ class InverseTransform {
       : period_(period),
         spectrum_(fftw_alloc_complex(period / 2 + 1), fftw_free),
         signal_(fftw_alloc_real(period), fftw_free) {
-    const std::scoped_lock lock(planning());
+    const std::scoped_lock lock(fourier_planning());
     plan_ = fftw_plan_dft_c2r_1d(static_cast<int>(period), spectrum_.get(), signal_.get(),
                                  FFTW_ESTIMATE);
   }
   ~InverseTransform() {
-    const std::scoped_lock lock(planning());
+    const std::scoped_lock lock(fourier_planning());
     fftw_destroy_plan(plan_);
   }
   InverseTransform(const InverseTransform&) = delete;

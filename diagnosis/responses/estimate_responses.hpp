@@ -1,0 +1,46 @@
+// Frequency responses of a campaign, one for each position and level (and realisation, if asked):
+// the step from recordings to a fit.
+//
+//   const Campaign campaign = read_campaign("campaign");
+//   const auto estimates = estimate_responses(campaign, {.threads = 2});
+//   std::vector<ResponseMeasurement> measurements;
+//   for (const auto& estimate : estimates) measurements.push_back(response_measurement(estimate));
+//   const FitResult fit = fit_maximum_likelihood(model, measurements, start);
+//
+// Inputs, outputs and references are the campaign's channels that are so called, in its order. The
+// response relates what is recorded: with inputs held between samples (hold: zero) it is the
+// discrete-time response of the plant behind its hold, G = j w h S D^-1 B of frequency_response.hpp
+// but for aliasing; with band-limited inputs that of the plant alone.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "graybox/diagnosis/responses/periodic_response.hpp"
+
+namespace graybox {
+
+struct ResponseOptions {
+  ExperimentRole role = ExperimentRole::kEstimation;  // which experiments
+  bool separate_realisations =
+      false;  // an estimate for each; else one for all, with total covariance
+  LeakageOptions leakage;
+  PeriodicResponseOptions periodic;
+  int threads = 1;                   // the result does not depend on it
+  std::function<bool()> keep_going;  // asked between recordings; false: an empty result
+  std::function<void(std::size_t, std::size_t)> report;  // recordings read, of all; one at a time
+};
+
+// In the order in which positions and levels come up in the campaign. Findings of the recordings
+// (warnings) and of the estimate are with each. Throws InputError of one line for recordings that
+// can't be used: no experiments of this role, not periodic, no inputs or outputs, sub-experiments
+// that are missing or given twice, other lines or periods among those of one response, inputs that
+// are not independent, samples at uneven times.
+[[nodiscard]] std::vector<FrequencyResponseEstimate> estimate_responses(
+    const Campaign& campaign, const ResponseOptions& options = {});
+
+}  // namespace graybox
