@@ -1,0 +1,107 @@
+// The search for missing physics: is something missing, where, which law, and is that all?
+//
+//   1. Fit the model as it is.
+//   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest
+//      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
+//   3. While something is missing: rank all hypotheses by their score tests, refit with each of the
+//      best, keep the one with the least Bayesian information criterion
+//          BIC = deviance + parameters ln n,
+//      if its deviance falls by more than the family-wise chi-square threshold.
+//   4. Prune backwards: laws without which BIC is lower go.
+//   5. Rivals: for each law that stayed, the alternatives in its stead. Those whose BIC is not worse
+//      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995) can't be excluded and form one
+//      class with it. A law that only generalises another of the class, and is no better by
+//      more than what its parameters cost, is left out.
+//   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
+//      must not be larger than noise by more than `tolerance` of its variance (a test of
+//      practical size: chi-square against the non-central distribution with noncentrality tolerance
+//      x degrees of freedom).
+//
+// Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
+// `ambiguous`: the rest is noise, but a class has several members. `unknown`: something is missing that
+// no hypothesis explains down to the noise; the laws found so far are reported with it. Where
+// the noise is not known, "down to the noise" can't be tested, and the verdict says so
+// (Diagnosis::noise_is_known).
+//
+// Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
+// rivals.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+
+namespace graybox {
+
+enum class Verdict : std::int8_t { kNone, kExplained, kAmbiguous, kUnknown };
+[[nodiscard]] std::string_view to_string(Verdict verdict);
+
+struct SearchOptions {
+  double level = 0.05;  // alpha of detection, family-wise
+  double verification_level = 0.01;
+  double tolerance = 0.05;         // of the noise's variance, in verification
+  double exclusion_margin = 10.0;  // of BIC
+  std::size_t shortlist = 8;       // refits an effect
+  std::size_t effect_limit = 4;
+  int null_draws = 199;
+  double detection_power = 0.9;  // of the smallest detectable effect
+  std::uint64_t seed = 1;
+  // Called with what is being done, for progress; may be empty. Return false to stop: the diagnosis
+  // then is what has been found so far, marked `interrupted`.
+  std::function<bool(const std::string& step)> proceed;
+};
+
+struct Detection {
+  bool detected = false;
+  double lack_of_fit_p_value = 1.0;  // 1 where the noise is not known
+  double smallest_p_value = 1.0;     // of all hypotheses
+  double threshold = 0.0;            // for it
+};
+
+struct DetectableEffect {
+  std::size_t hypothesis = 0;
+  double amplitude = 0.0;  // found with `detection_power`; infinite if it can't be seen at all
+  std::string unit;
+};
+
+struct Rival {
+  FittedLaw law;
+  double bic_difference = 0.0;  // to the best of its class
+};
+
+struct FoundEffect {
+  FittedLaw law;
+  double explained_share = 0.0;  // of the excess of chi-square that was there before it
+  double bic_difference = 0.0;   // of the model without it
+  std::vector<Rival> rivals;     // not excluded
+  std::vector<Rival> excluded;   // the best of those that are, by their distance
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::kUnknown;
+  bool noise_is_known = false;
+  bool interrupted = false;
+  std::string trouble;  // why no fit, if there is none
+  Detection detection;
+  std::vector<FoundEffect> effects;
+  ExtendedFit before, after;
+  std::optional<Assessment> validation_before, validation_after;
+  bool verified = false;  // the rest passed the test of step 6
+  double rest_p_value = 1.0;
+  std::vector<DetectableEffect> detectable;  // in the light of the first fit
+  std::vector<HypothesisScore> ranking;      // of the first fit, best first
+  std::vector<MismatchCell> mismatch_before, mismatch_after;
+};
+
+[[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});
+
+// The rest is larger than noise: p-value of chi-square against a noncentrality of tolerance x dof.
+[[nodiscard]] double practical_size_p_value(const Assessment& assessment, double tolerance);
+
+}  // namespace graybox

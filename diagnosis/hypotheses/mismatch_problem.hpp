@@ -1,0 +1,119 @@
+// MismatchProblem: recordings seen through a model, as the search for missing physics needs them. One
+// class a kind of data implements it: periodic recordings in the frequency domain, arbitrary signals
+// of lumped models in the time domain, inverse dynamics of rigid robots in large motion.
+//
+//   const std::unique_ptr<MismatchProblem> problem = ...;
+//   const Diagnosis diagnosis = diagnose(*problem);           // diagnosis_search.hpp
+//
+// A hypothesis is an element that the model may lack: a place and a law. A fit estimates the model's
+// own parameters together with the parameters of the laws it is given.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/score_test.hpp"
+
+namespace graybox {
+
+struct Hypothesis {
+  std::string place;     // "joint_2.gearbox", as Location::name
+  std::string location;  // the value of `location` in physics.yaml, in YAML's flow style
+  std::string law;       // of the catalogue
+  // Laws of the catalogue that this one is for some of its parameters (a Coulomb friction for equal
+  // levels in both directions). Where such a law explains the data as well, this one is not a rival.
+  std::vector<std::string> special_cases;
+};
+
+struct LawParameterEstimate {
+  std::string name;
+  std::string unit;
+  double value = 0.0;
+  double standard_error = 0.0;  // NaN where the data do not see it
+};
+
+struct FittedLaw {
+  std::size_t hypothesis = 0;
+  std::vector<LawParameterEstimate> parameters;  // in the catalogue's order
+};
+
+// How a fitted model does on one set of recordings.
+struct Assessment {
+  double chi_square = 0.0;
+  double degrees_of_freedom = 0.0;
+  double nrmse = 0.0;                   // 100 rms(error) / std(signal), %
+  double variance_accounted_for = 0.0;  // 100 (1 - var(error) / var(signal)), %
+
+  [[nodiscard]] double chi_square_per_dof() const { return chi_square / degrees_of_freedom; }
+};
+
+struct ExtendedFit {
+  bool usable = false;  // converged
+  std::string trouble;  // why not
+  std::vector<LawParameterEstimate> model_parameters;
+  std::vector<FittedLaw> laws;
+  double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
+  std::size_t parameter_count = 0;
+  Assessment estimation;
+};
+
+// Where a fit by a law of this hypothesis may start.
+struct LawStart {
+  std::size_t hypothesis = 0;
+  std::vector<double> parameters;
+};
+
+// One hypothesis in the light of a fit without it.
+struct HypothesisScore {
+  LawStart start;                // at the best shape (threshold, exponent, wave length)
+  CandidateScore score;          // of that shape
+  std::size_t shapes = 1;        // that were tried
+  double explained_share = 0.0;  // statistic over the chi-square of the residuals
+  // Estimate of the law's leading amplitude and the least that would be found; its unit.
+  double amplitude = 0.0;
+  double amplitude_deviation = 0.0;  // standard deviation of the estimate
+  std::string amplitude_unit;
+};
+
+struct ScoreTable {
+  std::vector<HypothesisScore> scores;  // one a hypothesis that was asked for, in that order
+  std::vector<double> null_minima;      // least p-value of each draw of pure noise
+};
+
+// Normalised residuals by output channel, frequency band and position: what is left after a fit.
+struct MismatchCell {
+  std::string channel;
+  double from = 0.0, to = 0.0;  // Hz; or s where the data have no frequencies
+  std::string position;         // of the experiment, in words
+  double level = 0.0;
+  double statistic = 0.0;  // sum of squares of whitened residuals
+  double degrees_of_freedom = 0.0;
+};
+
+class MismatchProblem {
+ public:
+  virtual ~MismatchProblem() = default;
+
+  [[nodiscard]] virtual std::span<const Hypothesis> hypotheses() const = 0;
+  // Independent real numbers measured: n of the Bayesian information criterion.
+  [[nodiscard]] virtual double sample_count() const = 0;
+  // Whether the noise is known (from periods, or stated), so that a chi-square can be too large.
+  [[nodiscard]] virtual bool noise_is_known() const = 0;
+
+  // `nearby`: a fit with some of the same laws to start the model's parameters from.
+  [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
+                                        const ExtendedFit* nearby) const = 0;
+  [[nodiscard]] virtual ScoreTable scores(const ExtendedFit& fit,
+                                          std::span<const std::size_t> hypotheses, int null_draws,
+                                          std::uint64_t seed) const = 0;
+  [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
+  // On recordings kept out of the fit; none if there are none.
+  [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
+};
+
+}  // namespace graybox

@@ -1,0 +1,385 @@
+// The search on a problem small enough to know everything about: linear regression, y = X theta +
+// sum of effects + noise, where score tests, refits and their distributions are exact.
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+#include "graybox/problems/distributions.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/random.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr Eigen::Index kSamples = 240;
+
+// Columns of a regression: harmonics of one axis for the model, and hypotheses at two places.
+class RegressionProblem : public MismatchProblem {
+ public:
+  RegressionProblem() : model_(kSamples, 3) {
+    for (Eigen::Index i = 0; i < kSamples; ++i) {
+      const double x = axis(i);
+      model_.row(i) << 1.0, x, x * x;
+    }
+    for (int harmonic = 3; harmonic < 9; ++harmonic) {
+      add("first", "harmonic_" + std::to_string(harmonic),
+          [harmonic](double x) { return std::sin(harmonic * x) + 0.3 * std::cos(harmonic * x); });
+    }
+    add("second", "step", [](double x) { return x > 0.4 ? 1.0 : 0.0; });
+    add("second", "slanted_step", [](double x) { return x > 0.4 ? 1.0 + 0.02 * x : 0.0; });
+    add("second", "parabola", [](double x) { return x * x; });  // the model has it already
+    hypotheses_.back().special_cases = {};
+  }
+
+  void measure(const Eigen::VectorXd& effect, Random& random) {
+    const Eigen::Vector3d truth(1.0, -0.5, 0.3);
+    estimation_ = model_ * truth + effect;
+    held_out_ = estimation_;
+    for (double& value : estimation_) value += random.normal();
+    for (double& value : held_out_) value += random.normal();
+  }
+  [[nodiscard]] Eigen::VectorXd column(std::size_t hypothesis) const {
+    return columns_[hypothesis];
+  }
+  [[nodiscard]] std::size_t index_of(const std::string& law) const {
+    for (std::size_t i = 0; i < hypotheses_.size(); ++i) {
+      if (hypotheses_[i].law == law) return i;
+    }
+    throw InputError("no such law");
+  }
+  [[nodiscard]] static double axis(Eigen::Index i) {
+    return -3.0 + 6.0 * static_cast<double>(i) / static_cast<double>(kSamples - 1);
+  }
+  void remove(const std::string& law) {
+    const auto at = static_cast<std::ptrdiff_t>(index_of(law));
+    hypotheses_.erase(hypotheses_.begin() + at);
+    columns_.erase(columns_.begin() + at);
+  }
+  void generalise(const std::string& law, const std::string& special_case) {
+    hypotheses_[index_of(law)].special_cases = {special_case};
+  }
+
+  [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
+  [[nodiscard]] double sample_count() const override { return static_cast<double>(kSamples); }
+  [[nodiscard]] bool noise_is_known() const override { return true; }
+
+  [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
+                                const ExtendedFit* /*nearby*/) const override {
+    std::vector<std::size_t> chosen;
+    for (const LawStart& law : laws) chosen.push_back(law.hypothesis);
+    const Eigen::MatrixXd columns = design(chosen);
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factor(columns);
+    const Eigen::VectorXd solution = factor.solve(estimation_);
+    const Eigen::MatrixXd covariance =
+        (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
+    ExtendedFit result;
+    result.usable = true;
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      const auto at = static_cast<Eigen::Index>(k) + model_.cols();
+      result.laws.push_back(
+          {chosen[k], {{"amplitude", "1", solution(at), std::sqrt(covariance(at, at))}}});
+    }
+    for (Eigen::Index at = 0; at < model_.cols(); ++at) {
+      result.model_parameters.push_back(
+          {"theta", "1", solution(at), std::sqrt(covariance(at, at))});
+    }
+    result.estimation =
+        assess(estimation_ - columns * solution, static_cast<double>(kSamples - factor.rank()));
+    result.deviance = result.estimation.chi_square;
+    result.parameter_count = static_cast<std::size_t>(factor.rank());
+    return result;
+  }
+
+  [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
+                                  int null_draws, std::uint64_t seed) const override {
+    std::vector<std::size_t> present;
+    for (const FittedLaw& law : fit.laws) present.push_back(law.hypothesis);
+    const Eigen::MatrixXd columns = design(present);
+    Eigen::MatrixXd right(kSamples, 1 + null_draws);
+    right.col(0) = estimation_ - predict(fit, columns);
+    Random random(seed);
+    for (Eigen::Index k = kSamples; k < right.size(); ++k) right.data()[k] = random.normal();
+    const ScoreTest test({columns.transpose() * columns, columns.transpose() * right});
+    ScoreTable table;
+    table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
+    for (const std::size_t hypothesis : asked) {
+      const Eigen::VectorXd& own = columns_[hypothesis];
+      const CandidateProducts products{Eigen::MatrixXd::Constant(1, 1, own.squaredNorm()),
+                                       own.transpose() * columns, own.transpose() * right};
+      HypothesisScore& score = table.scores.emplace_back();
+      score.score = test.score(products);
+      score.start = {hypothesis, {score.score.amplitudes(0)}};
+      score.amplitude = score.score.amplitudes(0);
+      score.amplitude_deviation = std::sqrt(score.score.amplitude_covariance(0, 0));
+      test.lower_minimum_p_values(products, table.null_minima);
+    }
+    return table;
+  }
+
+  [[nodiscard]] std::vector<MismatchCell> mismatch(const ExtendedFit& /*fit*/) const override {
+    return {};
+  }
+
+  [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
+    std::vector<std::size_t> present;
+    for (const FittedLaw& law : fit.laws) present.push_back(law.hypothesis);
+    return assess(held_out_ - predict(fit, design(present)), static_cast<double>(kSamples));
+  }
+
+ private:
+  template <typename Function>
+  void add(const std::string& place, const std::string& law, Function function) {
+    Eigen::VectorXd column(kSamples);
+    for (Eigen::Index i = 0; i < kSamples; ++i) column(i) = function(axis(i));
+    columns_.push_back(column);
+    hypotheses_.push_back({place, "{kind: element, mass: " + place + "}", law, {}});
+  }
+  [[nodiscard]] Eigen::MatrixXd design(const std::vector<std::size_t>& hypotheses) const {
+    Eigen::MatrixXd columns(kSamples, model_.cols() + static_cast<Eigen::Index>(hypotheses.size()));
+    columns.leftCols(model_.cols()) = model_;
+    for (std::size_t k = 0; k < hypotheses.size(); ++k) {
+      columns.col(model_.cols() + static_cast<Eigen::Index>(k)) = columns_[hypotheses[k]];
+    }
+    return columns;
+  }
+  [[nodiscard]] Eigen::VectorXd predict(const ExtendedFit& fit,
+                                        const Eigen::MatrixXd& columns) const {
+    Eigen::VectorXd parameters(columns.cols());
+    for (Eigen::Index i = 0; i < model_.cols(); ++i) {
+      parameters(i) = fit.model_parameters[static_cast<std::size_t>(i)].value;
+    }
+    for (std::size_t k = 0; k < fit.laws.size(); ++k) {
+      parameters(model_.cols() + static_cast<Eigen::Index>(k)) = fit.laws[k].parameters[0].value;
+    }
+    return columns * parameters;
+  }
+  [[nodiscard]] static Assessment assess(const Eigen::VectorXd& error, double degrees_of_freedom) {
+    Assessment result;
+    result.chi_square = error.squaredNorm();
+    result.degrees_of_freedom = degrees_of_freedom;
+    return result;
+  }
+
+  Eigen::MatrixXd model_;
+  std::vector<Hypothesis> hypotheses_;
+  std::vector<Eigen::VectorXd> columns_;
+  Eigen::VectorXd estimation_, held_out_;
+};
+
+Diagnosis diagnose_effect(RegressionProblem& problem, const Eigen::VectorXd& effect,
+                          std::uint64_t seed) {
+  Random random(seed);
+  problem.measure(effect, random);
+  SearchOptions options;
+  options.seed = seed + 1000;
+  return diagnose(problem, options);
+}
+
+// The amplitude of standard deviation `deviations` times the estimate's.
+Eigen::VectorXd scaled_effect(const RegressionProblem& problem, const std::string& law,
+                              double deviations) {
+  const Eigen::VectorXd column = problem.column(problem.index_of(law));
+  return deviations / column.norm() * column;
+}
+
+TEST(DiagnosisSearch, FindsNothingWhereNothingIsMissingAtTheStatedLevel) {
+  RegressionProblem problem;
+  constexpr int cases = 400;
+  int alarms = 0;
+  for (std::uint64_t i = 0; i < cases; ++i) {
+    const Diagnosis diagnosis = diagnose_effect(problem, Eigen::VectorXd::Zero(kSamples), 7 + i);
+    EXPECT_EQ(diagnosis.verdict == Verdict::kNone, !diagnosis.detection.detected);
+    alarms += diagnosis.detection.detected ? 1 : 0;
+  }
+  // 5 %, but where both tests reject together; four standard deviations either way.
+  EXPECT_NEAR(alarms / static_cast<double>(cases), 0.047, 4.0 * std::sqrt(0.05 * 0.95 / cases));
+}
+
+TEST(DiagnosisSearch, NamesOneEffectAndEstimatesIt) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "harmonic_5", 9.0);
+  int right = 0;
+  int covered = 0;
+  constexpr int cases = 60;
+  for (std::uint64_t i = 0; i < cases; ++i) {
+    const Diagnosis diagnosis = diagnose_effect(problem, effect, 100 + i);
+    if (diagnosis.verdict != Verdict::kExplained || diagnosis.effects.size() != 1) continue;
+    const FittedLaw& law = diagnosis.effects[0].law;
+    if (law.hypothesis != problem.index_of("harmonic_5")) continue;
+    ++right;
+    const double truth = 9.0 / problem.column(law.hypothesis).norm();
+    const LawParameterEstimate& estimate = law.parameters[0];
+    covered += std::abs(estimate.value - truth) < 3.0 * estimate.standard_error ? 1 : 0;
+    EXPECT_GT(diagnosis.effects[0].bic_difference, 10.0);
+    EXPECT_GT(diagnosis.effects[0].explained_share, 0.5);
+  }
+  EXPECT_GE(right, 57);
+  EXPECT_GE(covered, right - 2);
+}
+
+TEST(DiagnosisSearch, FindsTwoEffectsOneAfterTheOther) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect =
+      scaled_effect(problem, "harmonic_3", 14.0) + scaled_effect(problem, "harmonic_8", 10.0);
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 5);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+  ASSERT_EQ(diagnosis.effects.size(), 2U);
+  EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("harmonic_3"));
+  EXPECT_EQ(diagnosis.effects[1].law.hypothesis, problem.index_of("harmonic_8"));
+}
+
+TEST(DiagnosisSearch, CallsTwinsAmbiguous) {
+  RegressionProblem problem;
+  const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, "step", 12.0), 3);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kAmbiguous);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  ASSERT_EQ(diagnosis.effects[0].rivals.size(), 1U);
+}
+
+TEST(DiagnosisSearch, ALawThatOnlyGeneralisesTheBestIsNoRival) {
+  RegressionProblem problem;
+  problem.generalise("slanted_step", "step");
+  problem.generalise("step", "slanted_step");
+  const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, "step", 12.0), 3);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+}
+
+TEST(DiagnosisSearch, SaysUnknownWhereNoHypothesisExplains) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "harmonic_6", 30.0);
+  problem.remove("harmonic_6");
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 11);
+  EXPECT_TRUE(diagnosis.detection.detected);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  EXPECT_FALSE(diagnosis.verified);
+}
+
+TEST(DiagnosisSearch, AHypothesisThatTheModelImitatesCanNotBeSeen) {
+  RegressionProblem problem;
+  const Diagnosis diagnosis = diagnose_effect(problem, Eigen::VectorXd::Zero(kSamples), 2);
+  for (const DetectableEffect& effect : diagnosis.detectable) {
+    EXPECT_EQ(std::isinf(effect.amplitude), effect.hypothesis == problem.index_of("parabola"));
+  }
+}
+
+TEST(DiagnosisSearch, TheSmallestDetectableEffectIsFoundWithThePowerStated) {
+  RegressionProblem problem;
+  const Diagnosis quiet = diagnose_effect(problem, Eigen::VectorXd::Zero(kSamples), 2);
+  double amplitude = 0.0;
+  for (const DetectableEffect& effect : quiet.detectable) {
+    if (effect.hypothesis == problem.index_of("harmonic_4")) amplitude = effect.amplitude;
+  }
+  const Eigen::VectorXd effect = amplitude * problem.column(problem.index_of("harmonic_4"));
+  constexpr int cases = 200;
+  int found = 0;
+  for (std::uint64_t i = 0; i < cases; ++i) {
+    found += diagnose_effect(problem, effect, 3000 + i).detection.detected ? 1 : 0;
+  }
+  // The overall chi-square only adds to the power of the score test alone.
+  EXPECT_GT(found / static_cast<double>(cases), 0.9 - 4.0 * std::sqrt(0.09 / cases));
+  EXPECT_LT(found, cases);
+}
+
+TEST(DiagnosisSearch, StopsWhenAskedAndSaysSo) {
+  RegressionProblem problem;
+  Random random(4);
+  problem.measure(scaled_effect(problem, "harmonic_5", 20.0), random);
+  SearchOptions options;
+  options.proceed = [](const std::string& step) { return step.rfind("refitting", 0) != 0; };
+  const Diagnosis diagnosis = diagnose(problem, options);
+  EXPECT_TRUE(diagnosis.interrupted);
+  EXPECT_TRUE(diagnosis.detection.detected);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+}
+
+TEST(ScoreTest, DoesNotDependOnTheUnitsOfParametersAndAmplitudes) {
+  Random random(8);
+  Eigen::MatrixXd all(60, 8);  // 4 parameters, 2 amplitudes, residual, one draw
+  for (double& value : all.reshaped()) value = random.normal();
+  const auto products = [&](double unit, double other) {
+    Eigen::MatrixXd model = all.leftCols(4);
+    Eigen::MatrixXd own = all.middleCols(4, 2);
+    model.col(1) *= unit;
+    own.col(0) *= other;
+    const Eigen::MatrixXd right = all.rightCols(2);
+    const ScoreTest test({model.transpose() * model, model.transpose() * right});
+    return test.score({own.transpose() * own, own.transpose() * model, own.transpose() * right});
+  };
+  const CandidateScore plain = products(1.0, 1.0);
+  const CandidateScore scaled = products(1e7, 1e-6);
+  EXPECT_NEAR(scaled.statistic, plain.statistic, 1e-9 * plain.statistic);
+  EXPECT_NEAR(scaled.amplitudes(0), 1e6 * plain.amplitudes(0),
+              1e-3 * std::abs(plain.amplitudes(0)));
+  // Least squares with and without the two columns, by brute force.
+  Eigen::MatrixXd joint = all.leftCols(6);
+  const Eigen::VectorXd right = all.col(6);
+  const auto rest = [&](const Eigen::MatrixXd& columns) {
+    return (right - columns * columns.householderQr().solve(right)).squaredNorm();
+  };
+  // The residual is not at the optimum of the four, which the score test corrects to first order.
+  EXPECT_NEAR(plain.statistic, rest(all.leftCols(4)) - rest(joint), 1e-9);
+}
+
+TEST(ScoreTest, CanonicalCorrelationIsOneForTwinsAndZeroForStrangers) {
+  Random random(9);
+  Eigen::MatrixXd model(40, 2), own(40, 2);
+  for (double& value : model.reshaped()) value = random.normal();
+  for (double& value : own.reshaped()) value = random.normal();
+  const Eigen::MatrixXd none(2, 1);
+  const NuisanceProducts nuisance{model.transpose() * model, Eigen::MatrixXd::Zero(2, 1)};
+  const auto products = [&](const Eigen::MatrixXd& columns) {
+    return CandidateProducts{columns.transpose() * columns, columns.transpose() * model,
+                             Eigen::MatrixXd::Zero(columns.cols(), 1)};
+  };
+  // A twin up to what the parameters can imitate.
+  const Eigen::MatrixXd twin = 3.0 * own.col(0) + 7.0 * model.col(1);
+  const Eigen::MatrixXd first = own.col(0);
+  EXPECT_NEAR(canonical_correlation_squared(nuisance, products(first), products(twin),
+                                            first.transpose() * twin),
+              1.0, 1e-9);
+  const Eigen::HouseholderQR<Eigen::MatrixXd> factor(
+      (Eigen::MatrixXd(40, 3) << model, first).finished());
+  const Eigen::MatrixXd basis = factor.householderQ() * Eigen::MatrixXd::Identity(40, 5);
+  const Eigen::MatrixXd stranger = basis.col(4);
+  EXPECT_NEAR(canonical_correlation_squared(nuisance, products(first), products(stranger),
+                                            first.transpose() * stranger),
+              0.0, 1e-12);
+}
+
+TEST(ScoreTest, FamilyThresholdIsMetInTheMean) {
+  Random random(10);
+  int below = 0;
+  const int repeats = 4000;
+  for (int i = 0; i < repeats; ++i) {
+    std::vector<double> minima(39);
+    for (double& value : minima) value = random.uniform();
+    below += random.uniform() < family_threshold(minima, 0.05) ? 1 : 0;
+  }
+  EXPECT_NEAR(below / static_cast<double>(repeats), 0.05, 4.0 * std::sqrt(0.0475 / repeats));
+  EXPECT_THROW((void)family_threshold(std::vector<double>(10, 0.5), 0.05), InputError);
+}
+
+TEST(ScoreTest, RefusesProductsThatDoNotBelongTogether) {
+  const ScoreTest test({Eigen::MatrixXd::Identity(2, 2), Eigen::MatrixXd::Zero(2, 1)});
+  EXPECT_THROW((void)test.score({Eigen::MatrixXd::Identity(1, 1), Eigen::MatrixXd::Zero(1, 3),
+                                 Eigen::MatrixXd::Zero(1, 1)}),
+               InputError);
+}
+
+TEST(PracticalSize, LetsPassWhatIsSmallerThanTheTolerance) {
+  Assessment assessment;
+  assessment.degrees_of_freedom = 1e5;
+  assessment.chi_square = 1.03e5;  // rejected beyond doubt by the plain test
+  EXPECT_LT(chi_square_tail(assessment.chi_square, assessment.degrees_of_freedom), 1e-9);
+  EXPECT_GT(practical_size_p_value(assessment, 0.05), 0.5);
+  assessment.chi_square = 1.1e5;
+  EXPECT_LT(practical_size_p_value(assessment, 0.05), 1e-9);
+}
+
+}  // namespace
+}  // namespace graybox
