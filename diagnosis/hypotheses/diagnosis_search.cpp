@@ -76,6 +76,7 @@ class Search {
       return false;
     }
     result_.mismatch_before = problem_.mismatch(result_.before);
+    result_.curves_before = problem_.residual_curves(result_.before);
     result_.validation_before = problem_.validate(result_.before);
     return true;
   }
@@ -281,6 +282,8 @@ class Search {
   void verify() {
     result_.validation_after = problem_.validate(result_.after);
     result_.mismatch_after = problem_.mismatch(result_.after);
+    result_.curves_after = problem_.residual_curves(result_.after);
+    if (!result_.after.laws.empty()) result_.pictures = problem_.force_pictures(result_.after);
     const Assessment& judged =
         result_.validation_after ? *result_.validation_after : result_.after.estimation;
     if (!problem_.noise_is_known()) return;

@@ -97,6 +97,8 @@ struct Diagnosis {
   std::vector<DetectableEffect> detectable;  // in the light of the first fit
   std::vector<HypothesisScore> ranking;      // of the first fit, best first
   std::vector<MismatchCell> mismatch_before, mismatch_after;
+  std::vector<ResidualCurve> curves_before, curves_after;
+  std::vector<ForcePicture> pictures;  // of the effects, in their order
 };
 
 [[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});

@@ -95,6 +95,25 @@ struct MismatchCell {
   double degrees_of_freedom = 0.0;
 };
 
+// The picture of a law: the force that the data ask for at a place, against the motion there, sample
+// by sample, beside what the fitted law gives for the same motion.
+struct ForcePicture {
+  std::size_t hypothesis = 0;
+  std::string deflection_unit, rate_unit, force_unit;
+  std::vector<double> deflection, rate, force, law_force;
+};
+
+// What was measured, what the model leaves and the noise in it (rms), along frequency or time, of one
+// channel in one experiment.
+struct ResidualCurve {
+  std::string channel, unit;
+  std::string experiment;  // in words: position, level
+  bool over_time = false;
+  bool held_out = false;
+  std::vector<double> axis;                       // Hz or s
+  std::vector<double> measured, residual, noise;  // noise may be empty
+};
+
 class MismatchProblem {
  public:
   virtual ~MismatchProblem() = default;
@@ -114,6 +133,16 @@ class MismatchProblem {
   [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
   // On recordings kept out of the fit; none if there are none.
   [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
+
+  // For the report; empty where there is nothing to show. One picture a law of the fit, in its order.
+  [[nodiscard]] virtual std::vector<ForcePicture> force_pictures(const ExtendedFit& /*fit*/) const {
+    return {};
+  }
+  // A few of each kind: the worst channels first.
+  [[nodiscard]] virtual std::vector<ResidualCurve> residual_curves(
+      const ExtendedFit& /*fit*/) const {
+    return {};
+  }
 };
 
 }  // namespace graybox
