@@ -43,6 +43,7 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_NEAR(static_force("ripple", {2.0, 0.5, 0.0}, 0.125), 2.0, 1e-14);
   EXPECT_DOUBLE_EQ(static_force("viscous", {2.0}, 1.0, 3.0), 6.0);
   EXPECT_DOUBLE_EQ(static_force("quadratic_drag", {2.0}, 0.0, -3.0), -18.0);
+  EXPECT_DOUBLE_EQ(static_force("deflection_damping", {2.0}, 0.5, -3.0), -1.5);
   EXPECT_NEAR(static_force("coulomb", {5.0, 1e-3}, 0.0, -1.0), -5.0, 1e-12);
   EXPECT_NEAR(static_force("asymmetric_coulomb", {5.0, 3.0, 1e-3}, 0.0, 1.0), 5.0, 1e-12);
   EXPECT_NEAR(static_force("asymmetric_coulomb", {5.0, 3.0, 1e-3}, 0.0, -1.0), -3.0, 1e-12);
@@ -132,6 +133,7 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
            {"asymmetric_coulomb", {10.0, 6.0, 0.05}},
            {"stribeck", {10.0, 14.0, 0.5, 0.05}},
            {"quadratic_drag", {3.0}},
+           {"deflection_damping", {100.0}},
            {"dahl", {200.0, 10.0}},
            {"lugre", {200.0, 1.0, 0.5, 10.0, 14.0, 0.5}},
            {"bouc_wen", {200.0, 0.05, 1.5, 0.6}},
@@ -144,6 +146,49 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
   EXPECT_NEAR(work_of_a_cycle(*law("lugre", {4000.0, 0.0, 0.0, 10.0, 10.0, 1.0}), 0.3, 1.0), 12.0,
               0.15);
   EXPECT_NEAR(work_of_a_cycle(*law("bouc_wen", {4000.0, 0.0025, 2.0, 0.5}), 0.3, 1.0), 12.0, 0.15);
+}
+
+// Derivatives by deflection, rate, states and parameters against central differences, away from kinks.
+TEST(Laws, DerivativesAreThoseOfTheFormulas) {
+  for (const LawEntry& entry : law_catalogue()) {
+    if (!entry.make) continue;
+    std::vector<double> arguments{0.37, 0.61};  // z, z', states, parameters
+    const std::size_t states =
+        entry.make(std::vector<double>(entry.parameters.size(), 0.5))->state_count();
+    for (std::size_t i = 0; i < states; ++i)
+      arguments.push_back(0.13 + 0.1 * static_cast<double>(i));
+    for (std::size_t i = 0; i < entry.parameters.size(); ++i) {
+      arguments.push_back(0.45 + 0.07 * static_cast<double>(i));
+    }
+    // The force, then the rates of the states.
+    const auto values = [&](const std::vector<double>& at) {
+      const std::span<const double> all(at);
+      const auto made = entry.make(all.subspan(2 + states));
+      std::vector<double> result(1 + states);
+      result[0] = made->force(at[0], at[1], all.subspan(2, states));
+      made->state_rate(at[0], at[1], all.subspan(2, states), std::span(result).subspan(1));
+      return result;
+    };
+    const std::span<const double> all(arguments);
+    LawDerivatives found;
+    entry.make(all.subspan(2 + states))
+        ->differentiate(arguments[0], arguments[1], all.subspan(2, states), found);
+    for (std::size_t i = 0; i < arguments.size(); ++i) {
+      std::vector<double> up = arguments, down = arguments;
+      up[i] += 1e-6;
+      down[i] -= 1e-6;
+      for (std::size_t f = 0; f <= states; ++f) {
+        const LawDerivative& derivative = f == 0 ? found.force : found.state_rate.at(f - 1);
+        const double slope = i == 0           ? derivative.by_deflection
+                             : i == 1         ? derivative.by_rate
+                             : i < 2 + states ? derivative.by_state.at(i - 2)
+                                              : derivative.by_parameter.at(i - 2 - states);
+        EXPECT_NEAR(slope, (values(up)[f] - values(down)[f]) / 2e-6, 1e-7 * (1.0 + std::abs(slope)))
+            << entry.name << " " << i << " " << f;
+        EXPECT_DOUBLE_EQ(derivative.value, values(arguments)[f]) << entry.name;
+      }
+    }
+  }
 }
 
 TEST(Laws, EveryEntryIsComplete) {

@@ -1,8 +1,11 @@
 #include "graybox/diagnosis/simulation/plant.hpp"
 
+#include <fmt/format.h>
+
 #include "graybox/diagnosis/simulation/exact_plant.hpp"
 #include "graybox/diagnosis/simulation/integrated_plant.hpp"
 #include "graybox/diagnosis/simulation/mechanism.hpp"
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
@@ -13,6 +16,23 @@ Eigen::VectorXd static_force(const ElementDynamics& elements, const Eigen::Vecto
   Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(q.size(), q.size());
   elements.add_static_force(q, force, slope);
   return force;
+}
+
+// A sampled plant is driven by forces and measured in positions and velocities.
+void require_simulable(const LumpedModel& model) {
+  if (model.has_imposed_motion()) {
+    throw InputError(fmt::format(
+        "{}: inputs: a simulated plant is driven by forces, but a motion is imposed", model.name));
+  }
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    using enum LumpedOutput::Quantity;
+    const auto quantity = model.outputs[j].quantity;
+    if (quantity == kPosition || quantity == kVelocity) continue;
+    throw InputError(
+        fmt::format("{}: outputs: a simulated plant measures position and velocity, but '{}' is "
+                    "another quantity",
+                    model.name, model.output_names[j]));
+  }
 }
 
 }  // namespace
@@ -49,6 +69,7 @@ std::unique_ptr<Plant> robot_plant(const RobotModel& robot, const std::vector<El
 }
 
 std::unique_ptr<Plant> lumped_plant(const LumpedModel& model, const IntegratorOptions& options) {
+  require_simulable(model);
   const Eigen::Index n = model.mass.rows(), inputs = model.input.cols();
   const LinearMotion motion{model.mass,
                             model.damping,

@@ -59,7 +59,7 @@ double read_parameter(const YamlField& field, const LawParameter& parameter,
   if (!field.is_mapping()) {
     field.fail(fmt::format("needs a value and its unit: {{value: ..., unit: {}}}", expected));
   }
-  field.allow_keys({"value", "unit"});
+  field.allow_keys({"value", "unit", "fixed"});
   const YamlField unit = field.at("unit");
   if (unit.text() != expected) {
     unit.fail(fmt::format("is '{}', must be '{}'", unit.text(), expected));
@@ -92,11 +92,18 @@ Element read_element(const YamlField& field, const Places& places) {
   element.law_name = entry.name;
   element.use = entry.use;
   element.parameters = read_parameters(field.at("parameters"), entry, element.location.units);
+  for (const LawParameter& parameter : entry.parameters) {
+    element.fixed.push_back(read_fixed(field.at("parameters").at(parameter.name)));
+  }
   if (entry.make) element.law = entry.make(element.parameters);
   return element;
 }
 
 }  // namespace
+
+bool read_fixed(const YamlField& parameter) {
+  return parameter.has("fixed") && parameter.at("fixed").choice({"true", "false"}) == "true";
+}
 
 std::vector<Element> read_elements(const YamlField& list, const Places& places) {
   std::vector<Element> elements;

@@ -5,7 +5,7 @@
 //     law: backlash
 //     parameters:
 //       half_gap: {value: 1e-5, unit: rad}
-//       stiffness: {value: 3.07e6, unit: N m/rad}
+//       stiffness: {value: 3.07e6, unit: N m/rad, fixed: true}    # fits leave it as it is
 //
 // kind: element. A force law acts on the coordinates q by the force -b_out f(z, z', x) with
 // z = b_in^T q; b_in = b_out unless the location says what drives it (cross-coupling, transmission
@@ -49,6 +49,7 @@ struct Element {
   std::string law_name;
   LawUse use = LawUse::kForce;
   std::vector<double> parameters;  // in the order of the catalogue
+  std::vector<bool> fixed;         // of each: stated as `fixed: true`, so that no fit changes it
   std::shared_ptr<const Law> law;  // null for inertia, delay and payload
 };
 
@@ -63,6 +64,9 @@ class Places {
 // `list`: the value of the key `elements`. Throws InputError of one line for whatever is wrong:
 // unknown law, place or parameter, a missing or wrong unit, a value out of range, two of one name.
 [[nodiscard]] std::vector<Element> read_elements(const YamlField& list, const Places& places);
+
+// Whether {value: ..., fixed: true} says so.
+[[nodiscard]] bool read_fixed(const YamlField& parameter);
 
 // The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}.
 [[nodiscard]] std::vector<Element> read_physics(const std::filesystem::path& file,

@@ -1,72 +1,70 @@
-// Laws of the rate alone: friction and drag. They take energy: f z' >= 0.
+// Laws that brake: friction and drag. They take energy: f z' >= 0.
 //
 // A friction that jumps at z' = 0 has no unique motion there; it is replaced by tanh(z'/v_t), whose
 // transition velocity v_t is a parameter: small against the velocities of interest, and no smaller
 // than needed, for the integrator's steps shrink with it.
 #include <cmath>
 
+#include "graybox/problems/elements/formula_law.hpp"
 #include "graybox/problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {
 
-class Viscous final : public Law {
- public:
-  explicit Viscous(std::span<const double> p) : damping_(p[0]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return damping_ * rate;
+struct Viscous {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    return p[0] * rate;
   }
-
- private:
-  double damping_;
 };
 
-class Coulomb final : public Law {
- public:
-  explicit Coulomb(std::span<const double> p) : level_(p[0]), transition_(p[1]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return level_ * std::tanh(rate / transition_);
+struct Coulomb {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    using std::tanh;
+    return p[0] * tanh(rate / p[1]);
   }
-
- private:
-  double level_, transition_;
 };
 
-class AsymmetricCoulomb final : public Law {
- public:
-  explicit AsymmetricCoulomb(std::span<const double> p)
-      : forward_(p[0]), backward_(p[1]), transition_(p[2]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return (rate > 0.0 ? forward_ : backward_) * std::tanh(rate / transition_);
+// p: forward, backward, v_t.
+struct AsymmetricCoulomb {
+  static constexpr int kParameters = 3, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    using std::tanh;
+    return (rate > 0.0 ? p[0] : p[1]) * tanh(rate / p[2]);
   }
-
- private:
-  double forward_, backward_, transition_;
 };
 
 // Stribeck 1902, in the form of Armstrong-Helouvry, Dupont and Canudas de Wit 1994.
-class Stribeck final : public Law {
- public:
-  explicit Stribeck(std::span<const double> p)
-      : level_(p[0]), static_level_(p[1]), velocity_(p[2]), transition_(p[3]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    const double slow = std::exp(-(rate / velocity_) * (rate / velocity_));
-    return (level_ + (static_level_ - level_) * slow) * std::tanh(rate / transition_);
+struct Stribeck {
+  static constexpr int kParameters = 4, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    using std::exp;
+    using std::tanh;
+    const T slow = exp(-(rate / p[2]) * (rate / p[2]));
+    return (p[0] + (p[1] - p[0]) * slow) * tanh(rate / p[3]);
   }
-
- private:
-  double level_, static_level_, velocity_, transition_;
 };
 
-class QuadraticDrag final : public Law {
- public:
-  explicit QuadraticDrag(std::span<const double> p) : coefficient_(p[0]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return coefficient_ * std::abs(rate) * rate;
+struct QuadraticDrag {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    using std::abs;
+    return p[0] * abs(rate) * rate;
   }
+};
 
- private:
-  double coefficient_;
+struct DeflectionDamping {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T& rate, const T*) {
+    return p[0] * z * z * rate;
+  }
 };
 
 }  // namespace
@@ -105,6 +103,11 @@ std::vector<LawEntry> friction_laws() {
        kForce,
        {{"coefficient", "F s^2/x^2", kNonNegative}},
        make_law<QuadraticDrag>},
+      {"deflection_damping",
+       "damping that grows with the deflection: f = c z^2 z'",
+       kForce,
+       {{"coefficient", "F s/x^3", kNonNegative}},
+       make_law<DeflectionDamping>},
   };
 }
 

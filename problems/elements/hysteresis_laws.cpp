@@ -2,103 +2,85 @@
 #include <cmath>
 #include <numbers>
 
+#include "graybox/problems/elements/formula_law.hpp"
 #include "graybox/problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {
 
-// Dahl 1968: f = s x, x' = z' - s |z'| x / F_c; |f| stays below F_c.
-class Dahl final : public Law {
- public:
-  explicit Dahl(std::span<const double> p) : stiffness_(p[0]), level_(p[1]) {}
-  [[nodiscard]] std::size_t state_count() const override { return 1; }
-  [[nodiscard]] double force(double, double, std::span<const double> state) const override {
-    return stiffness_ * state[0];
+// Dahl 1968: f = s x, x' = z' - s |z'| x / F_c; |f| stays below F_c. p: s, F_c.
+struct Dahl {
+  static constexpr int kParameters = 2, kStates = 1;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T* x) {
+    return p[0] * x[0];
   }
-  void state_rate(double, double rate, std::span<const double> state,
-                  std::span<double> state_rate) const override {
-    state_rate[0] = rate - stiffness_ * std::abs(rate) * state[0] / level_;
+  template <typename T>
+  static void state_rate(const T* p, const T&, const T& rate, const T* x, T* change) {
+    using std::abs;
+    change[0] = rate - p[0] * abs(rate) * x[0] / p[1];
   }
-
- private:
-  double stiffness_, level_;
 };
 
 // Canudas de Wit, Olsson, Astrom and Lischinsky 1995: bristles of deflection x,
 //   x' = z' - s_0 |z'| x / g,  g = F_c + (F_s - F_c) exp(-(z'/v_s)^2),  f = s_0 x + s_1 x' + s_2 z'.
-class LuGre final : public Law {
- public:
-  explicit LuGre(std::span<const double> p)
-      : stiffness_(p[0]),
-        bristle_damping_(p[1]),
-        damping_(p[2]),
-        level_(p[3]),
-        static_level_(p[4]),
-        velocity_(p[5]) {}
-  [[nodiscard]] std::size_t state_count() const override { return 1; }
-  [[nodiscard]] double force(double, double rate, std::span<const double> state) const override {
-    return stiffness_ * state[0] + bristle_damping_ * bristle_rate(rate, state[0]) +
-           damping_ * rate;
+// p: s_0, s_1, s_2, F_c, F_s, v_s.
+struct LuGre {
+  static constexpr int kParameters = 6, kStates = 1;
+  template <typename T>
+  static T force(const T* p, const T& z, const T& rate, const T* x) {
+    T bristle_rate;
+    state_rate(p, z, rate, x, &bristle_rate);
+    return p[0] * x[0] + p[1] * bristle_rate + p[2] * rate;
   }
-  void state_rate(double, double rate, std::span<const double> state,
-                  std::span<double> state_rate) const override {
-    state_rate[0] = bristle_rate(rate, state[0]);
+  template <typename T>
+  static void state_rate(const T* p, const T&, const T& rate, const T* x, T* change) {
+    using std::abs;
+    using std::exp;
+    const T slow = exp(-(rate / p[5]) * (rate / p[5]));
+    const T level = p[3] + (p[4] - p[3]) * slow;
+    change[0] = rate - p[0] * abs(rate) * x[0] / level;
   }
-
- private:
-  [[nodiscard]] double bristle_rate(double rate, double bristle) const {
-    const double slow = std::exp(-(rate / velocity_) * (rate / velocity_));
-    const double level = level_ + (static_level_ - level_) * slow;
-    return rate - stiffness_ * std::abs(rate) * bristle / level;
-  }
-
-  double stiffness_, bristle_damping_, damping_, level_, static_level_, velocity_;
 };
 
 // Bouc 1967, Wen 1976, normalised (Ismail, Ikhouane and Rodellar 2009): f = k x, yield at |x| = x_y,
 //   x' = z' (1 - |x/x_y|^n (beta sign(z' x) + 1 - beta)).
-class BoucWen final : public Law {
- public:
-  explicit BoucWen(std::span<const double> p)
-      : stiffness_(p[0]), yield_(p[1]), exponent_(p[2]), shape_(p[3]) {}
-  [[nodiscard]] std::size_t state_count() const override { return 1; }
-  [[nodiscard]] double force(double, double, std::span<const double> state) const override {
-    return stiffness_ * state[0];
+// p: k, x_y, n, beta.
+struct BoucWen {
+  static constexpr int kParameters = 4, kStates = 1;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T* x) {
+    return p[0] * x[0];
   }
-  void state_rate(double, double rate, std::span<const double> state,
-                  std::span<double> state_rate) const override {
-    const double direction = rate * state[0] > 0.0 ? 1.0 : -1.0;
-    const double used = std::pow(std::abs(state[0]) / yield_, exponent_);
-    state_rate[0] = rate * (1.0 - used * (shape_ * direction + 1.0 - shape_));
+  template <typename T>
+  static void state_rate(const T* p, const T&, const T& rate, const T* x, T* change) {
+    using std::abs;
+    using std::pow;
+    const double direction = rate * x[0] > 0.0 ? 1.0 : -1.0;
+    // At x = 0 the power has no derivative by n (and for n < 1 none by x): there it is left out.
+    const T used = x[0] == 0.0 ? T(0.0) : T(pow(abs(x[0]) / p[1], p[2]));
+    change[0] = rate * (1.0 - used * (p[3] * direction + 1.0 - p[3]));
   }
-
- private:
-  double stiffness_, yield_, exponent_, shape_;
 };
 
 // An inertia J on a spring and damper, hung on the place: J x'' = f, f = k (z - x) + d (z' - x').
-class Mode final : public Law {
- public:
-  explicit Mode(std::span<const double> p)
-      : inertia_(p[0]),
-        stiffness_(p[0] * std::pow(2.0 * std::numbers::pi * p[1], 2)),
-        damping_(2.0 * p[2] * p[0] * 2.0 * std::numbers::pi * p[1]) {}
-  [[nodiscard]] std::size_t state_count() const override { return 2; }
-  [[nodiscard]] double force(double z, double rate, std::span<const double> state) const override {
-    return stiffness_ * (z - state[0]) + damping_ * (rate - state[1]);
+// p: J, frequency, damping ratio.
+struct Mode {
+  static constexpr int kParameters = 3, kStates = 2;
+  template <typename T>
+  static T force(const T* p, const T& z, const T& rate, const T* x) {
+    const T w = 2.0 * std::numbers::pi * p[1];
+    return p[0] * w * (w * (z - x[0]) + 2.0 * p[2] * (rate - x[1]));
   }
-  void state_rate(double z, double rate, std::span<const double> state,
-                  std::span<double> state_rate) const override {
-    state_rate[0] = state[1];
-    state_rate[1] = force(z, rate, state) / inertia_;
+  template <typename T>
+  static void state_rate(const T* p, const T& z, const T& rate, const T* x, T* change) {
+    change[0] = x[1];
+    change[1] = force(p, z, rate, x) / p[0];
   }
-  void rest(double z, std::span<double> state) const override {
-    state[0] = z;
-    state[1] = 0.0;
+  static void rest(const double*, double z, double* x) {
+    x[0] = z;
+    x[1] = 0.0;
   }
-
- private:
-  double inertia_, stiffness_, damping_;
 };
 
 }  // namespace

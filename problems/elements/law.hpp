@@ -9,10 +9,28 @@
 // Laws are immutable and hold no state of their own: one law serves many threads.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
 
 namespace graybox {
+
+inline constexpr std::size_t kMaxLawStates = 2;
+inline constexpr std::size_t kMaxLawParameters = 6;
+
+// A value of a law and its partial derivatives by z, z', the states and the law's parameters.
+struct LawDerivative {
+  double value = 0.0;
+  double by_deflection = 0.0;
+  double by_rate = 0.0;
+  std::array<double, kMaxLawStates> by_state{};
+  std::array<double, kMaxLawParameters> by_parameter{};
+};
+
+struct LawDerivatives {
+  LawDerivative force;
+  std::array<LawDerivative, kMaxLawStates> state_rate;
+};
 
 class Law {
  public:
@@ -25,6 +43,10 @@ class Law {
                           std::span<double> /*state_rate*/) const {}
   // The states in which the law rests at z: x' = 0 where z' = 0, reached from x = 0 without motion.
   virtual void rest(double /*z*/, std::span<double> /*state*/) const {}
+  // f and g with their derivatives, exact (at a kink those of one side). Of the arrays only the
+  // entries of this law's states and parameters are written.
+  virtual void differentiate(double z, double rate, std::span<const double> state,
+                             LawDerivatives& result) const = 0;
 };
 
 }  // namespace graybox

@@ -1,18 +1,11 @@
 // The parts of the catalogue, one for each kind of law; for law_catalogue.cpp alone.
 #pragma once
 
-#include <memory>
-#include <span>
 #include <vector>
 
 #include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {
-
-template <typename Kind>
-std::shared_ptr<const Law> make_law(std::span<const double> parameters) {
-  return std::make_shared<const Kind>(parameters);
-}
 
 [[nodiscard]] std::vector<LawEntry> spring_laws();
 [[nodiscard]] std::vector<LawEntry> friction_laws();

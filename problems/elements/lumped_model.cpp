@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 
 #include "graybox/problems/error.hpp"
 
@@ -64,7 +65,7 @@ class LumpedPlaces : public Places {
     if (field.has("mass") + field.has("between") + field.has("deflection") != 1) {
       field.fail("needs one of mass, between and deflection");
     }
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(model_->mass.rows());
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(model_->masses.size());
     if (field.has("mass")) {
       b(mass(field.at("mass"))) = 1.0;
       name = field.at("mass").text();
@@ -98,19 +99,27 @@ class LumpedPlaces : public Places {
   PlaceUnits units_;
 };
 
-void read_masses(const YamlField& field, LumpedModel& model) {
+void read_masses(const YamlField& field, const PlaceUnits& units, LumpedModel& model) {
   std::vector<double> values;
-  for (const auto& [name, value] : field.entries()) {
+  const char* quantity = units.inertia == "kg" ? ".mass" : ".inertia";
+  for (const auto& [name, entry] : field.entries()) {
     if (std::ranges::find(model.mass_names, name) != model.mass_names.end()) {
-      value.fail("given twice");
+      entry.fail("given twice");
     }
+    if (entry.is_mapping()) entry.allow_keys({"value", "fixed"});
+    const YamlField value = entry.is_mapping() ? entry.at("value") : entry;
     model.mass_names.push_back(name);
-    values.push_back(value.positive());
+    values.push_back(value.non_negative());
+    if (values.back() > 0.0) {
+      model.parameters.push_back({name + quantity, units.inertia, values.back(),
+                                  ParameterRange::kPositive,
+                                  entry.is_mapping() && read_fixed(entry)});
+    }
   }
   if (values.empty()) field.fail("needs at least one mass");
   const auto n = static_cast<Eigen::Index>(values.size());
-  model.mass = Eigen::Map<const Eigen::VectorXd>(values.data(), n).asDiagonal();
-  model.damping = model.stiffness = Eigen::MatrixXd::Zero(n, n);
+  model.masses = Eigen::Map<const Eigen::VectorXd>(values.data(), n);
+  model.imposed.assign(values.size(), false);
 }
 
 // Names of channels become columns of files.
@@ -125,32 +134,139 @@ std::string channel_name(const YamlField& field, const LumpedModel& model) {
   return name;
 }
 
+LumpedInput::Kind input_kind(const YamlField& item) {
+  using enum LumpedInput::Kind;
+  const std::string kind =
+      item.has("quantity")
+          ? item.at("quantity").choice({"force", "position", "velocity", "acceleration"})
+          : "force";
+  return kind == "force"      ? kForce
+         : kind == "position" ? kPosition
+         : kind == "velocity" ? kVelocity
+                              : kAcceleration;
+}
+
+std::string unit_of(LumpedInput::Kind kind, const PlaceUnits& units) {
+  switch (kind) {
+    case LumpedInput::Kind::kForce:
+      return units.force;
+    case LumpedInput::Kind::kPosition:
+      return units.deflection;
+    case LumpedInput::Kind::kVelocity:
+      return units.deflection + "/s";
+    case LumpedInput::Kind::kAcceleration:
+      break;
+  }
+  return units.deflection + "/s^2";
+}
+
 void read_inputs(const YamlField& field, const PlaceUnits& units, LumpedModel& model) {
   const auto items = field.items();
   if (items.empty()) field.fail("needs at least one input");
-  model.input = Eigen::MatrixXd::Zero(model.mass.rows(), static_cast<Eigen::Index>(items.size()));
+  model.input = Eigen::MatrixXd::Zero(model.masses.size(), static_cast<Eigen::Index>(items.size()));
   for (const YamlField& item : items) {
-    item.allow_keys({"name", "mass"});
+    item.allow_keys({"name", "mass", "quantity"});
     const auto column = static_cast<Eigen::Index>(model.input_names.size());
     model.input_names.push_back(channel_name(item.at("name"), model));
-    model.input_units.push_back(units.force);
-    model.input(index_of(item.at("mass"), model.mass_names, "mass"), column) = 1.0;
+    const LumpedInput input{input_kind(item), index_of(item.at("mass"), model.mass_names, "mass")};
+    model.input_units.push_back(unit_of(input.kind, units));
+    if (input.kind == LumpedInput::Kind::kForce) model.input(input.mass, column) = 1.0;
+    if (input.kind == LumpedInput::Kind::kPosition) {
+      if (model.imposed[static_cast<std::size_t>(input.mass)]) item.fail("imposed twice");
+      model.imposed[static_cast<std::size_t>(input.mass)] = true;
+    }
+    model.inputs.push_back(input);
   }
 }
 
-void read_outputs(const YamlField& field, const PlaceUnits& units, LumpedModel& model) {
-  const auto items = field.items();
-  if (items.empty()) field.fail("needs at least one output");
-  const auto count = static_cast<Eigen::Index>(items.size());
-  model.position_output = model.velocity_output = Eigen::MatrixXd::Zero(count, model.mass.rows());
-  for (const YamlField& item : items) {
-    item.allow_keys({"name", "mass", "quantity"});
-    const auto row = static_cast<Eigen::Index>(model.output_names.size());
+// Rates of an imposed motion need the motion; a force on an imposed mass would change nothing.
+void check_imposed(const YamlField& inputs, const LumpedModel& model) {
+  const auto items = inputs.items();
+  for (std::size_t j = 0; j < items.size(); ++j) {
+    const bool imposed = model.imposed[static_cast<std::size_t>(model.inputs[j].mass)];
+    if (model.inputs[j].kind == LumpedInput::Kind::kForce && imposed) {
+      items[j].fail("acts on a mass whose motion is imposed");
+    }
+    if (model.inputs[j].kind != LumpedInput::Kind::kForce && !imposed) {
+      items[j].fail("needs an input for the position of the same mass, too");
+    }
+  }
+}
+
+LumpedOutput read_element_force(const YamlField& item, const LumpedModel& model) {
+  (void)item.at("quantity").choice({"force"});
+  const std::string name = item.at("element").text();
+  const auto found = std::ranges::find(model.parts, name, &Element::name);
+  if (found == model.parts.end()) item.at("element").fail(fmt::format("no element '{}'", name));
+  if (found->location.kind != LocationKind::kElement || found->use != LawUse::kForce) {
+    item.at("element").fail("has no force");
+  }
+  return {LumpedOutput::Quantity::kElementForce, 0,
+          static_cast<std::size_t>(found - model.parts.begin())};
+}
+
+LumpedOutput read_output(const YamlField& item, const LumpedModel& model) {
+  using enum LumpedOutput::Quantity;
+  if (item.has("element")) return read_element_force(item, model);
+  const std::string quantity =
+      item.at("quantity").choice({"velocity", "position", "acceleration", "force"});
+  LumpedOutput output;
+  output.mass = index_of(item.at("mass"), model.mass_names, "mass");
+  output.quantity = quantity == "velocity"       ? kVelocity
+                    : quantity == "position"     ? kPosition
+                    : quantity == "acceleration" ? kAcceleration
+                                                 : kForce;
+  if (output.quantity == kForce && !model.imposed[static_cast<std::size_t>(output.mass)]) {
+    item.fail(
+        "is the force that imposes a motion: give the mass's position as an input, or name an "
+        "element instead of the mass");
+  }
+  return output;
+}
+
+std::string unit_of(LumpedOutput::Quantity quantity, const PlaceUnits& units) {
+  switch (quantity) {
+    case LumpedOutput::Quantity::kPosition:
+      return units.deflection;
+    case LumpedOutput::Quantity::kVelocity:
+      return units.deflection + "/s";
+    case LumpedOutput::Quantity::kAcceleration:
+      return units.deflection + "/s^2";
+    case LumpedOutput::Quantity::kForce:
+    case LumpedOutput::Quantity::kElementForce:
+      break;
+  }
+  return units.force;
+}
+
+// Sensor elements name outputs, and outputs may name elements: names and units come first, what is
+// measured after the elements.
+void read_output_names(const YamlField& field, const PlaceUnits& units, LumpedModel& model) {
+  if (field.items().empty()) field.fail("needs at least one output");
+  for (const YamlField& item : field.items()) {
+    item.allow_keys({"name", "mass", "element", "quantity"});
     model.output_names.push_back(channel_name(item.at("name"), model));
-    const bool is_velocity = item.at("quantity").choice({"velocity", "position"}) == "velocity";
-    model.output_units.push_back(units.deflection + (is_velocity ? "/s" : ""));
-    (is_velocity ? model.velocity_output : model.position_output)(
-        row, index_of(item.at("mass"), model.mass_names, "mass")) = 1.0;
+    const std::string quantity =
+        item.at("quantity").choice({"velocity", "position", "acceleration", "force"});
+    using enum LumpedOutput::Quantity;
+    model.output_units.push_back(unit_of(quantity == "velocity"       ? kVelocity
+                                         : quantity == "position"     ? kPosition
+                                         : quantity == "acceleration" ? kAcceleration
+                                                                      : kForce,
+                                         units));
+  }
+}
+
+void read_outputs(const YamlField& field, LumpedModel& model) {
+  const auto items = field.items();
+  const auto count = static_cast<Eigen::Index>(items.size());
+  model.position_output = model.velocity_output = Eigen::MatrixXd::Zero(count, model.masses.size());
+  for (Eigen::Index row = 0; row < count; ++row) {
+    const LumpedOutput output = read_output(items[static_cast<std::size_t>(row)], model);
+    using enum LumpedOutput::Quantity;
+    if (output.quantity == kPosition) model.position_output(row, output.mass) = 1.0;
+    if (output.quantity == kVelocity) model.velocity_output(row, output.mass) = 1.0;
+    model.outputs.push_back(output);
   }
 }
 
@@ -164,8 +280,13 @@ void read_noise(const YamlField& field, LumpedModel& model) {
   }
 }
 
-void build_in(LumpedModel& model, std::vector<Element> elements) {
-  for (Element& element : elements) {
+// M, C and K from masses and linear elements; the others are kept.
+void build(LumpedModel& model) {
+  model.mass = model.masses.asDiagonal();
+  const auto n = model.masses.size();
+  model.damping = model.stiffness = Eigen::MatrixXd::Zero(n, n);
+  model.elements.clear();
+  for (const Element& element : model.parts) {
     const Location& place = element.location;
     const bool is_force = place.kind == LocationKind::kElement;
     if (element.use == LawUse::kInertia) {
@@ -175,29 +296,98 @@ void build_in(LumpedModel& model, std::vector<Element> elements) {
     } else if (is_force && element.law_name == "viscous") {
       model.damping += element.parameters[0] * place.output * place.input.transpose();
     } else {
-      model.elements.push_back(std::move(element));
+      model.elements.push_back(element);
     }
   }
 }
 
+bool moves_with_inertia(const LumpedModel& model) {
+  Eigen::MatrixXd free = model.mass;
+  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
+    if (!model.imposed[i]) continue;
+    const auto k = static_cast<Eigen::Index>(i);
+    free.row(k).setZero();
+    free.col(k).setZero();
+    free(k, k) = 1.0;
+  }
+  return Eigen::LLT<Eigen::MatrixXd>(free).info() == Eigen::Success;
+}
+
+const LawEntry& law_of(const Element& element) {
+  return *find_law(element.law_name, element.location.kind != LocationKind::kElement);
+}
+
+void add_parts(std::vector<Element> elements, LumpedModel& model) {
+  for (Element& element : elements) {
+    const LawEntry& law = law_of(element);
+    for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+      const LawParameter& parameter = law.parameters[i];
+      model.parameters.push_back({element.name + "." + parameter.name,
+                                  unit_at(parameter.unit, element.location.units),
+                                  element.parameters[i], parameter.range, element.fixed[i]});
+    }
+    model.parts.push_back(std::move(element));
+  }
+}
+
+// `parameters: [...]` names those that are not known.
+void read_free_parameters(const YamlField& field, LumpedModel& model) {
+  for (LumpedParameter& parameter : model.parameters) parameter.fixed = true;
+  for (const YamlField& item : field.items()) {
+    const std::string name = item.text();
+    const auto found = std::ranges::find(model.parameters, name, &LumpedParameter::name);
+    if (found == model.parameters.end()) {
+      std::vector<std::string> names;
+      for (const LumpedParameter& parameter : model.parameters) names.push_back(parameter.name);
+      item.fail(fmt::format("no parameter '{}'; there are {}", name, fmt::join(names, ", ")));
+    }
+    found->fixed = false;
+  }
+}
+
+bool is_within(double value, ParameterRange range) {
+  switch (range) {
+    case ParameterRange::kPositive:
+      return value > 0.0;
+    case ParameterRange::kNonNegative:
+      return value >= 0.0;
+    case ParameterRange::kUnitInterval:
+      return value >= 0.0 && value <= 1.0;
+    case ParameterRange::kAny:
+      break;
+  }
+  return std::isfinite(value);
+}
+
 }  // namespace
+
+bool LumpedModel::has_imposed_motion() const {
+  return std::ranges::find(imposed, true) != imposed.end();
+}
 
 LumpedModel load_lumped_model(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& physics) {
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-lumped/1"});
   root.allow_keys({"format", "sample_time", "motion", "masses", "elements", "inputs", "outputs",
-                   "noise", "controller"});
+                   "noise", "controller", "parameters"});
   const bool rotates = root.at("motion").choice({"rotation", "translation"}) == "rotation";
   const PlaceUnits units =
       rotates ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
   LumpedModel model;
   model.name = file.stem().string();
   model.sample_time = root.at("sample_time").positive();
-  read_masses(root.at("masses"), model);
+  read_masses(root.at("masses"), units, model);
   read_inputs(root.at("inputs"), units, model);
-  read_outputs(root.at("outputs"), units, model);
-  model.noise = Eigen::VectorXd::Zero(model.velocity_output.rows());
+  check_imposed(root.at("inputs"), model);
+  for (const auto& [name, value] : root.at("masses").entries()) {
+    const Eigen::Index mass = std::ranges::find(model.mass_names, name) - model.mass_names.begin();
+    if (model.masses(mass) == 0.0 && !model.imposed[static_cast<std::size_t>(mass)]) {
+      value.fail("must be positive, or its motion imposed by an input");
+    }
+  }
+  read_output_names(root.at("outputs"), units, model);
+  model.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(model.output_names.size()));
   if (root.has("noise")) read_noise(root.at("noise"), model);
   if (root.has("controller")) {
     const YamlField field = root.at("controller");
@@ -206,14 +396,39 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
     }
     model.controller = read_pi_controller(field, model.input_names.size());
   }
+  model.mass = Eigen::MatrixXd::Zero(model.masses.size(), model.masses.size());
   const LumpedPlaces places(model, units);
-  if (root.has("elements")) build_in(model, read_elements(root.at("elements"), places));
-  if (physics) build_in(model, read_physics(*physics, places));
-  if (Eigen::LLT<Eigen::MatrixXd>(model.mass).info() != Eigen::Success) {
+  if (root.has("elements")) add_parts(read_elements(root.at("elements"), places), model);
+  if (physics) add_parts(read_physics(*physics, places), model);
+  read_outputs(root.at("outputs"), model);
+  if (root.has("parameters")) read_free_parameters(root.at("parameters"), model);
+  build(model);
+  if (!moves_with_inertia(model)) {
     throw InputError(fmt::format("{}: elements: negative inertia leaves a mass none",
                                  physics.value_or(file).string()));
   }
   return model;
+}
+
+LumpedModel with_parameters(const LumpedModel& model, std::span<const double> values) {
+  LumpedModel changed = model;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!is_within(values[i], model.parameters[i].range)) {
+      throw InputError(fmt::format("{}: {} is out of range", model.parameters[i].name, values[i]));
+    }
+    changed.parameters[i].value = values[i];
+  }
+  std::size_t next = 0;
+  for (Eigen::Index i = 0; i < model.masses.size(); ++i) {
+    if (model.masses(i) != 0.0) changed.masses(i) = values[next++];
+  }
+  for (Element& element : changed.parts) {
+    for (double& parameter : element.parameters) parameter = values[next++];
+    const LawEntry& law = law_of(element);
+    if (law.make) element.law = law.make(element.parameters);
+  }
+  build(changed);
+  return changed;
 }
 
 }  // namespace graybox

@@ -27,14 +27,34 @@
 //                                            # the excitation is the input itself
 // Further places: {kind: element, deflection: {motor: 1, load: -50}} for z = motor - 50 load, a
 // `driven_by` with one of these three ways, {kind: actuator, input: torque}, {kind: sensor, output:
-// speed}. Everything starts at q = 0, at rest.
+// speed}. Simulations start at q = 0, at rest.
+//
+// Further outputs: {name: a, mass: load, quantity: acceleration}, {name: f, element: shaft, quantity:
+// force} (the force f of that element's law).
+//
+// Imposed motion: an input with a `quantity` prescribes how a mass moves, and the force that this
+// takes, (M q'' + C q' + K q - f) in its row, can be an output. Such a mass may be 0:
+//   inputs:
+//     - {name: displacement, mass: rod, quantity: position}
+//     - {name: rate, mass: rod, quantity: velocity}             # else the slope of the position
+//     - {name: a, mass: rod, quantity: acceleration}            # needed where M has entries for it
+//   outputs:
+//     - {name: force, mass: rod, quantity: force}
 //
 // Elements stiffness, viscous and inertia go into K, C and M; the others stay elements.
+//
+// Parameters: each mass ("motor.inertia" or "carriage.mass") and each parameter of an element
+// ("shaft.stiffness", by the element's name). A fit estimates all of them but those stated as
+// `fixed: true`, or just those of a list:
+//   masses: {motor: {value: 0.0021, fixed: true}, load: 0.035}
+//   parameters: [load.inertia, shaft.stiffness]                 # the others are known
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,6 +62,27 @@
 #include "graybox/problems/robot_model.hpp"
 
 namespace graybox {
+
+struct LumpedInput {
+  enum class Kind : std::int8_t { kForce, kPosition, kVelocity, kAcceleration };
+  Kind kind = Kind::kForce;
+  Eigen::Index mass = 0;
+};
+
+struct LumpedOutput {
+  enum class Quantity : std::int8_t { kPosition, kVelocity, kAcceleration, kForce, kElementForce };
+  Quantity quantity = Quantity::kPosition;
+  Eigen::Index mass = 0;
+  std::size_t part = 0;  // of kElementForce
+};
+
+struct LumpedParameter {
+  std::string name;
+  std::string unit;
+  double value = 0.0;
+  ParameterRange range = ParameterRange::kAny;
+  bool fixed = false;
+};
 
 struct LumpedModel {
   std::string name;  // of the file, without folder and ending
@@ -56,7 +97,20 @@ struct LumpedModel {
   Eigen::VectorXd noise;                   // standard deviation of each output
   std::optional<PiController> controller;  // as many inputs as outputs
   std::vector<Element> elements;           // those that are not in M, C, K
+
+  std::vector<LumpedInput> inputs;
+  std::vector<LumpedOutput> outputs;
+  std::vector<bool> imposed;                // of each mass
+  Eigen::VectorXd masses;                   // without elements
+  std::vector<Element> parts;               // all elements in the order of the files
+  std::vector<LumpedParameter> parameters;  // masses that are not 0, then those of each part
+
+  [[nodiscard]] bool has_imposed_motion() const;
 };
+
+// The same model with other values of `parameters`, one for each. Throws InputError for a value out
+// of its range.
+[[nodiscard]] LumpedModel with_parameters(const LumpedModel& model, std::span<const double> values);
 
 // `physics`: a graybox-physics/1 file with further elements. Throws InputError of one line for
 // whatever is wrong with a file.

@@ -1,71 +1,54 @@
 // Laws of actuators and sensors: the signal s becomes s + f(s).
-#include <algorithm>
-
+#include "graybox/problems/elements/formula_law.hpp"
 #include "graybox/problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {
 
-class GainError final : public Law {
- public:
-  explicit GainError(std::span<const double> p) : error_(p[0]) {}
-  [[nodiscard]] double force(double signal, double, std::span<const double>) const override {
-    return error_ * signal;
+struct GainError {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return p[0] * signal;
   }
-
- private:
-  double error_;
 };
 
-class SignalOffset final : public Law {
- public:
-  explicit SignalOffset(std::span<const double> p) : value_(p[0]) {}
-  [[nodiscard]] double force(double, double, std::span<const double>) const override {
-    return value_;
+struct SignalOffset {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T*) {
+    return p[0];
   }
-
- private:
-  double value_;
 };
 
-class Saturation final : public Law {
- public:
-  explicit Saturation(std::span<const double> p) : limit_(p[0]) {}
-  [[nodiscard]] double force(double signal, double, std::span<const double>) const override {
-    return std::clamp(signal, -limit_, limit_) - signal;
+struct Saturation {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return clip(signal, p[0]) - signal;
   }
-
- private:
-  double limit_;
 };
 
-class SignalDeadZone final : public Law {
- public:
-  explicit SignalDeadZone(std::span<const double> p) : half_width_(p[0]) {}
-  [[nodiscard]] double force(double signal, double, std::span<const double>) const override {
-    return -std::clamp(signal, -half_width_, half_width_);
+struct SignalDeadZone {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return -clip(signal, p[0]);
   }
-
- private:
-  double half_width_;
 };
 
 // s is replaced by x, x' = (s - x)/T.
-class Lag final : public Law {
- public:
-  explicit Lag(std::span<const double> p) : time_constant_(p[0]) {}
-  [[nodiscard]] std::size_t state_count() const override { return 1; }
-  [[nodiscard]] double force(double signal, double, std::span<const double> state) const override {
-    return state[0] - signal;
+struct Lag {
+  static constexpr int kParameters = 1, kStates = 1;
+  template <typename T>
+  static T force(const T*, const T& signal, const T&, const T* x) {
+    return x[0] - signal;
   }
-  void state_rate(double signal, double, std::span<const double> state,
-                  std::span<double> state_rate) const override {
-    state_rate[0] = (signal - state[0]) / time_constant_;
+  template <typename T>
+  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
+    change[0] = (signal - x[0]) / p[0];
   }
-  void rest(double signal, std::span<double> state) const override { state[0] = signal; }
-
- private:
-  double time_constant_;
+  static void rest(const double*, double signal, double* x) { x[0] = signal; }
 };
 
 }  // namespace

@@ -1,98 +1,79 @@
 // Laws of the deflection alone: springs, play, stops, ripple. They store energy and lose none.
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "graybox/problems/elements/formula_law.hpp"
 #include "graybox/problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {
 
-class Stiffness final : public Law {
- public:
-  explicit Stiffness(std::span<const double> p) : stiffness_(p[0]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    return stiffness_ * z;
+struct Stiffness {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    return p[0] * z;
   }
-
- private:
-  double stiffness_;
 };
 
-class CubicSpring final : public Law {
- public:
-  explicit CubicSpring(std::span<const double> p) : stiffness_(p[0]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    return stiffness_ * z * z * z;
+struct CubicSpring {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    return p[0] * z * z * z;
   }
-
- private:
-  double stiffness_;
 };
 
-// What turns a spring of this stiffness into one with play: -k z inside the gap.
-class Backlash final : public Law {
- public:
-  explicit Backlash(std::span<const double> p) : half_gap_(p[0]), stiffness_(p[1]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    return -stiffness_ * std::clamp(z, -half_gap_, half_gap_);
+// What turns a spring of this stiffness into one with play: -k z inside the gap. p: half gap, k.
+struct Backlash {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    return -p[1] * clip(z, p[0]);
   }
-
- private:
-  double half_gap_, stiffness_;
 };
 
-class DeadZoneSpring final : public Law {
- public:
-  explicit DeadZoneSpring(std::span<const double> p) : clearance_(p[0]), stiffness_(p[1]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    return stiffness_ * (z - std::clamp(z, -clearance_, clearance_));
+struct DeadZoneSpring {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    return p[1] * (z - clip(z, p[0]));
   }
-
- private:
-  double clearance_, stiffness_;
 };
 
-class Ripple final : public Law {
- public:
-  explicit Ripple(std::span<const double> p)
-      : amplitude_(p[0]), wave_number_(2.0 * std::numbers::pi / p[1]), phase_(p[2]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    return amplitude_ * std::sin(wave_number_ * z + phase_);
+struct Ripple {
+  static constexpr int kParameters = 3, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    using std::sin;
+    return p[0] * sin(2.0 * std::numbers::pi * z / p[1] + p[2]);
   }
-
- private:
-  double amplitude_, wave_number_, phase_;
 };
 
 // A straight spring from an anchor at distance a of the axis to a lever of length b. With phi the
 // angle between the two, its length is l = sqrt(a^2 + b^2 - 2 a b cos phi) and its torque about the
-// axis (k (l - l_0)) dl/dphi, dl/dphi = a b sin(phi) / l.
-class Balancer final : public Law {
- public:
-  explicit Balancer(std::span<const double> p)
-      : stiffness_(p[0]), free_length_(p[1]), anchor_(p[2]), lever_(p[3]), angle_(p[4]) {}
-  [[nodiscard]] double force(double z, double, std::span<const double>) const override {
-    const double phi = z - angle_;
-    const double length =
-        std::sqrt(anchor_ * anchor_ + lever_ * lever_ - 2.0 * anchor_ * lever_ * std::cos(phi));
-    if (length == 0.0) return 0.0;  // spring of no length: no direction
-    return stiffness_ * (length - free_length_) * anchor_ * lever_ * std::sin(phi) / length;
+// axis (k (l - l_0)) dl/dphi, dl/dphi = a b sin(phi) / l. p: k, l_0, a, b, angle.
+struct Balancer {
+  static constexpr int kParameters = 5, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const T phi = z - p[4];
+    const T square = p[2] * p[2] + p[3] * p[3] - 2.0 * p[2] * p[3] * cos(phi);
+    if (!(square > 0.0)) return T(0.0);  // spring of no length: no direction
+    const T length = sqrt(square);
+    return p[0] * (length - p[1]) * p[2] * p[3] * sin(phi) / length;
   }
-
- private:
-  double stiffness_, free_length_, anchor_, lever_, angle_;
 };
 
-class Offset final : public Law {
- public:
-  explicit Offset(std::span<const double> p) : value_(p[0]) {}
-  [[nodiscard]] double force(double, double, std::span<const double>) const override {
-    return value_;
+struct Offset {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T*) {
+    return p[0];
   }
-
- private:
-  double value_;
 };
 
 }  // namespace

@@ -1,0 +1,31 @@
+// The covariance of an output-error estimate: white and robust (output_error_fit.hpp), and which
+// combinations of parameters the data do not see.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+
+namespace graybox {
+
+struct OutputErrorCovariance {
+  Eigen::MatrixXd white, robust;  // empty where J has not full rank
+  Eigen::VectorXd singular_values;
+  std::vector<std::string> unseen;
+  double lag_one_correlation = 0.0;
+};
+
+// `runs`: simulated with derivatives by theta and the initial states (if `initial_is_free`), one for
+// each stretch. `deviation`: sigma of each output. `variance`: of the whitened residuals, 1 where sigma
+// is stated.
+[[nodiscard]] OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
+                                                            std::span<const StretchOf> stretches,
+                                                            std::span<const Simulated> runs,
+                                                            const Eigen::VectorXd& theta,
+                                                            const Eigen::VectorXd& deviation,
+                                                            bool initial_is_free, double variance);
+
+}  // namespace graybox
