@@ -25,6 +25,22 @@ struct Coulomb {
   static T force(const T* p, const T&, const T& rate, const T*) {
     using std::tanh;
     return p[0] * tanh(rate / p[1]);
+class AsymmetricViscous final : public Law {
+ public:
+  explicit AsymmetricViscous(std::span<const double> p) : forward_(p[0]), backward_(p[1]) {}
+  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
+    return (rate > 0.0 ? forward_ : backward_) * rate;
+  }
+
+ private:
+  double forward_, backward_;
+};
+
+class Coulomb final : public Law {
+ public:
+  explicit Coulomb(std::span<const double> p) : level_(p[0]), transition_(p[1]) {}
+  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
+    return level_ * std::tanh(rate / transition_);
   }
 };
 
@@ -56,6 +72,27 @@ struct QuadraticDrag {
   static T force(const T* p, const T&, const T& rate, const T*) {
     using std::abs;
     return p[0] * abs(rate) * rate;
+// Friction that grows with less than the first power of the rate, or none: lubricated gears. With the
+// transition velocity under the root the slope at rest is finite; for rates far above it f is
+// F (|z'|/v_r)^e sign(z').
+class SublinearFriction final : public Law {
+ public:
+  explicit SublinearFriction(std::span<const double> p)
+      : level_(p[0]), exponent_(p[1]), reference_(p[2]), transition_(p[3]) {}
+  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
+    return level_ * (rate / reference_) *
+           std::pow(std::hypot(rate, transition_) / reference_, exponent_ - 1.0);
+  }
+
+ private:
+  double level_, exponent_, reference_, transition_;
+};
+
+class QuadraticDrag final : public Law {
+ public:
+  explicit QuadraticDrag(std::span<const double> p) : coefficient_(p[0]) {}
+  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
+    return coefficient_ * std::abs(rate) * rate;
   }
 };
 
@@ -76,32 +113,45 @@ std::vector<LawEntry> friction_laws() {
       {"viscous",
        "viscous friction or damping, or the error of one: f = d z'",
        kForce,
-       {{"damping", "F s/x", kAny}},
+       {{"damping", "F s/x", kAny, true}},
        make_law<Viscous>},
+      {"asymmetric_viscous",
+       "viscous friction with a damping for each direction",
+       kForce,
+       {{"forward_damping", "F s/x", kAny, true}, {"backward_damping", "F s/x", kAny, true}},
+       make_law<AsymmetricViscous>},
       {"coulomb",
        "dry friction: f = F_c tanh(z'/v_t)",
        kForce,
-       {{"level", "F", kNonNegative}, {"transition_velocity", "x/s", kPositive}},
+       {{"level", "F", kNonNegative, true}, {"transition_velocity", "x/s", kPositive}},
        make_law<Coulomb>},
       {"asymmetric_coulomb",
        "dry friction with a level for each direction",
        kForce,
-       {{"forward_level", "F", kNonNegative},
-        {"backward_level", "F", kNonNegative},
+       {{"forward_level", "F", kNonNegative, true},
+        {"backward_level", "F", kNonNegative, true},
         {"transition_velocity", "x/s", kPositive}},
        make_law<AsymmetricCoulomb>},
       {"stribeck",
        "f = (F_c + (F_s - F_c) exp(-(z'/v_s)^2)) tanh(z'/v_t)",
        kForce,
-       {{"level", "F", kNonNegative},
-        {"static_level", "F", kNonNegative},
+       {{"level", "F", kNonNegative, true},
+        {"static_level", "F", kNonNegative, true},
         {"stribeck_velocity", "x/s", kPositive},
         {"transition_velocity", "x/s", kPositive}},
        make_law<Stribeck>},
+      {"sublinear_friction",
+       "f = F (|z'|/v_r)^e sign(z'), smooth within v_t of rest",
+       kForce,
+       {{"level", "F", kNonNegative, true},
+        {"exponent", "1", kUnitInterval},
+        {"reference_velocity", "x/s", kPositive},
+        {"transition_velocity", "x/s", kPositive}},
+       make_law<SublinearFriction>},
       {"quadratic_drag",
        "f = c |z'| z'",
        kForce,
-       {{"coefficient", "F s^2/x^2", kNonNegative}},
+       {{"coefficient", "F s^2/x^2", kNonNegative, true}},
        make_law<QuadraticDrag>},
       {"deflection_damping",
        "damping that grows with the deflection: f = c z^2 z'",

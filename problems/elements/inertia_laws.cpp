@@ -9,12 +9,12 @@ std::vector<LawEntry> inertia_laws() {
       {"inertia",
        "inertia, or the error of one: f = J z''",
        LawUse::kInertia,
-       {{"inertia", "I", kAny}},
+       {{"inertia", "I", kAny, true}},
        {}},
       {"payload",
        "a point mass fixed to the flange; x, y, z in the frame of the last joint",
        LawUse::kPayload,
-       {{"mass", "kg", kPositive}, {"x", "m", kAny}, {"y", "m", kAny}, {"z", "m", kAny}},
+       {{"mass", "kg", kPositive, true}, {"x", "m", kAny}, {"y", "m", kAny}, {"z", "m", kAny}},
        {}},
   };
 }

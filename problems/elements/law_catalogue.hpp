@@ -40,6 +40,7 @@ struct LawParameter {
   std::string name;
   std::string unit;  // with F, x and I
   ParameterRange range = ParameterRange::kAny;
+  bool is_linear = false;  // the force is linear in all parameters marked so, taken together
 };
 
 struct LawEntry {

@@ -1,0 +1,125 @@
+#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "graybox/diagnosis/recordings/experiment_recording.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/units.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+// What the channels of one kind must be in, one a joint.
+std::vector<std::string> units_of(const RigidRobotModel& robot, const char* revolute,
+                                  const char* prismatic, int derivatives) {
+  std::vector<std::string> units;
+  for (const RobotJoint& joint : robot.joints) {
+    std::string unit = joint.is_prismatic ? prismatic : revolute;
+    for (int k = 0; k < derivatives; ++k) unit = unit_of_derivative(unit);
+    units.push_back(std::move(unit));
+  }
+  return units;
+}
+
+class MotionReader {
+ public:
+  MotionReader(const RigidRobotModel& robot, const Campaign& campaign,
+               const ExperimentRecording& recording)
+      : robot_(robot), source_(campaign.file.string()), recording_(recording) {}
+
+  [[nodiscard]] std::vector<Motion> read() const {
+    const RobotChannels& channels = robot_.channels;
+    const auto torque = columns(channels.torque, units_of(robot_, "N m", "N", 0));
+    const auto position = columns(channels.position, units_of(robot_, "rad", "m", 0));
+    const auto velocity = columns(channels.velocity, units_of(robot_, "rad", "m", 1));
+    const auto acceleration = columns(channels.acceleration, units_of(robot_, "rad", "m", 2));
+    const Eigen::MatrixXd to_joints = robot_.transmission.inverse().transpose();
+    const auto joints = [&](const Eigen::MatrixXd& values) {
+      return channels.motor_position ? Eigen::MatrixXd(values * to_joints) : values;
+    };
+    std::vector<Motion> motions;
+    for (const SignalPiece& piece : recording_.data.pieces) {
+      if (piece.time.size() < 3) fail("a segment has fewer than three samples");
+      Motion motion;
+      motion.time = piece.time;
+      motion.torque = piece.values(Eigen::all, torque);
+      if (channels.motor_torque) motion.torque = (motion.torque * robot_.transmission).eval();
+      motion.position = joints(piece.values(Eigen::all, position));
+      motion.velocity = velocity.empty() ? slopes(motion.time, motion.position)
+                                         : joints(piece.values(Eigen::all, velocity));
+      motion.acceleration = acceleration.empty() ? slopes(motion.time, motion.velocity)
+                                                 : joints(piece.values(Eigen::all, acceleration));
+      motions.push_back(std::move(motion));
+    }
+    return motions;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& text) const {
+    throw InputError(fmt::format("{}: {}", source_, text));
+  }
+
+  [[nodiscard]] std::vector<Index> columns(const std::vector<std::string>& names,
+                                           const std::vector<std::string>& units) const {
+    const std::vector<Signal>& signals = recording_.data.signals;
+    std::vector<Index> result;
+    for (std::size_t k = 0; k < names.size(); ++k) {
+      const auto found = std::ranges::find(signals, names[k], &Signal::name);
+      if (found == signals.end()) {
+        std::string known;
+        for (const Signal& signal : signals) known += (known.empty() ? "" : ", ") + signal.name;
+        fail(fmt::format("no channel '{}', which the channels of model {} name; there are {}",
+                         names[k], robot_.name, known));
+      }
+      if (found->unit != units[k]) {
+        fail(fmt::format("channel {} is in {}; joint {} of model {} needs {}", names[k],
+                         found->unit, robot_.joints[k].name, robot_.name, units[k]));
+      }
+      result.push_back(found - signals.begin());
+    }
+    return result;
+  }
+
+  static Eigen::MatrixXd slopes(const Eigen::VectorXd& time, const Eigen::MatrixXd& values) {
+    Eigen::MatrixXd result(values.rows(), values.cols());
+    for (Index k = 0; k < values.cols(); ++k) result.col(k) = time_derivative(time, values.col(k));
+    return result;
+  }
+
+  const RigidRobotModel& robot_;
+  std::string source_;
+  const ExperimentRecording& recording_;
+};
+
+}  // namespace
+
+std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
+                                              const Campaign& campaign) {
+  if (robot.channels.torque.empty()) {
+    throw InputError(
+        fmt::format("model {}: has no 'channels', which say what the campaign's torques and "
+                    "positions are called",
+                    robot.name));
+  }
+  std::vector<MotionRecord> records;
+  bool has_estimation = false;
+  for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
+    const Experiment& experiment = campaign.experiments[k];
+    const ExperimentRecording recording = load_experiment(campaign, k);
+    records.push_back(
+        {experiment.name, experiment.role, MotionReader(robot, campaign, recording).read()});
+    has_estimation = has_estimation || experiment.role == ExperimentRole::kEstimation;
+  }
+  if (!has_estimation) {
+    throw InputError(
+        fmt::format("{}: experiments: none has the role estimation", campaign.file.string()));
+  }
+  return records;
+}
+
+}  // namespace graybox

@@ -1,0 +1,39 @@
+// The motion of a rigid robot and the torques that made it, from the recordings of a campaign, in
+// joint coordinates: the input of inverse dynamics.
+//
+//   const RigidRobotModel robot = load_rigid_robot("robot.yaml");
+//   const std::vector<MotionRecord> records = read_motion_records(robot, read_campaign("campaign"));
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+
+namespace graybox {
+
+// Consecutive samples. Matrices are samples x joints; rad, N m (m, N where prismatic), s.
+struct Motion {
+  Eigen::VectorXd time;
+  Eigen::MatrixXd position, velocity, acceleration;
+  Eigen::MatrixXd torque;  // N^T u
+
+  [[nodiscard]] Eigen::Index samples() const { return time.size(); }
+};
+
+struct MotionRecord {
+  std::string name;  // of the experiment
+  ExperimentRole role = ExperimentRole::kEstimation;
+  std::vector<Motion> pieces;
+};
+
+// The signals that the robot's `channels` name, after the campaign's preprocessing. Motors' signals go
+// through the transmission; velocities and accelerations that are not named are parabolas' slopes
+// (time_derivative in preprocess.hpp). Throws InputError for recordings with errors, a robot without
+// channels, a channel that is not there or in a wrong unit, and a campaign without estimation data.
+[[nodiscard]] std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
+                                                            const Campaign& campaign);
+
+}  // namespace graybox

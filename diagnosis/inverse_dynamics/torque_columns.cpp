@@ -1,0 +1,152 @@
+#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+const LawEntry& entry_of(const Element& element) { return *find_law(element.law_name, false); }
+
+const char* unit_of_standard_parameter(Index k) {
+  if (k < 6) return "kg m^2";
+  return k < 9 ? "kg m" : "kg";
+}
+
+bool is_known(const RigidRobotModel& robot, const ElementParameter& place) {
+  return std::ranges::any_of(robot.known, [&](const ElementParameter& known) {
+    return known.element == place.element && known.parameter == place.parameter;
+  });
+}
+
+StandardParameters point_mass(const Eigen::Vector3d& place) {
+  return standard_parameters({1.0, place, Eigen::Matrix3d::Zero()});
+}
+
+// The law with one of its linear parameters at one and the others at zero.
+std::shared_ptr<const Law> unit_law(const Element& element, std::size_t parameter) {
+  const LawEntry& entry = entry_of(element);
+  std::vector<double> values = element.parameters;
+  for (std::size_t p = 0; p < values.size(); ++p) {
+    if (entry.parameters[p].is_linear) values[p] = p == parameter ? 1.0 : 0.0;
+  }
+  return entry.make(values);
+}
+
+}  // namespace
+
+std::string name_of(const RigidRobotModel& robot, const ElementParameter& place) {
+  const Element& element = robot.elements[place.element];
+  return element.name + "." + entry_of(element).parameters[place.parameter].name;
+}
+
+std::string unit_of(const RigidRobotModel& robot, const ElementParameter& place) {
+  const Element& element = robot.elements[place.element];
+  return unit_at(entry_of(element).parameters[place.parameter].unit, element.location.units);
+}
+
+void set_parameter(RigidRobotModel& robot, const ElementParameter& place, double value) {
+  Element& element = robot.elements[place.element];
+  element.parameters[place.parameter] = value;
+  if (element.law) element.law = entry_of(element).make(element.parameters);
+}
+
+TorqueColumns::TorqueColumns(const RigidRobotModel& robot) : regressor_(robot) {
+  add_links(robot);
+  add_rotors(robot);
+  for (std::size_t k = 0; k < robot.elements.size(); ++k) add_element(robot, k);
+  matrix_ = Eigen::MatrixXd::Zero(robot.size(), size());
+  known_ = Eigen::VectorXd::Zero(robot.size());
+}
+
+Index TorqueColumns::add_column(std::string name, std::string unit) {
+  names_.push_back(std::move(name));
+  units_.push_back(std::move(unit));
+  return size() - 1;
+}
+
+void TorqueColumns::add_links(const RigidRobotModel& robot) {
+  for (Index j = 0; j < robot.size(); ++j) {
+    const RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    if (joint.body) {
+      bodies_.push_back({j, standard_parameters(*joint.body)});
+      continue;
+    }
+    unknown_links_.push_back(j);
+    for (Index k = 0; k < kStandardParameters; ++k) {
+      (void)add_column(
+          fmt::format("{}{}", kStandardParameterNames[static_cast<std::size_t>(k)], j + 1),
+          unit_of_standard_parameter(k));
+    }
+  }
+}
+
+void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
+  for (Index j = 0; j < robot.size(); ++j) {
+    const RobotJoint& joint = robot.joints[static_cast<std::size_t>(j)];
+    if (joint.rotor_inertia == 0.0) continue;
+    Force force;
+    force.input = force.output = robot.transmission.row(j);
+    if (joint.rotor_inertia) {
+      force.factor = *joint.rotor_inertia;
+    } else {
+      force.column =
+          add_column(fmt::format("rotor_inertia_{}", j + 1), joint.is_prismatic ? "kg" : "kg m^2");
+    }
+    forces_.push_back(std::move(force));
+  }
+}
+
+void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index) {
+  const Element& element = robot.elements[index];
+  const auto& parameters = entry_of(element).parameters;
+  for (std::size_t p = 0; p < parameters.size(); ++p) {
+    if (!parameters[p].is_linear) continue;
+    const ElementParameter place{index, p};
+    const bool known = is_known(robot, place);
+    const Index column = known ? -1 : add_column(name_of(robot, place), unit_of(robot, place));
+    const double factor = known ? element.parameters[p] : 1.0;
+    if (element.use == LawUse::kPayload) {
+      const auto& values = element.parameters;
+      const Eigen::Vector3d offset(values[1], values[2], values[3]);
+      bodies_.push_back({robot.size() - 1, factor * point_mass(robot.flange * offset), column});
+      continue;
+    }
+    Force force{element.location.input, element.location.output, nullptr, factor, column};
+    if (element.use == LawUse::kForce) force.law = unit_law(element, p);
+    forces_.push_back(std::move(force));
+  }
+}
+
+void TorqueColumns::evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
+                             const Eigen::Ref<const Eigen::VectorXd>& velocity,
+                             const Eigen::Ref<const Eigen::VectorXd>& acceleration) {
+  const Eigen::MatrixXd& bodies = regressor_.evaluate(q, velocity, acceleration);
+  const auto of_link = [&](Index link) {
+    return bodies.middleCols<kStandardParameters>(kStandardParameters * link);
+  };
+  matrix_.setZero();
+  known_.setZero();
+  for (std::size_t k = 0; k < unknown_links_.size(); ++k) {
+    matrix_.middleCols<kStandardParameters>(kStandardParameters * static_cast<Index>(k)) =
+        of_link(unknown_links_[k]);
+  }
+  for (const Body& body : bodies_) {
+    auto target = body.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
+                                  : Eigen::Ref<Eigen::VectorXd>(matrix_.col(body.column));
+    target.noalias() += of_link(body.link) * body.direction;
+  }
+  for (const Force& force : forces_) {
+    const double value = force.law
+                             ? force.law->force(force.input.dot(q), force.input.dot(velocity), {})
+                             : force.input.dot(acceleration);
+    auto target = force.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
+                                   : Eigen::Ref<Eigen::VectorXd>(matrix_.col(force.column));
+    target += force.factor * value * force.output;
+  }
+}
+
+}  // namespace graybox

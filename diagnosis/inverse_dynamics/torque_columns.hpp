@@ -1,0 +1,78 @@
+// The torques of a rigid robot as a linear function of its unknown parameters,
+//
+//   N^T u = known(q, q', q'') + columns(q, q', q'') p.
+//
+// Columns, in this order: the standard inertial parameters of every link whose body is unknown (ten
+// each, rigid_body_regressor.hpp), the unknown rotor inertias (n_j n_j^T q'' for row n_j of N), and
+// the parameters in which the elements' forces are linear (b_out f at the value one). Everything else
+// that the model has is in `known`.
+//
+//   TorqueColumns columns(robot);                        // one for each thread
+//   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()
+//
+// Cost O(n^2) for the bodies and O(n) for each element.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+
+namespace graybox {
+
+class TorqueColumns {
+ public:
+  explicit TorqueColumns(const RigidRobotModel& robot);
+
+  [[nodiscard]] Eigen::Index size() const { return static_cast<Eigen::Index>(names_.size()); }
+  // "XX2" of link 2, "rotor_inertia_2", "friction 2.damping" of an element; inertial parameters are
+  // arm-side, rotor inertias motor-side, elements as their place says.
+  [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
+  [[nodiscard]] const std::vector<std::string>& units() const { return units_; }
+
+  void evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
+                const Eigen::Ref<const Eigen::VectorXd>& velocity,
+                const Eigen::Ref<const Eigen::VectorXd>& acceleration);
+  [[nodiscard]] const Eigen::MatrixXd& matrix() const { return matrix_; }  // n x size()
+  [[nodiscard]] const Eigen::VectorXd& known() const { return known_; }    // n
+
+ private:
+  // One force along `output`: of a law at z = input^T q, or `input`^T q'' if it is an inertia.
+  struct Force {
+    Eigen::VectorXd input, output;
+    std::shared_ptr<const Law> law;  // null: inertia
+    double factor = 1.0;
+    Eigen::Index column = -1;  // -1: known
+  };
+  // A body's torque per unit of a parameter: Y of its link times `direction`.
+  struct Body {
+    Eigen::Index link;
+    StandardParameters direction;
+    Eigen::Index column = -1;
+  };
+
+  Eigen::Index add_column(std::string name, std::string unit);
+  void add_links(const RigidRobotModel& robot);
+  void add_rotors(const RigidRobotModel& robot);
+  void add_element(const RigidRobotModel& robot, std::size_t index);
+
+  RigidBodyRegressor regressor_;
+  std::vector<Eigen::Index> unknown_links_;  // whose columns come first, in this order
+  std::vector<Body> bodies_;
+  std::vector<Force> forces_;
+  std::vector<std::string> names_, units_;
+  Eigen::MatrixXd matrix_;
+  Eigen::VectorXd known_;
+};
+
+// "element.parameter", its unit at its place, and its value.
+[[nodiscard]] std::string name_of(const RigidRobotModel& robot, const ElementParameter& place);
+[[nodiscard]] std::string unit_of(const RigidRobotModel& robot, const ElementParameter& place);
+
+// The robot with another value of one parameter of an element.
+void set_parameter(RigidRobotModel& robot, const ElementParameter& place, double value);
+
+}  // namespace graybox

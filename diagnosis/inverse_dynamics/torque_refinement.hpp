@@ -1,0 +1,28 @@
+// Variable projection: the parameters theta in which the torque is not linear, found by Ceres on the
+// residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)), p(theta) the weighted least
+// squares of weighted_regression.hpp for fixed noise (Golub and Pereyra 1973). Positive parameters
+// move by their logarithm, others on the scale of their start.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <vector>
+
+#include "graybox/problems/elements/law_catalogue.hpp"
+
+namespace graybox {
+
+struct RefinementResult {
+  Eigen::VectorXd values;
+  bool converged = false;
+  bool interrupted = false;
+};
+
+// `residuals`: of the linear fit at theta; their number stays the same. `keep_going` as in
+// inverse_dynamics_fit.hpp.
+[[nodiscard]] RefinementResult refine_parameters(
+    const Eigen::VectorXd& start, const std::vector<ParameterRange>& ranges,
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals, int max_steps,
+    const std::function<bool()>& keep_going);
+
+}  // namespace graybox

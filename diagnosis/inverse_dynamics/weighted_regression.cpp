@@ -1,0 +1,152 @@
+#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr int kMaxIterations = 50;
+constexpr double kWeightTolerance = 1e-8;  // relative change of the noise
+constexpr double kNoiseFloor = 1e-9;       // of the torque's root mean square
+constexpr double kLargestCorrelation = 0.97;
+
+// 1/s_j for every row.
+Eigen::VectorXd row_weights(const TorqueRows& rows, const Eigen::VectorXd& noise) {
+  return noise.cwiseInverse().replicate(rows.samples(), 1);
+}
+
+Eigen::VectorXd torque_rms(const TorqueRows& rows) {
+  const Eigen::Map<const Eigen::MatrixXd> torque(rows.torque.data(), rows.joints, rows.samples());
+  Eigen::VectorXd rms =
+      (torque.rowwise().squaredNorm() / static_cast<double>(rows.samples())).cwiseSqrt();
+  const double largest = rms.maxCoeff();
+  return (rms.array() > 0.0).select(rms, largest > 0.0 ? largest : 1.0);
+}
+
+Eigen::VectorXd joint_noise(const TorqueRows& rows, const Eigen::VectorXd& residuals,
+                            const Eigen::VectorXd& rms) {
+  const Eigen::Map<const Eigen::MatrixXd> errors(residuals.data(), rows.joints, rows.samples());
+  const auto parameters = static_cast<double>(rows.columns.cols());
+  const double freedom =
+      static_cast<double>(rows.samples()) - parameters / static_cast<double>(rows.joints);
+  return (errors.rowwise().squaredNorm() / freedom).cwiseSqrt().cwiseMax(kNoiseFloor * rms);
+}
+
+// Times x parameters.
+Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
+                       const Eigen::VectorXd& noise) {
+  const Eigen::VectorXd weights = row_weights(rows, noise);
+  const Eigen::VectorXd weighted = residuals.cwiseProduct(weights.cwiseAbs2());
+  Eigen::MatrixXd result(rows.samples(), rows.columns.cols());
+  for (Index t = 0; t < rows.samples(); ++t) {
+    result.row(t) = weighted.segment(t * rows.joints, rows.joints).transpose() *
+                    rows.columns.middleRows(t * rows.joints, rows.joints);
+  }
+  return result;
+}
+
+// Andrews 1991 (6.4): L = 1.1447 (a N)^(1/3), a a mean of 4 r^2/((1-r)^2 (1+r)^2) over the scores'
+// AR(1) models, weighted by their spectra at zero, s^4/(1-r)^4 with s^2 their innovations' variance.
+Index andrews_lags(const Eigen::MatrixXd& g, const std::vector<Index>& pieces) {
+  double numerator = 0.0, denominator = 0.0;
+  for (Index p = 0; p < g.cols(); ++p) {
+    double product = 0.0, square = 0.0;
+    Index first = 0;
+    for (const Index length : pieces) {
+      const auto x = g.col(p).segment(first, length);
+      product += x.head(length - 1).dot(x.tail(length - 1));
+      square += x.squaredNorm();
+      first += length;
+    }
+    if (square == 0.0) continue;
+    const double r = std::clamp(product / square, -kLargestCorrelation, kLargestCorrelation);
+    const double spread = (1.0 - r * r) * (1.0 - r * r) / std::pow(1.0 - r, 4.0);
+    numerator += spread * 4.0 * r * r / ((1.0 - r) * (1.0 - r) * (1.0 + r) * (1.0 + r));
+    denominator += spread;
+  }
+  if (denominator == 0.0) return 0;
+  const auto samples = static_cast<double>(g.rows());
+  const auto lags = static_cast<Index>(1.1447 * std::cbrt(numerator / denominator * samples));
+  return std::min(lags, g.rows() / 4);
+}
+
+Eigen::MatrixXd newey_west(const Eigen::MatrixXd& g, const std::vector<Index>& pieces, Index lags) {
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(g.cols(), g.cols());
+  Index first = 0;
+  for (const Index length : pieces) {
+    const auto x = g.middleRows(first, length);
+    sum.noalias() += x.transpose() * x;
+    for (Index l = 1; l <= std::min(lags, length - 1); ++l) {
+      const double weight = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
+      const Eigen::MatrixXd gamma = x.bottomRows(length - l).transpose() * x.topRows(length - l);
+      sum += weight * (gamma + gamma.transpose());
+    }
+    first += length;
+  }
+  return sum;
+}
+
+double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
+  Eigen::MatrixXd scaled = row_weights(rows, noise).asDiagonal() * rows.columns;
+  scaled.array().rowwise() /= scaled.colwise().norm().array().eval();
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(scaled);
+  return svd.singularValues()(0) / svd.singularValues().tail(1)(0);
+}
+
+}  // namespace
+
+Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise) {
+  const Eigen::VectorXd weights = row_weights(rows, noise);
+  Eigen::MatrixXd scaled = weights.asDiagonal() * rows.columns;
+  const Eigen::RowVectorXd lengths = scaled.colwise().norm();
+  scaled.array().rowwise() /= lengths.array();
+  const Eigen::VectorXd solution =
+      scaled.householderQr().solve(weights.cwiseProduct(rows.torque).eval());
+  return solution.cwiseQuotient(lengths.transpose());
+}
+
+Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::VectorXd& residuals,
+                                      const Eigen::VectorXd& noise, Index& lags) {
+  Eigen::MatrixXd scaled = row_weights(rows, noise).asDiagonal() * rows.columns;
+  const Eigen::VectorXd lengths = scaled.colwise().norm();
+  scaled.array().rowwise() /= lengths.transpose().array();
+  const Eigen::MatrixXd bread = (scaled.transpose() * scaled)
+                                    .ldlt()
+                                    .solve(Eigen::MatrixXd::Identity(scaled.cols(), scaled.cols()));
+  Eigen::MatrixXd g = scores(rows, residuals, noise);
+  g.array().rowwise() /= lengths.transpose().array();
+  lags = andrews_lags(g, rows.piece_samples);
+  const auto count = static_cast<double>(rows.torque.size());
+  const double correction = count / (count - static_cast<double>(rows.columns.cols()));
+  const Eigen::MatrixXd covariance =
+      correction * bread * newey_west(g, rows.piece_samples, lags) * bread;
+  const Eigen::VectorXd inverse = lengths.cwiseInverse();
+  return inverse.asDiagonal() * (0.5 * (covariance + covariance.transpose())) *
+         inverse.asDiagonal();
+}
+
+WeightedRegression weighted_regression(const TorqueRows& rows) {
+  WeightedRegression fit;
+  const Eigen::VectorXd rms = torque_rms(rows);
+  fit.noise = rms;
+  while (!fit.converged && fit.iterations < kMaxIterations) {
+    ++fit.iterations;
+    fit.parameters = solve_weighted(rows, fit.noise);
+    fit.residuals = rows.torque - rows.columns * fit.parameters;
+    const Eigen::VectorXd noise = joint_noise(rows, fit.residuals, rms);
+    fit.converged =
+        ((noise - fit.noise).array() / noise.array()).abs().maxCoeff() < kWeightTolerance;
+    fit.noise = noise;
+  }
+  fit.covariance = correlated_covariance(rows, fit.residuals, fit.noise, fit.lags);
+  fit.condition = scaled_condition(rows, fit.noise);
+  return fit;
+}
+
+}  // namespace graybox

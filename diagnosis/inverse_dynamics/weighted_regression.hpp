@@ -1,0 +1,58 @@
+// Weighted linear least squares y = W p + e for torques of several joints over time, where joint j has
+// noise of its own unknown variance s_j^2 (Gautier and Poignet 2001: IDIM-LS with weights).
+//
+// Estimate. p minimises sum over j and t of (y_jt - W_jt p)^2 / s_j^2, the variances from the residuals
+// of the fit before, s_j^2 = e_j^T e_j / (N_j - p N_j / N), until nothing changes.
+//
+// Covariance. Filtered signals and missing physics leave residuals that are correlated in time and
+// between joints; the textbook (W^T S^-1 W)^-1, which takes them for white, is then too small. With the
+// scores g_t = sum over j of W_jt^T e_jt / s_j^2 and their autocovariances Gamma_l = sum over t of
+// g_t g_{t-l}^T,
+//   cov = H^-1 (Gamma_0 + sum of (1 - l/(L+1)) (Gamma_l + Gamma_l^T)) H^-1 N/(N - p),   H = W^T S^-1 W
+// (Newey and West 1987), with the number of lags L from AR(1) models of the scores (Andrews 1991,
+// equation 6.4, Bartlett kernel). No lag reaches across a gap between pieces. With one residual a
+// piece it is White's covariance.
+//
+// Cost O(N p^2) an iteration, O(L N p^2 / n) for the covariance.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace graybox {
+
+// Rows are time-major: n rows, one a joint, for each time.
+struct TorqueRows {
+  Eigen::MatrixXd columns;
+  Eigen::VectorXd torque;
+  Eigen::Index joints = 1;
+  std::vector<Eigen::Index> piece_samples;  // consecutive times of each piece
+
+  [[nodiscard]] Eigen::Index samples() const { return torque.size() / joints; }
+};
+
+struct WeightedRegression {
+  Eigen::VectorXd parameters;
+  Eigen::VectorXd noise;       // s_j
+  Eigen::VectorXd residuals;   // y - W p
+  Eigen::MatrixXd covariance;  // of the parameters
+  Eigen::Index lags = 0;       // L
+  double condition = 0.0;      // of the weighted columns, each scaled to length one
+  int iterations = 0;
+  bool converged = false;
+};
+
+// W must have full column rank and more rows than columns. A joint that is fitted exactly keeps a
+// noise of 1e-9 of its torque's root mean square.
+[[nodiscard]] WeightedRegression weighted_regression(const TorqueRows& rows);
+
+// The parameters alone, for known s_j.
+[[nodiscard]] Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise);
+
+// The covariance above for these residuals.
+[[nodiscard]] Eigen::MatrixXd correlated_covariance(const TorqueRows& rows,
+                                                    const Eigen::VectorXd& residuals,
+                                                    const Eigen::VectorXd& noise,
+                                                    Eigen::Index& lags);
+
+}  // namespace graybox
