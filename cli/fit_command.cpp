@@ -20,9 +20,11 @@ namespace {
 struct FittedFormat {
   std::string_view name;
   FitReport (*fit)(const FitArguments&);
+  bool takes_elements = false;  // --physics, --refine
 };
 constexpr FittedFormat kFormats[] = {
     {"graybox-robot/1", fit_robot},
+    {"graybox-rigid-robot/1", fit_rigid_robot, true},
 };
 
 const FittedFormat& format_of(const std::string& model) {
@@ -39,6 +41,12 @@ const FittedFormat& format_of(const std::string& model) {
 
 int execute(const FitArguments& arguments) {
   const FittedFormat& format = format_of(arguments.model);
+  if (!format.takes_elements &&
+      !(arguments.physics.empty() && arguments.refine.empty() && !arguments.equal_noise)) {
+    throw InputError(
+        fmt::format("--physics, --refine and --equal-noise are not for {} models, as {} is",
+                    format.name, arguments.model));
+  }
   catch_interrupts();
   const FitReport report = format.fit(arguments);
   if (!arguments.output.empty()) write_fit(arguments.output, report);
@@ -70,6 +78,12 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--starts", arguments->starts, "starts of the search, at most")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
+  command->add_option("--physics", arguments->physics,
+                      "graybox-physics/1 files with further elements (rigid robots)");
+  command->add_option("--refine", arguments->refine,
+                      "element.parameter to estimate although it is not linear (rigid robots)");
+  command->add_flag("--equal-noise", arguments->equal_noise,
+                    "all joints' torques are equally noisy: ordinary least squares (rigid robots)");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"

@@ -89,8 +89,9 @@ std::string parameter_table(const FitReport& report) {
     const std::string relative = determined && each.value != 0.0
                                      ? fmt::format("{:.3g}", 100.0 * error / std::abs(each.value))
                                      : "-";
-    text += fmt::format("{:<{}} {:>13.7g} {:>13} {:>9} {:>13.7g}  {}\n", each.name, width,
-                        each.value, absolute, relative, each.start, each.unit);
+    const std::string start = std::isfinite(each.start) ? fmt::format("{:.7g}", each.start) : "-";
+    text += fmt::format("{:<{}} {:>13.7g} {:>13} {:>9} {:>13}  {}\n", each.name, width, each.value,
+                        absolute, relative, start, each.unit);
   }
   return text;
 }

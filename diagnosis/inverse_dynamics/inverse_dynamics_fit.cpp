@@ -17,7 +17,6 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr double kDataTolerance = 1e-6;   // of a column's length: not told from those before
-constexpr double kUnseenError = 0.5;      // standard error / value above which it is no estimate
 constexpr int kMaxRounds = 20;            // of weights and refinement in turn
 constexpr double kRoundTolerance = 1e-6;  // relative change of the refined values
 constexpr double kSlopeStep = 1e-5;       // relative, for the covariance of refined values
@@ -93,6 +92,7 @@ bool stands_still(const std::vector<const MotionRecord*>& records, Index joint) 
 SeenColumns seen_columns(const RigidRobotModel& robot,
                          const std::vector<const MotionRecord*>& records, const TorqueRows& rows,
                          InverseDynamicsFit& fit) {
+  if (rows.columns.cols() == 0) return {};
   TorqueColumns columns(robot);
   const BaseParameters structural = structural_base_parameters(columns, robot.size());
   fit.structural_parameters = structural.size();
@@ -118,14 +118,6 @@ SeenColumns seen_columns(const RigidRobotModel& robot,
     result.names.push_back(seen.names[static_cast<std::size_t>(k)]);
   }
   return result;
-}
-
-void name_badly_seen(InverseDynamicsFit& fit) {
-  for (const TorqueParameter& parameter : fit.parameters) {
-    if (parameter.relative_error() <= kUnseenError) continue;
-    fit.unseen.push_back(fmt::format("{}: standard error {:.0f} % of its value", parameter.name,
-                                     100.0 * parameter.relative_error()));
-  }
 }
 
 // ---- refinement ----------------------------------------------------------------------------------
@@ -156,7 +148,7 @@ class Fitter {
         rows_(rows_of(robot, records_)) {
     check();
     seen_ = seen_columns(robot_, records_, rows_, fit_);
-    if (seen_.columns.empty()) {
+    if (rows_.columns.cols() > 0 && seen_.columns.empty()) {
       throw InputError(
           fmt::format("model {}: nothing that is unknown has an effect in these data", robot.name));
     }
@@ -170,7 +162,7 @@ class Fitter {
 
   InverseDynamicsFit run(const std::vector<MotionRecord>& records) {
     const Eigen::VectorXd start = refined_values(robot_);
-    regression_ = weighted_regression(rows_);
+    regression_ = weighted_regression(rows_, options_.noise);
     if (!regression_.converged) fit_.status = InverseDynamicsStatus::kNotConverged;
     if (start.size() > 0) alternate();
     fill_parameters(start);
@@ -182,11 +174,6 @@ class Fitter {
 
  private:
   void check() const {
-    if (rows_.columns.cols() == 0) {
-      throw InputError(fmt::format(
-          "model {}: everything is known; make a body or a rotor inertia unknown or add elements",
-          robot_.name));
-    }
     if (rows_.torque.isZero(0.0)) {
       throw InputError(fmt::format("model {}: the recorded torques are all zero", robot_.name));
     }
@@ -222,11 +209,12 @@ class Fitter {
           before, ranges, residuals, options_.max_refinement_steps, options_.keep_going);
       robot_ = with_refined(robot_, refined.values);
       rows_ = rows_at(refined.values);
-      regression_ = weighted_regression(rows_);
+      regression_ = weighted_regression(rows_, options_.noise);
       if (refined.interrupted) {
         fit_.status = InverseDynamicsStatus::kInterrupted;
         return;
       }
+      if (name_runaways(refined.at_limit)) return;
       const double change = (refined.values - before)
                                 .cwiseAbs()
                                 .cwiseQuotient(before.cwiseAbs().cwiseMax(1e-12))
@@ -236,6 +224,18 @@ class Fitter {
         return;
       }
     }
+  }
+
+  bool name_runaways(const std::vector<bool>& at_limit) {
+    bool any = false;
+    for (std::size_t k = 0; k < at_limit.size(); ++k) {
+      if (!at_limit[k]) continue;
+      any = true;
+      fit_.unseen.push_back(fmt::format(
+          "{} leaves its start by a factor of 1000: these recordings don't determine it",
+          name_of(robot_, robot_.refined[k])));
+    }
+    return any;
   }
 
   // Columns for the refined values: slopes of W p, by central differences.
@@ -284,7 +284,6 @@ class Fitter {
       const auto i = static_cast<Index>(k);
       fit_.parameters[k].standard_error = std::sqrt(fit_.covariance(i, i));
     }
-    name_badly_seen(fit_);
   }
 
   void fill_summary() {

@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
@@ -83,12 +84,14 @@ struct InverseDynamicsFit {
 };
 
 struct InverseDynamicsOptions {
+  JointNoise noise = JointNoise::kEach;
   int max_refinement_steps = 100;
   std::function<bool()> keep_going;  // asked now and then; empty: always
 };
 
-// Throws InputError where there is nothing to estimate, fewer samples than parameters, no torque at
-// all, or a start of a refined parameter that its law refuses.
+// A robot of which everything is known is not fitted: its errors are reported. Throws InputError where
+// nothing unknown has an effect in the data, for fewer samples than parameters, no torque at all, and
+// elements whose force is not a number at its start.
 [[nodiscard]] InverseDynamicsFit fit_inverse_dynamics(const RigidRobotModel& robot,
                                                       const std::vector<MotionRecord>& records,
                                                       const InverseDynamicsOptions& options = {});

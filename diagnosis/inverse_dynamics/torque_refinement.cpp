@@ -12,6 +12,7 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr double kTolerance = 1e-10;
+constexpr double kLargestFactor = 1000.0;
 constexpr double kDifference = 1e-5;  // of the scaled parameters
 
 // theta from the numbers that Ceres moves, which start at zero.
@@ -32,12 +33,21 @@ class Scaling {
     for (Index k = 0; k < start_.size(); ++k) {
       const ParameterRange range = ranges_[static_cast<std::size_t>(k)];
       const auto index = static_cast<int>(k);
-      if (is_logarithmic(k) || range == ParameterRange::kAny) continue;
+      if (is_logarithmic(k)) {
+        problem.SetParameterLowerBound(moved, index, -std::log(kLargestFactor));
+        problem.SetParameterUpperBound(moved, index, std::log(kLargestFactor));
+        continue;
+      }
+      if (range == ParameterRange::kAny) continue;
       problem.SetParameterLowerBound(moved, index, -start_(k) / scale(k));
       if (range == ParameterRange::kUnitInterval) {
         problem.SetParameterUpperBound(moved, index, (1.0 - start_(k)) / scale(k));
       }
     }
+  }
+
+  [[nodiscard]] bool is_at_limit(const double* moved, Index k) const {
+    return is_logarithmic(k) && std::abs(moved[k]) > 0.999 * std::log(kLargestFactor);
   }
 
  private:
@@ -103,8 +113,13 @@ RefinementResult refine_parameters(
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  return {scaling.values(moved.data()), summary.termination_type == ceres::CONVERGENCE,
-          summary.termination_type == ceres::USER_FAILURE};
+  RefinementResult result{scaling.values(moved.data()), std::vector<bool>(moved.size()),
+                          summary.termination_type == ceres::CONVERGENCE,
+                          summary.termination_type == ceres::USER_FAILURE};
+  for (std::size_t k = 0; k < moved.size(); ++k) {
+    result.at_limit[k] = scaling.is_at_limit(moved.data(), static_cast<Index>(k));
+  }
+  return result;
 }
 
 }  // namespace graybox

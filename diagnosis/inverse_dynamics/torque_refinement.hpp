@@ -1,7 +1,7 @@
 // Variable projection: the parameters theta in which the torque is not linear, found by Ceres on the
 // residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)), p(theta) the weighted least
 // squares of weighted_regression.hpp for fixed noise (Golub and Pereyra 1973). Positive parameters
-// move by their logarithm, others on the scale of their start.
+// move by their logarithm, within a factor of 1000 of their start; others on the scale of their start.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,6 +14,7 @@ namespace graybox {
 
 struct RefinementResult {
   Eigen::VectorXd values;
+  std::vector<bool> at_limit;  // ran to the factor of 1000: the data don't determine it
   bool converged = false;
   bool interrupted = false;
 };

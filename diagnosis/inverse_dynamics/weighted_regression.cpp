@@ -30,12 +30,14 @@ Eigen::VectorXd torque_rms(const TorqueRows& rows) {
 }
 
 Eigen::VectorXd joint_noise(const TorqueRows& rows, const Eigen::VectorXd& residuals,
-                            const Eigen::VectorXd& rms) {
+                            const Eigen::VectorXd& rms, JointNoise kind) {
   const Eigen::Map<const Eigen::MatrixXd> errors(residuals.data(), rows.joints, rows.samples());
   const auto parameters = static_cast<double>(rows.columns.cols());
   const double freedom =
       static_cast<double>(rows.samples()) - parameters / static_cast<double>(rows.joints);
-  return (errors.rowwise().squaredNorm() / freedom).cwiseSqrt().cwiseMax(kNoiseFloor * rms);
+  Eigen::VectorXd variance = errors.rowwise().squaredNorm() / freedom;
+  if (kind == JointNoise::kEqual) variance.setConstant(variance.mean());
+  return variance.cwiseSqrt().cwiseMax(kNoiseFloor * rms);
 }
 
 // Times x parameters.
@@ -99,6 +101,16 @@ double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   return svd.singularValues()(0) / svd.singularValues().tail(1)(0);
 }
 
+WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::VectorXd& rms,
+                                      JointNoise kind) {
+  WeightedRegression fit;
+  fit.residuals = rows.torque;
+  fit.noise = joint_noise(rows, fit.residuals, rms, kind);
+  fit.condition = 1.0;
+  fit.converged = true;
+  return fit;
+}
+
 }  // namespace
 
 Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise) {
@@ -131,15 +143,17 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
          inverse.asDiagonal();
 }
 
-WeightedRegression weighted_regression(const TorqueRows& rows) {
+WeightedRegression weighted_regression(const TorqueRows& rows, JointNoise kind) {
   WeightedRegression fit;
-  const Eigen::VectorXd rms = torque_rms(rows);
+  Eigen::VectorXd rms = torque_rms(rows);
+  if (kind == JointNoise::kEqual) rms.setConstant(rms.maxCoeff());
   fit.noise = rms;
+  if (rows.columns.cols() == 0) return without_parameters(rows, rms, kind);
   while (!fit.converged && fit.iterations < kMaxIterations) {
     ++fit.iterations;
     fit.parameters = solve_weighted(rows, fit.noise);
     fit.residuals = rows.torque - rows.columns * fit.parameters;
-    const Eigen::VectorXd noise = joint_noise(rows, fit.residuals, rms);
+    const Eigen::VectorXd noise = joint_noise(rows, fit.residuals, rms, kind);
     fit.converged =
         ((noise - fit.noise).array() / noise.array()).abs().maxCoeff() < kWeightTolerance;
     fit.noise = noise;

@@ -42,9 +42,14 @@ struct WeightedRegression {
   bool converged = false;
 };
 
-// W must have full column rank and more rows than columns. A joint that is fitted exactly keeps a
-// noise of 1e-9 of its torque's root mean square.
-[[nodiscard]] WeightedRegression weighted_regression(const TorqueRows& rows);
+// Without columns there is nothing to estimate but the noise. W must have full column rank and more rows than columns. A joint that is fitted exactly keeps a
+// noise of 1e-9 of its torque's root mean square. Joints of unlike units can't have equal noise.
+enum class JointNoise {
+  kEach,   // of its own in each joint
+  kEqual,  // one for all: ordinary least squares
+};
+[[nodiscard]] WeightedRegression weighted_regression(const TorqueRows& rows,
+                                                     JointNoise kind = JointNoise::kEach);
 
 // The parameters alone, for known s_j.
 [[nodiscard]] Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise);
