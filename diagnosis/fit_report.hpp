@@ -39,7 +39,7 @@ struct FittedParameter {
   std::string name;
   std::string unit;
   double value = 0.0;
-  double start = 0.0;  // NaN: linear parameters need none
+  double start = 0.0;  // NaN: the method needs none (null in JSON)
 };
 
 // How well the fitted model follows the recordings of one role.

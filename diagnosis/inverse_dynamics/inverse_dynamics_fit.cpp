@@ -88,6 +88,13 @@ bool stands_still(const std::vector<const MotionRecord*>& records, Index joint) 
   return true;
 }
 
+bool all_torques_are_zero(const std::vector<const MotionRecord*>& records) {
+  return std::ranges::all_of(records, [](const MotionRecord* record) {
+    return std::ranges::all_of(record->pieces,
+                               [](const Motion& piece) { return piece.torque.isZero(0.0); });
+  });
+}
+
 // Structural base parameters, then those of the data.
 SeenColumns seen_columns(const RigidRobotModel& robot,
                          const std::vector<const MotionRecord*>& records, const TorqueRows& rows,
@@ -174,7 +181,7 @@ class Fitter {
 
  private:
   void check() const {
-    if (rows_.torque.isZero(0.0)) {
+    if (all_torques_are_zero(records_)) {
       throw InputError(fmt::format("model {}: the recorded torques are all zero", robot_.name));
     }
     if (!rows_.columns.allFinite()) {

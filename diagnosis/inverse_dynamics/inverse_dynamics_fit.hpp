@@ -86,7 +86,7 @@ struct InverseDynamicsFit {
 struct InverseDynamicsOptions {
   JointNoise noise = JointNoise::kEach;
   int max_refinement_steps = 100;
-  std::function<bool()> keep_going;  // asked now and then; empty: always
+  std::function<bool()> keep_going = {};  // asked now and then; empty: always
 };
 
 // A robot of which everything is known is not fitted: its errors are reported. Throws InputError where

@@ -53,29 +53,48 @@ Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
   return result;
 }
 
-// Andrews 1991 (6.4): L = 1.1447 (a N)^(1/3), a a mean of 4 r^2/((1-r)^2 (1+r)^2) over the scores'
-// AR(1) models, weighted by their spectra at zero, s^4/(1-r)^4 with s^2 their innovations' variance.
-Index andrews_lags(const Eigen::MatrixXd& g, const std::vector<Index>& pieces) {
+// Of each score's AR(1) model.
+Eigen::VectorXd first_correlations(const Eigen::MatrixXd& g, const std::vector<Index>& pieces) {
+  Eigen::VectorXd products = Eigen::VectorXd::Zero(g.cols()), squares = products;
+  Index first = 0;
+  for (const Index length : pieces) {
+    const auto x = g.middleRows(first, length);
+    products += x.topRows(length - 1).cwiseProduct(x.bottomRows(length - 1)).colwise().sum();
+    squares += x.colwise().squaredNorm();
+    first += length;
+  }
+  return (squares.array() > 0.0)
+      .select(products.array() / squares.array().max(1e-300), 0.0)
+      .cwiseMax(-kLargestCorrelation)
+      .cwiseMin(kLargestCorrelation);
+}
+
+// What the AR(1) models leave; the first sample of each piece goes.
+Eigen::MatrixXd prewhitened(const Eigen::MatrixXd& g, const Eigen::VectorXd& correlations,
+                            std::vector<Index>& pieces) {
+  Eigen::MatrixXd result(g.rows() - static_cast<Index>(pieces.size()), g.cols());
+  Index first = 0, row = 0;
+  for (Index& length : pieces) {
+    const auto x = g.middleRows(first, length);
+    first += length--;
+    result.middleRows(row, length) =
+        x.bottomRows(length) - x.topRows(length) * correlations.asDiagonal();
+    row += length;
+  }
+  return result;
+}
+
+// Andrews 1991 (6.4): L = 1.1447 (a N)^(1/3), a a mean of 4 r^2/((1-r)^2 (1+r)^2) over AR(1) models,
+// weighted by the squares of their spectra at zero for variance one, ((1-r^2)/(1-r)^2)^2.
+Index andrews_lags(const Eigen::VectorXd& correlations, Index samples) {
   double numerator = 0.0, denominator = 0.0;
-  for (Index p = 0; p < g.cols(); ++p) {
-    double product = 0.0, square = 0.0;
-    Index first = 0;
-    for (const Index length : pieces) {
-      const auto x = g.col(p).segment(first, length);
-      product += x.head(length - 1).dot(x.tail(length - 1));
-      square += x.squaredNorm();
-      first += length;
-    }
-    if (square == 0.0) continue;
-    const double r = std::clamp(product / square, -kLargestCorrelation, kLargestCorrelation);
+  for (const double r : correlations) {
     const double spread = (1.0 - r * r) * (1.0 - r * r) / std::pow(1.0 - r, 4.0);
     numerator += spread * 4.0 * r * r / ((1.0 - r) * (1.0 - r) * (1.0 + r) * (1.0 + r));
     denominator += spread;
   }
-  if (denominator == 0.0) return 0;
-  const auto samples = static_cast<double>(g.rows());
-  const auto lags = static_cast<Index>(1.1447 * std::cbrt(numerator / denominator * samples));
-  return std::min(lags, g.rows() / 4);
+  const double ratio = numerator / denominator * static_cast<double>(samples);
+  return std::min(static_cast<Index>(1.1447 * std::cbrt(ratio)), samples / 4);
 }
 
 Eigen::MatrixXd newey_west(const Eigen::MatrixXd& g, const std::vector<Index>& pieces, Index lags) {
@@ -133,11 +152,16 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
                                     .solve(Eigen::MatrixXd::Identity(scaled.cols(), scaled.cols()));
   Eigen::MatrixXd g = scores(rows, residuals, noise);
   g.array().rowwise() /= lengths.transpose().array();
-  lags = andrews_lags(g, rows.piece_samples);
+  std::vector<Index> pieces = rows.piece_samples;
+  const Eigen::VectorXd correlations = first_correlations(g, pieces);
+  g = prewhitened(g, correlations, pieces);
+  lags = andrews_lags(first_correlations(g, pieces), g.rows());
+  const Eigen::VectorXd recolouring = (1.0 - correlations.array()).inverse();
+  const Eigen::MatrixXd spectrum =
+      recolouring.asDiagonal() * newey_west(g, pieces, lags) * recolouring.asDiagonal();
   const auto count = static_cast<double>(rows.torque.size());
   const double correction = count / (count - static_cast<double>(rows.columns.cols()));
-  const Eigen::MatrixXd covariance =
-      correction * bread * newey_west(g, rows.piece_samples, lags) * bread;
+  const Eigen::MatrixXd covariance = correction * bread * spectrum * bread;
   const Eigen::VectorXd inverse = lengths.cwiseInverse();
   return inverse.asDiagonal() * (0.5 * (covariance + covariance.transpose())) *
          inverse.asDiagonal();
