@@ -19,6 +19,7 @@ struct FitArguments {
   int starts = 8;  // of the search, at most
   bool json = false;
   std::vector<std::string> physics;  // files with further elements; rigid robots
+  int decimation = 1;                // of columns and torques alike; rigid robots
   bool equal_noise = false;          // in all joints; rigid robots
   std::vector<std::string> refine;   // "element.parameter" to estimate, too; rigid robots
 };

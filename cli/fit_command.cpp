@@ -41,11 +41,11 @@ const FittedFormat& format_of(const std::string& model) {
 
 int execute(const FitArguments& arguments) {
   const FittedFormat& format = format_of(arguments.model);
-  if (!format.takes_elements &&
-      !(arguments.physics.empty() && arguments.refine.empty() && !arguments.equal_noise)) {
-    throw InputError(
-        fmt::format("--physics, --refine and --equal-noise are not for {} models, as {} is",
-                    format.name, arguments.model));
+  if (!format.takes_elements && (!arguments.physics.empty() || !arguments.refine.empty() ||
+                                 arguments.equal_noise || arguments.decimation != 1)) {
+    throw InputError(fmt::format(
+        "--physics, --refine, --equal-noise and --decimate are not for {} models, as {} is",
+        format.name, arguments.model));
   }
   catch_interrupts();
   const FitReport report = format.fit(arguments);
@@ -82,6 +82,10 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                       "graybox-physics/1 files with further elements (rigid robots)");
   command->add_option("--refine", arguments->refine,
                       "element.parameter to estimate although it is not linear (rigid robots)");
+  command
+      ->add_option("--decimate", arguments->decimation,
+                   "low-pass torques and columns alike and keep every Nth sample (rigid robots)")
+      ->check(CLI::Range(1, 1000000));
   command->add_flag("--equal-noise", arguments->equal_noise,
                     "all joints' torques are equally noisy: ordinary least squares (rigid robots)");
   command->add_flag("--json", arguments->json, "print one machine-readable line");

@@ -122,6 +122,7 @@ FitReport fit_rigid_robot(const FitArguments& arguments) {
   const RigidRobotModel robot = load_rigid_robot(arguments.model, physics, arguments.refine);
   const Campaign campaign = read_campaign(arguments.campaign);
   InverseDynamicsOptions options;
+  options.decimation = arguments.decimation;
   if (arguments.equal_noise) options.noise = JointNoise::kEqual;
   options.keep_going = [] { return !interrupted(); };
   const InverseDynamicsFit fit =

@@ -80,6 +80,7 @@ void name_base_parameters(const std::vector<std::string>& names, BaseParameters&
 BaseParameters base_parameters(const Eigen::MatrixXd& columns,
                                const std::vector<std::string>& names, double tolerance) {
   BaseParameters base;
+  if (columns.cols() == 0) return base;
   Basis basis(columns.rows(), std::min(columns.rows(), columns.cols()));
   base.regrouping = Eigen::MatrixXd::Zero(columns.cols(), columns.cols());
   const Eigen::VectorXd lengths = columns.colwise().norm();

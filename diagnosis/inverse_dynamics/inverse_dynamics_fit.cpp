@@ -9,6 +9,7 @@
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "graybox/diagnosis/recordings/preprocess.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -16,6 +17,8 @@ namespace {
 
 using Index = Eigen::Index;
 
+constexpr double kParallelFilter = 0.4;  // of the sample rate after decimation
+constexpr int kParallelFilterOrder = 4;
 constexpr double kDataTolerance = 1e-6;   // of a column's length: not told from those before
 constexpr int kMaxRounds = 20;            // of weights and refinement in turn
 constexpr double kRoundTolerance = 1e-6;  // relative change of the refined values
@@ -32,32 +35,91 @@ std::vector<const MotionRecord*> with_role(const std::vector<MotionRecord>& reco
   return chosen;
 }
 
-// All columns of the model at every sample; torque less what is known.
-TorqueRows rows_of(const RigidRobotModel& robot, const std::vector<const MotionRecord*>& records) {
-  TorqueColumns columns(robot);
-  TorqueRows rows;
-  rows.joints = robot.size();
-  Index samples = 0;
-  for (const MotionRecord* record : records) {
-    for (const Motion& piece : record->pieces) {
-      rows.piece_samples.push_back(piece.samples());
-      samples += piece.samples();
+struct ModelRows {
+  TorqueRows rows;           // torque: less what is known
+  Eigen::VectorXd measured;  // the torque itself
+};
+
+// The same samples, each joint's, low-passed and decimated.
+Eigen::MatrixXd filtered(const Eigen::MatrixXd& values, Index joints, int decimation) {
+  const Index samples = values.rows() / joints;
+  const Index kept = (samples + decimation - 1) / decimation;
+  Eigen::MatrixXd result(kept * joints, values.cols());
+  for (Index j = 0; j < joints; ++j) {
+    for (Index c = 0; c < values.cols(); ++c) {
+      const Eigen::VectorXd joint = values(Eigen::seqN(j, samples, joints), c);
+      const Eigen::VectorXd smooth = zero_phase_low_pass(
+          joint, kParallelFilter / static_cast<double>(decimation), kParallelFilterOrder);
+      result(Eigen::seqN(j, kept, joints), c) = smooth(Eigen::seqN(0, kept, Index{decimation}));
     }
   }
-  rows.columns.resize(samples * rows.joints, columns.size());
-  rows.torque.resize(samples * rows.joints);
-  Index row = 0;
+  return result;
+}
+
+// Columns, then torque, then torque less what is known.
+Eigen::MatrixXd piece_rows(TorqueColumns& columns, const Motion& piece) {
+  const Index joints = piece.position.cols();
+  Eigen::MatrixXd values(piece.samples() * joints, columns.size() + 2);
+  for (Index t = 0; t < piece.samples(); ++t) {
+    columns.evaluate(piece.position.row(t).transpose(), piece.velocity.row(t).transpose(),
+                     piece.acceleration.row(t).transpose());
+    auto rows = values.middleRows(t * joints, joints);
+    rows.leftCols(columns.size()) = columns.matrix();
+    rows.col(columns.size()) = piece.torque.row(t).transpose();
+    rows.col(columns.size() + 1) = piece.torque.row(t).transpose() - columns.known();
+  }
+  return values;
+}
+
+// All columns of the model at every sample.
+ModelRows rows_of(const RigidRobotModel& robot, const std::vector<const MotionRecord*>& records,
+                  int decimation) {
+  TorqueColumns columns(robot);
+  ModelRows result;
+  result.rows.joints = robot.size();
+  std::vector<Eigen::MatrixXd> pieces;
+  Index total = 0;
   for (const MotionRecord* record : records) {
     for (const Motion& piece : record->pieces) {
-      for (Index t = 0; t < piece.samples(); ++t, row += rows.joints) {
-        columns.evaluate(piece.position.row(t).transpose(), piece.velocity.row(t).transpose(),
-                         piece.acceleration.row(t).transpose());
-        rows.columns.middleRows(row, rows.joints) = columns.matrix();
-        rows.torque.segment(row, rows.joints) = piece.torque.row(t).transpose() - columns.known();
+      pieces.push_back(piece_rows(columns, piece));
+      if (decimation > 1) pieces.back() = filtered(pieces.back(), robot.size(), decimation);
+      result.rows.piece_samples.push_back(pieces.back().rows() / robot.size());
+      total += pieces.back().rows();
+    }
+  }
+  result.rows.columns.resize(total, columns.size());
+  result.rows.torque.resize(total);
+  result.measured.resize(total);
+  Index row = 0;
+  for (const Eigen::MatrixXd& piece : pieces) {
+    result.rows.columns.middleRows(row, piece.rows()) = piece.leftCols(columns.size());
+    result.measured.segment(row, piece.rows()) = piece.col(columns.size());
+    result.rows.torque.segment(row, piece.rows()) = piece.col(columns.size() + 1);
+    row += piece.rows();
+  }
+  return result;
+}
+
+void check_decimation(const RigidRobotModel& robot, const std::vector<MotionRecord>& records,
+                      int decimation) {
+  if (decimation == 1) return;
+  if (decimation < 1) throw InputError("decimation must be a whole number, at least 1");
+  for (const MotionRecord& record : records) {
+    for (const Motion& piece : record.pieces) {
+      const Eigen::VectorXd steps =
+          piece.time.tail(piece.samples() - 1) - piece.time.head(piece.samples() - 1);
+      if (steps.maxCoeff() - steps.minCoeff() > 1e-3 * steps.mean()) {
+        throw InputError(
+            fmt::format("model {}: {}: decimation needs even samples", robot.name, record.name));
+      }
+      if (piece.samples() < 4 * decimation) {
+        throw InputError(
+            fmt::format("model {}: {}: a segment of {} samples is too short to "
+                        "decimate by {}",
+                        robot.name, record.name, piece.samples(), decimation));
       }
     }
   }
-  return rows;
 }
 
 void keep_columns(const std::vector<Index>& columns, TorqueRows& rows) {
@@ -152,7 +214,9 @@ class Fitter {
       : options_(options),
         records_(with_role(records, ExperimentRole::kEstimation)),
         robot_(robot),
-        rows_(rows_of(robot, records_)) {
+        decimation_(options.decimation) {
+    check_decimation(robot, records, decimation_);
+    rows_ = rows_of(robot, records_, decimation_).rows;
     check();
     seen_ = seen_columns(robot_, records_, rows_, fit_);
     if (rows_.columns.cols() > 0 && seen_.columns.empty()) {
@@ -191,7 +255,7 @@ class Fitter {
   }
 
   TorqueRows rows_at(const Eigen::VectorXd& refined) const {
-    TorqueRows rows = rows_of(with_refined(robot_, refined), records_);
+    TorqueRows rows = rows_of(with_refined(robot_, refined), records_, decimation_).rows;
     keep_columns(seen_.columns, rows);
     return rows;
   }
@@ -303,7 +367,8 @@ class Fitter {
   }
 
   [[nodiscard]] RecordErrors errors_of(const MotionRecord& record) const {
-    TorqueRows rows = rows_of(robot_, {&record});
+    ModelRows all = rows_of(robot_, {&record}, decimation_);
+    TorqueRows& rows = all.rows;
     keep_columns(seen_.columns, rows);
     const Eigen::VectorXd errors = rows.torque - rows.columns * regression_.parameters;
     RecordErrors result;
@@ -312,12 +377,9 @@ class Fitter {
     result.samples = rows.samples();
     Eigen::Array4d sums = Eigen::Array4d::Zero();
     double chi_square = 0.0;
-    Index row = 0;
-    Eigen::MatrixXd torque(rows.samples(), rows.joints);
-    for (const Motion& piece : record.pieces) {
-      torque.middleRows(row, piece.samples()) = piece.torque;
-      row += piece.samples();
-    }
+    const Eigen::MatrixXd torque =
+        Eigen::Map<const Eigen::MatrixXd>(all.measured.data(), rows.joints, rows.samples())
+            .transpose();
     const Eigen::MatrixXd error =
         Eigen::Map<const Eigen::MatrixXd>(errors.data(), rows.joints, rows.samples()).transpose();
     const auto samples = static_cast<double>(rows.samples());
@@ -345,6 +407,7 @@ class Fitter {
   const InverseDynamicsOptions& options_;
   std::vector<const MotionRecord*> records_;
   RigidRobotModel robot_;
+  int decimation_;
   TorqueRows rows_;
   SeenColumns seen_;
   WeightedRegression regression_;

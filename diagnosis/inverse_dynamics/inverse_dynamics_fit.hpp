@@ -85,12 +85,15 @@ struct InverseDynamicsFit {
 
 struct InverseDynamicsOptions {
   JointNoise noise = JointNoise::kEach;
+  // Above 1: torque and columns are low-passed alike (zero phase, order 4, at 0.4/decimation of the
+  // sample rate) and every decimation-th sample is kept (the parallel filter of Gautier 1997).
+  int decimation = 1;
   int max_refinement_steps = 100;
   std::function<bool()> keep_going = {};  // asked now and then; empty: always
 };
 
 // A robot of which everything is known is not fitted: its errors are reported. Throws InputError where
-// nothing unknown has an effect in the data, for fewer samples than parameters, no torque at all, and
+// nothing unknown has an effect in the data, for irregular samples or pieces too short to decimate, for fewer samples than parameters, no torque at all, and
 // elements whose force is not a number at its start.
 [[nodiscard]] InverseDynamicsFit fit_inverse_dynamics(const RigidRobotModel& robot,
                                                       const std::vector<MotionRecord>& records,

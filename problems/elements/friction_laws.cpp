@@ -19,28 +19,21 @@ struct Viscous {
   }
 };
 
+// p: forward, backward.
+struct AsymmetricViscous {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    return (rate > 0.0 ? p[0] : p[1]) * rate;
+  }
+};
+
 struct Coulomb {
   static constexpr int kParameters = 2, kStates = 0;
   template <typename T>
   static T force(const T* p, const T&, const T& rate, const T*) {
     using std::tanh;
     return p[0] * tanh(rate / p[1]);
-class AsymmetricViscous final : public Law {
- public:
-  explicit AsymmetricViscous(std::span<const double> p) : forward_(p[0]), backward_(p[1]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return (rate > 0.0 ? forward_ : backward_) * rate;
-  }
-
- private:
-  double forward_, backward_;
-};
-
-class Coulomb final : public Law {
- public:
-  explicit Coulomb(std::span<const double> p) : level_(p[0]), transition_(p[1]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return level_ * std::tanh(rate / transition_);
   }
 };
 
@@ -66,33 +59,25 @@ struct Stribeck {
   }
 };
 
+// Friction that grows with less than the first power of the rate, or none: lubricated gears. With v_t
+// under the root the slope at rest is finite; for rates far above it f is F (|z'|/v_r)^e sign(z').
+// p: F, e, v_r, v_t.
+struct SublinearFriction {
+  static constexpr int kParameters = 4, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T& rate, const T*) {
+    using std::pow;
+    const T square = (rate * rate + p[3] * p[3]) / (p[2] * p[2]);
+    return p[0] * (rate / p[2]) * pow(square, 0.5 * (p[1] - 1.0));
+  }
+};
+
 struct QuadraticDrag {
   static constexpr int kParameters = 1, kStates = 0;
   template <typename T>
   static T force(const T* p, const T&, const T& rate, const T*) {
     using std::abs;
     return p[0] * abs(rate) * rate;
-// Friction that grows with less than the first power of the rate, or none: lubricated gears. With the
-// transition velocity under the root the slope at rest is finite; for rates far above it f is
-// F (|z'|/v_r)^e sign(z').
-class SublinearFriction final : public Law {
- public:
-  explicit SublinearFriction(std::span<const double> p)
-      : level_(p[0]), exponent_(p[1]), reference_(p[2]), transition_(p[3]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return level_ * (rate / reference_) *
-           std::pow(std::hypot(rate, transition_) / reference_, exponent_ - 1.0);
-  }
-
- private:
-  double level_, exponent_, reference_, transition_;
-};
-
-class QuadraticDrag final : public Law {
- public:
-  explicit QuadraticDrag(std::span<const double> p) : coefficient_(p[0]) {}
-  [[nodiscard]] double force(double, double rate, std::span<const double>) const override {
-    return coefficient_ * std::abs(rate) * rate;
   }
 };
 
@@ -156,7 +141,7 @@ std::vector<LawEntry> friction_laws() {
       {"deflection_damping",
        "damping that grows with the deflection: f = c z^2 z'",
        kForce,
-       {{"coefficient", "F s/x^3", kNonNegative}},
+       {{"coefficient", "F s/x^3", kNonNegative, true}},
        make_law<DeflectionDamping>},
   };
 }

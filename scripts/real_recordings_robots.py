@@ -1,0 +1,104 @@
+"""Rigid robots on real recordings: fits the ladder of models of each machine with `graybox fit` and
+writes what is left of the torques beside the figures measured by hand or published.
+
+    GRAYBOX_RECORDINGS=folder scripts/real_recordings_robots.py GRAYBOX SCRATCH > table.csv
+
+`ratio` is ours over the reference: 1 equal, below 1 better.
+"""
+import csv
+import json
+import pathlib
+import subprocess
+import sys
+
+root = pathlib.Path(__file__).resolve().parent.parent
+graybox, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
+rigid = root / "docs/examples/rigid"
+campaigns = root / "diagnosis/campaigns"
+
+
+def fit(name, campaign, physics, *options):
+    """The answer of `graybox fit`; models with everything known have nothing to converge."""
+    command = [graybox, "fit", str(rigid / f"{name}.yaml"), str(campaign), "--json", *options]
+    if physics:
+        command += ["--physics", *(str(rigid / f"{each}.yaml") for each in physics)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def total(answer, role):
+    """|error| / |torque| in percent over the records of a role."""
+    (record,) = (r for r in answer["details"]["records"] if r["role"] == role)
+    return record["total"]["relative_error"]
+
+
+def nrmse(record, joint):
+    return record["joints"][joint]["nrmse"]
+
+
+def value(answer, name):
+    return next(p["value"] for p in answer["parameters"] if p["name"] == name)
+
+
+def emps():
+    ladder = [("mass", [], 69.3, 67.1),
+              ("+ viscous", ["emps_viscous"], 17.8, 17.7),
+              ("+ Coulomb", ["emps_coulomb"], 7.11, 8.26),
+              ("+ offset", ["emps_offset"], 4.04, 6.09),
+              ("+ asymmetric viscous", ["emps_asymmetric"], 3.06, 5.49)]
+    physics = []
+    for model, added, train, pulses in ladder:
+        physics += added
+        used = physics if model != "+ asymmetric viscous" else physics[1:]
+        answer = fit("emps", campaigns / "emps.yaml", used)
+        yield "EMPS", model, "train", "relative error [%]", total(answer, "estimation"), train
+        yield "EMPS", model, "pulses", "relative error [%]", total(answer, "validation"), pulses
+        if model != "+ offset":
+            continue
+        for name, published in (("M1", 95.1089), ("viscous.damping", 203.5034),
+                                ("coulomb.level", 20.3935), ("offset.value", -3.1648)):
+            yield "EMPS", model, "train", name, value(answer, name), published
+
+
+def tx40():
+    ladder = [("rigid, rotors", [], 80.4),
+              ("+ viscous", ["viscous"], 21.4),
+              ("+ Coulomb", ["coulomb"], 15.9),
+              ("+ offset", ["offset"], 15.5),
+              ("+ wrist coupling", ["tx40_coupling"], 8.0),
+              ("+ root-speed friction", ["sublinear"], 6.3)]
+    physics = []
+    for model, added, test in ladder:
+        physics += added
+        answer = fit("tx40", campaigns / "tx40.yaml", physics)
+        yield "TX40", model, "test", "relative error, total [%]", total(answer, "validation"), test
+        if model != "+ wrist coupling":
+            continue
+        record = answer["details"]["records"][-1]
+        for joint, reached in ((4, 18.2), (5, 16.2)):
+            yield ("TX40", model, "test", f"relative error, axis {joint + 1} [%]",
+                   record["joints"][joint]["relative_error"], reached)
+        for name, published in (("coupled_inertia.inertia", 0.00964),
+                                ("coupled_viscous.damping", 0.616), ("coupled_coulomb.level", 1.95)):
+            yield "TX40", model, "train", name, value(answer, name), published
+
+
+def kr300():
+    """The first two rows fit the payload to all three trajectories, as their references do."""
+    everything = scratch / "kr300_all.yaml"
+    everything.write_text((campaigns / "kr300.yaml").read_text().replace(", role: validation", ""))
+    ladder = [("rigid, payload fitted to A, B, C", everything, ["payload"], (142, 100.5, 99.5)),
+              ("+ friction", everything, ["payload", "viscous", "coulomb"], (126, 81, 73)),
+              ("+ offset, fitted to A", campaigns / "kr300.yaml",
+               ["payload", "viscous", "coulomb", "offset"], (65, 132, 159))]
+    for model, campaign, physics, references in ladder:
+        answer = fit("kr300", campaign, physics, "--equal-noise")
+        for record, split, reference in zip(answer["details"]["records"], "ABC", references):
+            yield "KR300", model, split, "NRMSE, axis 2 [%]", nrmse(record, 1), reference
+
+
+writer = csv.writer(sys.stdout, lineterminator="\n")
+writer.writerow(["set", "model", "split", "figure", "ours", "reference", "ratio"])
+for rows in (emps(), tx40(), kr300()):
+    for *labels, ours, reference in rows:
+        writer.writerow([*labels, f"{ours:.5g}", f"{reference:g}", f"{ours / reference:.3f}"])
