@@ -1,6 +1,7 @@
 // Laws, places and files of elements: formulas, energy, reaction, units, and what is refused.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -204,6 +205,32 @@ TEST(Laws, EveryEntryIsComplete) {
     made->rest(0.3, states);
     made->state_rate(0.3, 0.0, states, rates);
     for (const double rate : rates) EXPECT_EQ(rate, 0.0) << entry.name;
+  }
+}
+
+// LawParameter::is_linear: f(p + s) = f(p) + f(s) where p and s differ in the marked parameters alone,
+// and every force without states has one.
+TEST(Laws, ForcesAreLinearInTheParametersMarkedSo) {
+  for (const LawEntry& entry : law_catalogue()) {
+    if (entry.use != LawUse::kForce) continue;
+    std::vector<double> one, other, sum;
+    for (std::size_t k = 0; k < entry.parameters.size(); ++k) {
+      const bool is_linear = entry.parameters[k].is_linear;
+      const double value = 0.3 + 0.1 * static_cast<double>(k);
+      one.push_back(value);
+      other.push_back(is_linear ? 0.7 * value * value : value);
+      sum.push_back(is_linear ? one.back() + other.back() : value);
+    }
+    const auto first = entry.make(one);
+    if (first->state_count() > 0) continue;
+    EXPECT_TRUE(std::ranges::any_of(entry.parameters, &LawParameter::is_linear)) << entry.name;
+    for (const double z : {-1.3, 0.4, 2.0}) {
+      for (const double rate : {-0.8, 0.05, 1.7}) {
+        EXPECT_NEAR(entry.make(sum)->force(z, rate, {}),
+                    first->force(z, rate, {}) + entry.make(other)->force(z, rate, {}), 1e-12)
+            << entry.name;
+      }
+    }
   }
 }
 

@@ -289,7 +289,7 @@ VectorXd correlated_noise(Random& random, Index samples, double r) {
 // Monte Carlo: mean of ((estimate - truth) / standard error)^2 over runs and parameters, 1 if the
 // covariance is right.
 double mean_square_of_standardised_errors(const RigidRobotModel& robot, double correlation) {
-  constexpr int kRuns = 120;
+  constexpr int kRuns = 80;
   Random random(11);
   Motion motion = multisine_motion(2, 600, 4.0);
   const VectorXd exact = torques(robot, motion, kArmTruth);
@@ -307,7 +307,7 @@ double mean_square_of_standardised_errors(const RigidRobotModel& robot, double c
   return sum / (kRuns * static_cast<double>(kArmTruth.size()));
 }
 
-// 960 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error. Kernel
+// 640 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error. Kernel
 // estimates of correlated noise are known to be low in short records: at 0.7, the white formula would
 // give 4 to 6.
 TEST_F(RigidRobot, StandardErrorsHoldForWhiteAndCorrelatedNoise) {
@@ -491,7 +491,7 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
     std::string from, to, message;
   } cases[] = {
       {"gear_ratio: 50", "gear_ratio: 0", "gear_ratio: must not be zero"},
-      {"a: 0.7, ", "", "joints[1].a"},
+      {"a: 0.7, ", "", "joints[1]: field 'a' is missing"},
       {"a: 0.7", "a: long", "must be a number"},
       {"a: 0.7", "b: 0.7", "b"},
       {"rotor_inertia: unknown", "rotor_inertia: -1", "rotor_inertia"},

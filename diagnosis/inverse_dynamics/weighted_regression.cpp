@@ -133,6 +133,7 @@ WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::Vecto
 }  // namespace
 
 Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise) {
+  if (rows.columns.cols() == 0) return {};
   const Eigen::VectorXd weights = row_weights(rows, noise);
   Eigen::MatrixXd scaled = weights.asDiagonal() * rows.columns;
   const Eigen::RowVectorXd lengths = scaled.colwise().norm();

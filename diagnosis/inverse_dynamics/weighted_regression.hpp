@@ -28,7 +28,7 @@ struct TorqueRows {
   Eigen::MatrixXd columns;
   Eigen::VectorXd torque;
   Eigen::Index joints = 1;
-  std::vector<Eigen::Index> piece_samples;  // consecutive times of each piece
+  std::vector<Eigen::Index> piece_samples;  // consecutive times of each piece, at least 3
 
   [[nodiscard]] Eigen::Index samples() const { return torque.size() / joints; }
 };
