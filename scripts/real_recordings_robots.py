@@ -95,9 +95,12 @@ def kr300():
     ladder = [("rigid, payload fitted to A, B, C", everything, ["payload"], (142, 100.5, 99.5)),
               ("+ friction", everything, ["payload", "viscous", "coulomb"], (126, 81, 73)),
               ("+ offset, fitted to A", campaigns / "kr300.yaml",
-               ["payload", "viscous", "coulomb", "offset"], (65, 132, 159))]
+               ["payload", "viscous", "coulomb", "offset"], (65, 132, 159)),
+              ("+ straight-spring balancer, fitted to A", campaigns / "kr300.yaml",
+               ["payload", "viscous", "coulomb", "kr300_balancer"], (28, 33, 52))]
     for model, campaign, physics, references in ladder:
-        answer = fit("kr300", campaign, physics, "--equal-noise")
+        refine = ["--refine", "balancer.free_length"] if "kr300_balancer" in physics else []
+        answer = fit("kr300", campaign, physics, "--equal-noise", *refine)
         for record, split, reference in zip(answer["details"]["records"], "ABC", references):
             yield "KR300", model, split, "NRMSE, axis 2 [%]", nrmse(record, 1), reference
 

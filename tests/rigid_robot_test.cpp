@@ -576,19 +576,25 @@ class RealRobots : public ::testing::Test {
       GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
     }
   }
-  static InverseDynamicsFit fit(const std::string& model, const std::vector<std::string>& physics) {
+  // Of one machine with these physics files; its recordings are read once.
+  InverseDynamicsFit fit(const std::string& model, const std::vector<std::string>& physics) {
     const std::string root = GRAYBOX_SOURCE_DIR;
     std::vector<std::filesystem::path> files;
     for (const std::string& name : physics) files.push_back(root + "/docs/examples/rigid/" + name);
     const RigidRobotModel robot =
         load_rigid_robot(root + "/docs/examples/rigid/" + model + ".yaml", files);
-    return fit_inverse_dynamics(
-        robot, read_motion_records(
-                   robot, read_campaign(root + "/diagnosis/campaigns/" + model + ".yaml")));
+    if (records_.empty()) {
+      records_ = read_motion_records(
+          robot, read_campaign(root + "/diagnosis/campaigns/" + model + ".yaml"));
+    }
+    return fit_inverse_dynamics(robot, records_);
   }
   static double validation_error(const InverseDynamicsFit& fit) {
     return fit.records.back().total.relative;
   }
+
+ private:
+  std::vector<MotionRecord> records_;
 };
 
 // Every physical term that the robot has lowers the error on data the fit did not see.
@@ -601,6 +607,30 @@ TEST_F(RealRobots, Tx40IsExplainedByFrictionAndItsCoupledWrist) {
   EXPECT_LT(viscous, 0.35 * rigid);
   EXPECT_LT(validation_error(coupled), 0.4 * viscous);
   EXPECT_LT(validation_error(coupled), 8.8);
+}
+
+// Janot, Gautier and Brunot publish 95.1089 kg, 203.5034 N s/m, 20.3935 N and -3.1648 N.
+TEST_F(RealRobots, EmpsHasItsPublishedParameters) {
+  const InverseDynamicsFit emps =
+      fit("emps", {"emps_viscous.yaml", "emps_coulomb.yaml", "emps_offset.yaml"});
+  const double published[] = {95.1089, 203.5034, 20.3935, -3.1648};
+  ASSERT_EQ(emps.parameters.size(), 4U);
+  for (std::size_t p = 0; p < 4; ++p) {
+    const TorqueParameter& each = emps.parameters[p];
+    EXPECT_NEAR(each.value, published[p], 0.01 * std::abs(published[p])) << each.name;
+    EXPECT_NEAR(each.value, published[p], 3.0 * each.standard_error) << each.name;
+  }
+  EXPECT_LT(validation_error(emps), 0.1 * validation_error(fit("emps", {})));
+}
+
+// The payload that axes 3 and 5 carry, on a trajectory the fit did not see.
+TEST_F(RealRobots, Kr300CarriesAPayload) {
+  const InverseDynamicsFit empty = fit("kr300", {"viscous.yaml", "coulomb.yaml"});
+  const InverseDynamicsFit loaded = fit("kr300", {"viscous.yaml", "coulomb.yaml", "payload.yaml"});
+  for (const std::size_t axis : {2U, 4U}) {
+    EXPECT_LT(loaded.records[1].joints[axis].nrmse, 0.4 * empty.records[1].joints[axis].nrmse);
+  }
+  EXPECT_GT(loaded.parameters.back().value, 50.0);
 }
 
 }  // namespace
