@@ -7,6 +7,9 @@
 //   mass_and_bias/graybox, /kdl   mass matrix, Coriolis and gravity torques of the arm, once
 //   equations_of_motion       accelerations of the non-linear robot, once
 //   plant_sample/local, /robot    one simulated sample under the controller, with noise
+//   frequency_responses/15    15 positions x 50 lines x 36 channels from 90 recordings of 8 s at 2 kHz
+//                             (HDF5, 18 channels each), reading included; /15/csv: from CSV
+//   fit/15                    the 12 stiffnesses from those responses, start off by up to 3 either way
 //
 // Counters: set_bytes, the packed set; peak_bytes, the most memory the process had in use while it
 // made the set, beyond what it used before (the set included); peak_over_set, their ratio;
@@ -17,19 +20,31 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <stdlib.h>
+
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
+#include <vector>
 
+#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
 #include "graybox/diagnosis/simulation/multisine.hpp"
 #include "graybox/diagnosis/simulation/plant.hpp"
+#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/local_model.hpp"
 #include "graybox/problems/mechanics/chain_dynamics.hpp"
@@ -160,6 +175,89 @@ void plant_sample(benchmark::State& state, bool is_local) {
       8000.0, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
+// A simulated campaign in a folder of its own, removed in the end: the positions of Table I.
+class TemporaryCampaign {
+ public:
+  TemporaryCampaign(graybox::ExcitationPlan::DataFormat data, int threads) {
+    std::string name = (std::filesystem::temp_directory_path() / "graybox_bench.XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) std::abort();
+    folder_ = name;
+    const auto system = graybox::load_system(graybox::default_robot_file());
+    graybox::ExcitationPlan plan{.plant = graybox::SimulatedSystem::PlantKind::kLocal,
+                                 .levels = {1.0},
+                                 .period = 8000,
+                                 .noise_psd_slope = 1e-12,
+                                 .data = data};
+    for (const auto& angles : kTableOne) {
+      plan.positions.push_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(angles.data()));
+    }
+    std::vector<double> hertz;
+    for (int k = 0; k < 50; ++k) hertz.push_back(std::pow(60.0, k / 49.0));
+    plan.lines = graybox::odd_lines(hertz, plan.period, system.sample_time);
+    (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", {.threads = threads});
+  }
+  TemporaryCampaign(const TemporaryCampaign&) = delete;
+  TemporaryCampaign& operator=(const TemporaryCampaign&) = delete;
+  ~TemporaryCampaign() {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  [[nodiscard]] std::vector<graybox::FrequencyResponseEstimate> estimate(int threads) const {
+    const graybox::Campaign campaign = graybox::read_campaign(folder_ / "campaign");
+    return graybox::estimate_responses(campaign, {.threads = threads});
+  }
+
+ private:
+  static constexpr std::array<std::array<double, 6>, 15> kTableOne{{{0, -60, 45, 45, -90, 0},
+                                                                    {0, -15, -150, 45, 90, 0},
+                                                                    {0, 15, -105, 0, -45, 0},
+                                                                    {45, -60, -45, 90, -90, 0},
+                                                                    {45, -45, 0, 45, 0, 0},
+                                                                    {45, -30, -75, 0, 0, 0},
+                                                                    {45, -30, 45, 0, -45, 0},
+                                                                    {45, -15, -45, 45, -90, 0},
+                                                                    {45, -15, -30, 0, -90, 0},
+                                                                    {45, 0, -75, 90, -90, 0},
+                                                                    {45, 15, -165, 45, 0, 0},
+                                                                    {45, 15, -150, 0, -90, 0},
+                                                                    {45, 75, 15, 90, 0, 0},
+                                                                    {45, 75, 30, 90, 0, 0},
+                                                                    {90, 75, 60, 0, -45, 0}}};
+  std::filesystem::path folder_;
+};
+
+void frequency_responses(benchmark::State& state, graybox::ExcitationPlan::DataFormat data,
+                         int threads) {
+  const TemporaryCampaign campaign(data, threads);
+  for (auto _ : state) {
+    const auto estimates = campaign.estimate(threads);
+    benchmark::DoNotOptimize(estimates.data());
+  }
+  state.counters["threads"] = threads;
+}
+
+void fit(benchmark::State& state, int threads) {
+  const graybox::RobotModel robot = graybox::load_robot_model(graybox::default_robot_file());
+  const graybox::RobotResponseModel model(robot);
+  const TemporaryCampaign campaign(graybox::ExcitationPlan::DataFormat::kHdf5, threads);
+  std::vector<graybox::ResponseMeasurement> measurements;
+  for (const auto& estimate : campaign.estimate(threads)) {
+    measurements.push_back(graybox::response_measurement(estimate));
+  }
+  Eigen::VectorXd start(static_cast<Eigen::Index>(model.parameter_names().size()));
+  for (Eigen::Index p = 0; p < start.size(); ++p) start(p) = p % 2 == 0 ? 3.0 : 1.0 / 3.0;
+  double error = 0.0;
+  for (auto _ : state) {
+    const graybox::FitResult result = graybox::fit_maximum_likelihood(
+        model, measurements, start, {.start_spread = 1.0, .threads = threads});
+    error = result.status == graybox::FitStatus::kConverged
+                ? (result.theta.array() - 1.0).abs().maxCoeff()
+                : std::numeric_limits<double>::quiet_NaN();
+  }
+  state.counters["largest_error"] = error;
+  state.counters["threads"] = threads;
+}
+
 // Takes --threads=N out of the arguments; 0 if N is no number from 1 on.
 int take_thread_count(int& argc, char** argv) {
   constexpr std::string_view kFlag = "--threads=";
@@ -202,6 +300,17 @@ int main(int argc, char** argv) {
                                  plant_sample, is_local)
         ->Unit(benchmark::kMillisecond);
   }
+  benchmark::RegisterBenchmark("frequency_responses/15", frequency_responses,
+                               graybox::ExcitationPlan::DataFormat::kHdf5, threads)
+      ->Unit(benchmark::kMillisecond)
+      ->UseRealTime();
+  benchmark::RegisterBenchmark("frequency_responses/15/csv", frequency_responses,
+                               graybox::ExcitationPlan::DataFormat::kCsv, threads)
+      ->Unit(benchmark::kMillisecond)
+      ->UseRealTime();
+  benchmark::RegisterBenchmark("fit/15", fit, threads)
+      ->Unit(benchmark::kMillisecond)
+      ->UseRealTime();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();

@@ -23,6 +23,7 @@ void add_check_command(CLI::App& app, Invocation& invocation);
 void add_exact_command(CLI::App& app, Invocation& invocation);
 void add_simulate_command(CLI::App& app, Invocation& invocation);
 void add_recordings_command(CLI::App& app, Invocation& invocation);
+void add_responses_command(CLI::App& app, Invocation& invocation);
 void add_fit_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);
 void add_paper_command(CLI::App& app, Invocation& invocation);

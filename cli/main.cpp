@@ -62,6 +62,7 @@ int main(int argc, char** argv) {
   graybox::cli::add_study_command(app, invocation);
   graybox::cli::add_simulate_command(app, invocation);
   graybox::cli::add_recordings_command(app, invocation);
+  graybox::cli::add_responses_command(app, invocation);
   graybox::cli::add_fit_command(app, invocation);
   if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
     return complain(line);

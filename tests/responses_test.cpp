@@ -7,13 +7,17 @@
 #include <complex>
 #include <memory>
 #include <numbers>
-#include <optional>
+#include <tuple>
 #include <vector>
 
+#include "graybox/diagnosis/responses/closed_loop_bias.hpp"
 #include "graybox/diagnosis/responses/confidence.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/diagnosis/responses/distortion.hpp"
 #include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "graybox/diagnosis/responses/local_polynomial.hpp"
 #include "graybox/diagnosis/responses/periodic_response.hpp"
+#include "graybox/diagnosis/responses/settling.hpp"
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
 #include "graybox/diagnosis/simulation/exact_plant.hpp"
 #include "graybox/diagnosis/simulation/multisine.hpp"
@@ -93,12 +97,15 @@ double frequency_of(std::size_t line) {
          (static_cast<double>(kPeriod) * kSampleTime);
 }
 
-FrequencyResponseEstimate empty_estimate(const std::vector<std::size_t>& lines) {
+FrequencyResponseEstimate empty_estimate(const CampaignOptions& options) {
   FrequencyResponseEstimate estimate;
   estimate.inputs = {"u_1", "u_2"};
   estimate.outputs = {"y_1", "y_2"};
-  estimate.lines = lines;
-  for (const std::size_t line : lines) estimate.frequencies.push_back(frequency_of(line));
+  estimate.lines = options.lines;
+  estimate.period = kPeriod;
+  estimate.periods = options.periods;
+  estimate.sample_time = kSampleTime;
+  for (const std::size_t line : options.lines) estimate.frequencies.push_back(frequency_of(line));
   return estimate;
 }
 
@@ -136,9 +143,11 @@ class TwoMotorLoop : public ::testing::Test {
       for (Index e = 0; e < 2; ++e) {
         const MatrixXd signals =
             record(options, e, 17 * seed + m, 1000 * seed + 10 * m + static_cast<std::uint64_t>(e));
-        result.push_back(
-            {m, static_cast<std::size_t>(e) + 1,
-             line_spectra(signals, {kPeriod, options.periods, options.lines}, {}, transform)});
+        const MatrixXcd spectra = record_spectra(signals, transform);
+        const PeriodicLayout layout{kPeriod, options.periods, options.lines};
+        const PeriodicLayout silent{kPeriod, options.periods, detection_lines(layout)};
+        result.push_back({m, static_cast<std::size_t>(e) + 1, line_spectra(spectra, layout, {}),
+                          line_spectra(spectra, silent, {})});
       }
     }
     return result;
@@ -148,7 +157,7 @@ class TwoMotorLoop : public ::testing::Test {
     const auto all = records(options, seed);
     std::vector<const PeriodicRecord*> pointers;
     for (const PeriodicRecord& one : all) pointers.push_back(&one);
-    FrequencyResponseEstimate result = empty_estimate(options.lines);
+    FrequencyResponseEstimate result = empty_estimate(options);
     estimate_periodic_response(pointers, 2, {}, "test", result);
     return result;
   }
@@ -230,6 +239,403 @@ TEST_F(TwoMotorLoop, TotalCovarianceOfRealisationsCoversTheTruthToo) {
     coverage.add(result);
   }
   coverage.expect_nominal();
+}
+
+// Nothing but noise differs: detection lines, realisations and settling are rejected as often as said.
+TEST_F(TwoMotorLoop, TestsOfLinearityRejectALinearPlantAsOftenAsTheySay) {
+  CampaignOptions options;
+  options.periods = 2;
+  options.realisations = 2;
+  double odd = 0.0, odd_count = 0.0, even = 0.0, even_count = 0.0, total = 0.0, count = 0.0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    const auto result = estimate(options, seed);
+    for (const DetectionLine& line : result.detection) {
+      const double rejected = (line.p_value.array() < 0.05).cast<double>().mean();
+      (line.even() ? even : odd) += rejected;
+      (line.even() ? even_count : odd_count) += 1.0;
+    }
+    total += (result.nonlinearity_p_value.array() < 0.05).cast<double>().mean();
+    count += 1.0;
+  }
+  EXPECT_EQ(odd_count, 100.0 * 23);  // odd lines 3 to 71 but for the 12 excited
+  EXPECT_EQ(even_count, 100.0 * 34);
+  EXPECT_NEAR(odd / odd_count, 0.05, 0.015);
+  EXPECT_NEAR(even / even_count, 0.05, 0.015);
+  EXPECT_NEAR(total / count, 0.05, 0.02);
+}
+
+// A square or a cube of the first input is added to the first output.
+TEST_F(TwoMotorLoop, SilentLinesTellOddFromEven) {
+  CampaignOptions options;
+  options.noise_psd_slope = 1e-12;
+  for (const bool even : {false, true}) {
+    std::vector<PeriodicRecord> records;
+    RealTransform transform(kPeriod * options.periods);
+    const PeriodicLayout layout{kPeriod, options.periods, options.lines};
+    const PeriodicLayout silent{kPeriod, options.periods, detection_lines(layout)};
+    for (Index e = 0; e < 2; ++e) {
+      MatrixXd signals = record(options, e, 5, 50 + static_cast<std::uint64_t>(e));
+      const Eigen::ArrayXd u = signals.col(2).array();
+      signals.col(0).array() += 0.02 * u.pow(even ? 2 : 3);
+      const MatrixXcd spectra = record_spectra(signals, transform);
+      records.push_back({1, static_cast<std::size_t>(e) + 1, line_spectra(spectra, layout, {}),
+                         line_spectra(spectra, silent, {})});
+    }
+    FrequencyResponseEstimate result = empty_estimate(options);
+    estimate_periodic_response({&records[0], &records[1]}, 2, {}, "test", result);
+    double answered = 0.0, quiet = 0.0;
+    for (const DetectionLine& line : result.detection) {
+      const double rejected = line.p_value(0) < 1e-3 ? 1.0 : 0.0;
+      (line.even() == even ? answered : quiet) += rejected;
+    }
+    EXPECT_GT(answered, 15.0) << even;
+    EXPECT_LT(quiet, 3.0) << even;
+  }
+}
+
+TEST_F(TwoMotorLoop, SeesATransientAndOnlyThat) {
+  CampaignOptions options;
+  options.periods = 2;
+  int alarms = 0, seen = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    MatrixXd signals = record(options, 0, seed, seed);
+    for (Index c = 0; c < 4; ++c) {
+      alarms += settling_p_value(signals.col(c), kPeriod) < 0.01 ? 1 : 0;
+    }
+    const double rms = signals.col(0).norm() / std::sqrt(static_cast<double>(signals.rows()));
+    for (Index t = 0; t < signals.rows(); ++t) {
+      signals(t, 0) += 0.3 * rms * std::exp(-static_cast<double>(t) / 60.0);
+    }
+    seen += settling_p_value(signals.col(0), kPeriod) < 0.01 ? 1 : 0;
+  }
+  EXPECT_LE(alarms, 24);  // of 800
+  EXPECT_GE(seen, 190);
+}
+
+// Outputs in mrad/s and inputs in kN m: G_hat, covariances and p-values scale with the units.
+TEST_F(TwoMotorLoop, UnitsAndTheOrderOfChannelsDoNotMatter) {
+  CampaignOptions options;
+  options.realisations = 2;
+  const auto all = records(options, 3);
+  const auto estimate_of = [&](const Eigen::VectorXd& scale, const Eigen::VectorXi& order) {
+    std::vector<PeriodicRecord> changed = all;
+    std::vector<const PeriodicRecord*> pointers;
+    for (PeriodicRecord& one : changed) {
+      for (LineSpectra* spectra : {&one.spectra, &one.detection}) {
+        spectra->values = (scale.asDiagonal() * spectra->values).eval()(order, Eigen::all).eval();
+        for (MatrixXcd& samples : spectra->samples) {
+          samples = (scale.asDiagonal() * samples).eval()(order, Eigen::all).eval();
+        }
+      }
+      pointers.push_back(&one);
+    }
+    FrequencyResponseEstimate result = empty_estimate(options);
+    estimate_periodic_response(pointers, 2, {}, "test", result);
+    return result;
+  };
+  const Eigen::VectorXd ones = Eigen::VectorXd::Ones(6);
+  Eigen::VectorXd scale(6);
+  scale << 1e3, 10.0, 1e-3, 1e-3, 1.0, 1.0;
+  Eigen::VectorXi straight(6), swapped(6);
+  straight << 0, 1, 2, 3, 4, 5;
+  swapped << 1, 0, 3, 2, 5, 4;
+  const auto plain = estimate_of(ones, straight);
+  const auto scaled = estimate_of(scale, straight);
+  const auto turned = estimate_of(ones, swapped);
+  const Eigen::Matrix2d exchange =
+      Eigen::Vector2i(1, 0).asPermutation().toDenseMatrix().cast<double>();
+  for (std::size_t k = 0; k < plain.lines.size(); ++k) {
+    const MatrixXcd rescaled = scale.head(2).cwiseInverse().asDiagonal() * scaled.responses[k] *
+                               scale.segment(2, 2).asDiagonal();
+    EXPECT_LT((rescaled - plain.responses[k]).norm(), 1e-9 * plain.responses[k].norm());
+    EXPECT_LT((exchange * turned.responses[k] * exchange - plain.responses[k]).norm(),
+              1e-9 * plain.responses[k].norm());
+    const auto& phi = plain.total[k].covariance;
+    const MatrixXcd rescaled_phi = scale.head(2).cwiseInverse().asDiagonal() *
+                                   scaled.total[k].covariance *
+                                   scale.head(2).cwiseInverse().asDiagonal();
+    EXPECT_LT((rescaled_phi - phi).norm(), 1e-8 * phi.norm());
+  }
+  EXPECT_LT((scaled.nonlinearity_p_value - plain.nonlinearity_p_value).norm(), 1e-6);
+}
+
+TEST_F(TwoMotorLoop, AMeasurementWhitensItsErrorOnAverage) {
+  CampaignOptions options;
+  const auto truth = truth_at(options.lines);
+  double sum = 0.0;
+  const int campaigns = 150;
+  for (int seed = 1; seed <= campaigns; ++seed) {
+    const auto result = estimate(options, static_cast<std::uint64_t>(seed));
+    const ResponseMeasurement measurement = response_measurement(result);
+    for (std::size_t k = 0; k < truth.size(); ++k) {
+      const MatrixXcd error = result.responses[k] - truth[k];
+      sum += (measurement.noise[k].left * error * measurement.noise[k].right).squaredNorm();
+      // Lambda from the factors, but for the weight of an estimated covariance.
+      const double q = result.noise[k].degrees_of_freedom;
+      const MatrixXcd lambda = measurement.noise[k].covariance() * ((q - 2.0) / q);
+      for (Index i = 0; i < 2; ++i) {
+        for (Index j = 0; j < 2; ++j) {
+          EXPECT_NEAR(lambda(j * 2 + i, j * 2 + i).real(), result.variance(k)(i, j),
+                      1e-6 * result.variance(k)(i, j));
+        }
+      }
+    }
+  }
+  EXPECT_NEAR(sum / (campaigns * 12.0 * 4.0), 1.0, 0.08);
+}
+
+// ---- closed-loop bias ------------------------------------------------------------------------------
+
+MatrixXcd random_matrix(Random& random, Index rows, Index columns) {
+  MatrixXcd z(rows, columns);
+  for (Complex& entry : z.reshaped()) {
+    const double real = random.normal();
+    entry = Complex(real, random.normal()) * std::sqrt(0.5);
+  }
+  return z;
+}
+
+TEST(ClosedLoopBias, OneInputIsExact) {
+  Random random(1);
+  for (const double s : {0.3, 1.0, 1.8}) {
+    Complex sum = 0.0;
+    const int draws = 400000;
+    for (int k = 0; k < draws; ++k) {
+      const Complex n = random_matrix(random, 1, 1)(0, 0);
+      sum += n / (s + n);
+    }
+    const double expected = quotient_bias(Eigen::VectorXd::Constant(1, s))(0);
+    EXPECT_NEAR(expected, std::exp(-s * s), 1e-15);
+    EXPECT_NEAR(sum.real() / draws, expected, 0.02) << s;
+  }
+}
+
+TEST(ClosedLoopBias, SeveralInputsAreNearTheMonteCarloMean) {
+  Random random(2);
+  for (const double s : {0.7, 1.3, 2.0}) {
+    const Eigen::Vector3d values(s, 1.2 * s, 1.5 * s);
+    const Eigen::VectorXd expected = quotient_bias(values);
+    MatrixXcd sum = MatrixXcd::Zero(3, 3);
+    const int draws = 60000;
+    for (int k = 0; k < draws; ++k) {
+      const MatrixXcd z = random_matrix(random, 3, 3);
+      MatrixXcd a = z;
+      a.diagonal() += values.cast<Complex>();
+      const MatrixXcd quotient = z * a.inverse();
+      if (quotient.norm() < 300.0) sum += quotient;  // the mean has no variance
+    }
+    sum /= draws;
+    for (Index i = 0; i < 3; ++i) {
+      EXPECT_NEAR(sum(i, i).real(), expected(i), 0.03 + 0.12 * expected(i)) << s << " " << i;
+    }
+  }
+}
+
+// References so weak that noise takes over: Y U^-1 tends to -F^-1, and the estimated bias says so.
+TEST_F(TwoMotorLoop, WeakReferencesGiveTheControllerAndTheBiasSaysSo) {
+  CampaignOptions options;
+  options.noise_psd_slope = 0.0;
+  options.white_noise = 0.1;
+  options.periods = 2;
+  options.lines = {17, 21, 27};
+  const auto truth = truth_at(options.lines);
+  for (const double level : {1e-4, 0.02}) {
+    options.level = level;
+    MatrixXcd error = MatrixXcd::Zero(2, 2), bias = error;
+    const int campaigns = 1500;
+    double used = 0.0;
+    for (int seed = 1; seed <= campaigns; ++seed) {
+      const auto result = estimate(options, static_cast<std::uint64_t>(seed));
+      bias += result.bias[1];
+      const MatrixXcd difference = result.responses[1] - truth[1];
+      if (difference.norm() > 30.0 * result.bias[1].norm() + 30.0 * truth[1].norm()) continue;
+      error += difference;
+      used += 1.0;
+    }
+    error /= used;
+    bias /= campaigns;
+    EXPECT_LT((error - bias).norm(), 0.35 * bias.norm() + 0.1 * truth[1].norm()) << level;
+    if (level > 1e-3) continue;
+    const double w = frequency_of(options.lines[1]);
+    MatrixXcd inverse_controller = MatrixXcd::Zero(2, 2);
+    for (Index i = 0; i < 2; ++i) {
+      const Complex delay = std::polar(1.0, -w * kSampleTime);
+      inverse_controller(i, i) =
+          1.0 / (controller().proportional(i) *
+                 (1.0 + kSampleTime / controller().integral_time(i) / (1.0 - delay)));
+    }
+    EXPECT_LT((truth[1] + bias + inverse_controller).norm(), 0.15 * inverse_controller.norm());
+  }
+}
+
+// ---- local polynomials -----------------------------------------------------------------------------
+
+// White references for as many samples as asked, through the same loop.
+class NoiseLoop : public TwoMotorLoop {
+ protected:
+  static constexpr std::size_t kSamples = 3000;
+
+  std::vector<MatrixXcd> noise_records(double level, double noise, std::uint64_t seed,
+                                       std::size_t count) {
+    std::vector<MatrixXcd> spectra;
+    RealTransform transform(kSamples);
+    for (std::size_t e = 0; e < count; ++e) {
+      Random random(100 * seed + e);
+      MatrixXd reference(2, kSamples);
+      for (double& r : reference.reshaped()) r = level * random.normal();
+      ClosedLoopOptions loop{.settling_periods = 0,
+                             .periods = 1,
+                             .noise_psd_slope = 0.0,
+                             .white_noise = Eigen::Vector2d::Constant(noise),
+                             .seed = 100 * seed + e};
+      if (noise == 0.0) loop.white_noise.resize(0);
+      const Recording recording =
+          simulate_closed_loop(*plant_, controller(), kSampleTime, reference, loop);
+      MatrixXd columns(recording.output.cols(), 6);
+      columns << recording.output.transpose(), recording.input.transpose(),
+          recording.reference.transpose();
+      spectra.push_back(record_spectra(columns, transform));
+    }
+    return spectra;
+  }
+
+  FrequencyResponseEstimate estimate(const std::vector<MatrixXcd>& records, bool joint,
+                                     double degrees_of_freedom = 0.0) {
+    FrequencyResponseEstimate result;
+    result.inputs = {"u_1", "u_2"};
+    result.outputs = {"y_1", "y_2"};
+    result.sample_time = kSampleTime;
+    estimate_local_polynomial(records, kSamples, 2,
+                              {.order = 2,
+                               .degrees_of_freedom = degrees_of_freedom,
+                               .from = 15.0,
+                               .to = 150.0,
+                               .count = 10,
+                               .joint = joint},
+                              "test", result);
+    return result;
+  }
+};
+
+TEST_F(NoiseLoop, LocalPolynomialsFindTheTruthFromOneRecordAndFromSeveral) {
+  for (const std::size_t count : {1U, 3U}) {
+    const auto result = estimate(noise_records(1.0, 0.0, 7, count), false);
+    for (std::size_t k = 0; k < result.frequencies.size(); ++k) {
+      const MatrixXcd truth = held_response(two_motors(), result.frequencies[k]);
+      EXPECT_LT((result.responses[k] - truth).norm(), 0.02 * truth.norm()) << count << " " << k;
+    }
+  }
+}
+
+TEST_F(NoiseLoop, LocalPolynomialRegionsHoldTheTruth) {
+  const int campaigns = 120;
+  for (const bool joint : {false, true}) {
+    double inside = 0.0, all = 0.0;
+    for (int seed = 1; seed <= campaigns; ++seed) {
+      const auto result =
+          estimate(noise_records(1.0, 0.02, static_cast<std::uint64_t>(seed), 2), joint, 8.0);
+      for (std::size_t k = 0; k < result.frequencies.size(); ++k) {
+        const MatrixXcd truth = held_response(two_motors(), result.frequencies[k]);
+        const double p = response_tail(
+            response_statistic(result.noise[k], result.input_gram[k], result.responses[k] - truth),
+            2, 2, result.noise[k].degrees_of_freedom);
+        inside += p > 0.05 ? 1.0 : 0.0;
+        all += 1.0;
+      }
+    }
+    EXPECT_NEAR(inside / all, 0.95, 4.0 * std::sqrt(0.05 * 0.95 / all) + 0.005) << joint;
+  }
+}
+
+// Under feedback the direct estimate is biased towards the controller, the joint one is not.
+TEST_F(NoiseLoop, JointInputOutputTakesTheBiasOfFeedbackAway) {
+  MatrixXcd direct = MatrixXcd::Zero(2, 2), joint = direct;
+  const int campaigns = 150;
+  MatrixXcd truth;
+  double w = 0.0;
+  for (int seed = 1; seed <= campaigns; ++seed) {
+    const auto records = noise_records(1.0, 1.0, static_cast<std::uint64_t>(seed), 2);
+    const auto by_input = estimate(records, false, 40.0);
+    const auto by_reference = estimate(records, true, 40.0);
+    w = by_input.frequencies[4];
+    truth = held_response(two_motors(), w);
+    direct += (by_input.responses[4] - truth) / campaigns;
+    joint += (by_reference.responses[4] - truth) / campaigns;
+  }
+  // Equal powers of reference and noise: half way to -F^-1.
+  MatrixXcd halfway = truth;
+  for (Index i = 0; i < 2; ++i) {
+    halfway(i, i) += 1.0 / (controller().proportional(i) *
+                            (1.0 + kSampleTime / controller().integral_time(i) /
+                                       (1.0 - std::polar(1.0, -w * kSampleTime))));
+  }
+  halfway *= -0.5;
+  EXPECT_LT((direct - halfway).norm(), 0.2 * halfway.norm());
+  EXPECT_LT(joint.norm(), 0.2 * halfway.norm());
+}
+
+TEST_F(NoiseLoop, LocalPolynomialsRefuseWhatTheyCannotDo) {
+  const auto records = noise_records(1.0, 0.0, 1, 1);
+  FrequencyResponseEstimate result;
+  result.inputs = {"u_1", "u_2"};
+  result.outputs = {"y_1", "y_2"};
+  result.sample_time = kSampleTime;
+  EXPECT_THROW(estimate_local_polynomial(records, kSamples, 2, {.from = 300.0}, "test", result),
+               InputError);
+  EXPECT_THROW(estimate_local_polynomial(records, kSamples, 2, {.degrees_of_freedom = 5000.0},
+                                         "test", result),
+               InputError);
+  auto dependent = records;
+  dependent.front().col(3) = 2.0 * dependent.front().col(2);
+  EXPECT_THROW(estimate_local_polynomial(dependent, kSamples, 2, {.joint = false}, "test", result),
+               InputError);
+}
+
+// ---- distributions of regions -----------------------------------------------------------------------
+
+TEST(ResponseRegions, TheTraceStatisticHasTheTailItIsGiven) {
+  Random random(3);
+  for (const auto& [outputs, inputs, q] :
+       {std::tuple{2, 2, 6}, std::tuple{6, 6, 24}, std::tuple{3, 1, 8}, std::tuple{1, 4, 7}}) {
+    int rejected = 0;
+    const int draws = 3000;
+    for (int k = 0; k < draws; ++k) {
+      const MatrixXcd samples = random_matrix(random, outputs, q);
+      const OutputCovariance covariance{samples * samples.adjoint() / static_cast<double>(q),
+                                        static_cast<double>(q), 1};
+      const double statistic = response_statistic(covariance, MatrixXcd::Identity(inputs, inputs),
+                                                  random_matrix(random, outputs, inputs));
+      const double p = response_tail(statistic, static_cast<std::size_t>(outputs),
+                                     static_cast<std::size_t>(inputs), q);
+      rejected += p < 0.05 ? 1 : 0;
+    }
+    EXPECT_NEAR(rejected / double{draws}, 0.05, 0.015) << outputs << " " << inputs;
+  }
+  EXPECT_NEAR(response_tail(response_threshold(0.95, 6, 6, 24), 6, 6, 24), 0.05, 1e-10);
+  EXPECT_THROW((void)response_threshold(0.95, 6, 6, 7), InputError);
+}
+
+TEST(ResponseRegions, DiscoveriesKeepOrderAndRate) {
+  const std::vector<bool> found = discoveries({0.5, 1e-6, 0.04, 0.9, 2e-3}, 0.05);
+  EXPECT_EQ(found, (std::vector<bool>{false, true, false, false, true}));
+  EXPECT_EQ(discoveries({}, 0.05).size(), 0U);
+}
+
+TEST(CovariancePool, TakesNeighboursUntilThereAreEnough) {
+  std::vector<LineScatter> lines;
+  std::vector<double> frequencies;
+  for (std::size_t k = 1; k <= 9; ++k) {
+    frequencies.push_back(static_cast<double>(k));
+    // Power rises with the square of frequency: pooling keeps each line's own level.
+    const double power = 3.0 * static_cast<double>(k * k);
+    lines.push_back({2.0 * power * MatrixXcd::Identity(2, 2), 2.0, {3 * k, 3 * k + 1}});
+  }
+  const auto pooled = pool_covariances(lines, frequencies, 6.0);
+  for (std::size_t k = 0; k < 9; ++k) {
+    EXPECT_EQ(pooled[k].pooled_lines, 3U) << k;
+    EXPECT_NEAR(pooled[k].covariance(0, 0).real(), 3.0 * frequencies[k] * frequencies[k], 1e-9);
+    EXPECT_NEAR(pooled[k].degrees_of_freedom, 6.0, 1e-12);
+  }
 }
 
 }  // namespace

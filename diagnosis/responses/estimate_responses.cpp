@@ -11,12 +11,18 @@
 #include <string>
 
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
+#include "graybox/diagnosis/responses/distortion.hpp"
+#include "graybox/diagnosis/responses/settling.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
 
 using Eigen::Index;
+
+constexpr double kSettlingLevel = 1e-4;  // false alarms of one recording
+constexpr double kDiscoveryRate = 0.05;  // of non-linear lines
+constexpr double kBiasShare = 0.1;       // of the standard error
 
 // ---- which experiments belong together ---------------------------------------------------------
 
@@ -25,6 +31,7 @@ struct Group {
   double level = 0.0;
   std::size_t realisation = 0;             // 0: all
   std::vector<std::size_t> experiments{};  // of the campaign, by realisation and sub-experiment
+  ResponseMethod method = ResponseMethod::kPeriodic;
 
   [[nodiscard]] std::string place() const {
     std::string text;
@@ -50,6 +57,11 @@ std::vector<Group> group_experiments(const Campaign& campaign, const ResponseOpt
     group->experiments.push_back(k);
   }
   for (Group& group : groups) {
+    const bool periodic = std::ranges::all_of(group.experiments, [&](std::size_t k) {
+      return campaign.experiments[k].excitation.has_value();
+    });
+    group.method = options.method.value_or(periodic ? ResponseMethod::kPeriodic
+                                                    : ResponseMethod::kLocalPolynomial);
     std::ranges::sort(group.experiments, {}, [&](std::size_t k) {
       const Experiment& experiment = campaign.experiments[k];
       return std::pair(experiment.realisation, experiment.sub_experiment);
@@ -125,12 +137,21 @@ ChannelColumns channel_columns(const std::vector<Signal>& signals) {
   return columns;
 }
 
+// Outputs, inputs, references.
+std::vector<Index> channel_order(const ChannelColumns& columns) {
+  std::vector<Index> order = columns.outputs;
+  order.insert(order.end(), columns.inputs.begin(), columns.inputs.end());
+  order.insert(order.end(), columns.references.begin(), columns.references.end());
+  return order;
+}
+
 struct ReadRecord {
-  PeriodicRecord record;
   std::vector<Signal> signals;
-  PeriodicExcitation excitation;  // after preprocessing
   double sample_time = 0.0;
   std::vector<Finding> findings;
+  PeriodicExcitation excitation;          // after preprocessing
+  PeriodicRecord periodic;                // of the periodic way
+  std::vector<Eigen::MatrixXd> segments;  // of the other, [samples x channels]
 };
 
 std::vector<std::size_t> lines_below_nyquist(const PeriodicExcitation& excitation) {
@@ -139,36 +160,118 @@ std::vector<std::size_t> lines_below_nyquist(const PeriodicExcitation& excitatio
   return lines;
 }
 
-ReadRecord read_record(const Campaign& campaign, std::size_t index,
+void find_unsettled(const std::string& name, const Eigen::Ref<const Eigen::MatrixXd>& signals,
+                    const PeriodicLayout& layout, std::vector<Finding>& findings) {
+  if (layout.periods < 2) return;
+  for (Index c = 0; c < signals.cols(); ++c) {
+    const double p = settling_p_value(signals.col(c), layout.period);
+    if (p * static_cast<double>(signals.cols()) >= kSettlingLevel) continue;
+    findings.push_back(
+        {Severity::kWarning, "settling",
+         fmt::format("{}: the first period still differs from the next more at its beginning than "
+                     "at its end (p = {:.1e}): a transient; discard it by `segments`",
+                     name, p)});
+    return;
+  }
+}
+
+void read_periods(const Experiment& experiment, const Signals& data, const std::string& where,
+                  const ResponseOptions& options, ReadRecord& result) {
+  if (data.pieces.size() != 1) {
+    throw InputError(where + ": periods in several segments; name one segment");
+  }
+  const ChannelColumns columns = channel_columns(data.signals);
+  const PeriodicLayout layout{data.excitation->period, data.excitation->periods,
+                              lines_below_nyquist(*data.excitation)};
+  const PeriodicLayout silent{layout.period, layout.periods, detection_lines(layout)};
+  RealTransform transform(layout.period * layout.periods);
+  const Eigen::MatrixXd signals = data.pieces.front().values(Eigen::all, channel_order(columns));
+  const Eigen::MatrixXcd spectra = record_spectra(signals, transform);
+  result.periodic = {.realisation = experiment.realisation,
+                     .sub_experiment = experiment.sub_experiment,
+                     .spectra = line_spectra(spectra, layout, options.leakage),
+                     .detection = line_spectra(spectra, silent, options.leakage)};
+  result.excitation = {layout.period, layout.periods, layout.lines};
+  const auto measured = static_cast<Index>(columns.outputs.size() + columns.inputs.size());
+  find_unsettled(experiment.name, signals.leftCols(measured), layout, result.findings);
+}
+
+ReadRecord read_record(const Campaign& campaign, std::size_t index, ResponseMethod method,
                        const ResponseOptions& options) {
   const Experiment& experiment = campaign.experiments[index];
   const ExperimentRecording recording = load_experiment(campaign, index);
   const std::string where = campaign.file.string() + ": experiments: " + experiment.name;
   if (!recording.data.sample_time) {
-    throw InputError(where + ": samples at uneven times have no lines; state a sample_time");
+    throw InputError(where + ": samples at uneven times have no spectrum; record at even times");
   }
-  if (recording.data.pieces.size() != 1) {
-    throw InputError(where + ": periods in several segments; name one segment");
+  ReadRecord result;
+  result.signals = recording.data.signals;
+  result.sample_time = *recording.data.sample_time;
+  result.findings = recording.findings;
+  if (method == ResponseMethod::kPeriodic) {
+    read_periods(experiment, recording.data, where, options, result);
+    return result;
   }
-  const ChannelColumns columns = channel_columns(recording.data.signals);
-  std::vector<Index> order = columns.outputs;
-  order.insert(order.end(), columns.inputs.begin(), columns.inputs.end());
-  order.insert(order.end(), columns.references.begin(), columns.references.end());
-  const PeriodicExcitation& excitation = *recording.data.excitation;
-  const PeriodicLayout layout{excitation.period, excitation.periods,
-                              lines_below_nyquist(excitation)};
-  RealTransform transform(layout.period * layout.periods);
-  ReadRecord result{{experiment.realisation, experiment.sub_experiment, {}},
-                    recording.data.signals,
-                    excitation,
-                    *recording.data.sample_time,
-                    recording.findings};
-  result.record.spectra = line_spectra(recording.data.pieces.front().values(Eigen::all, order),
-                                       layout, options.leakage, transform);
+  const std::vector<Index> order = channel_order(channel_columns(recording.data.signals));
+  for (const SignalPiece& piece : recording.data.pieces) {
+    result.segments.push_back(piece.values(Eigen::all, order));
+  }
   return result;
 }
 
-// ---- one response --------------------------------------------------------------------------------
+// ---- findings ------------------------------------------------------------------------------------
+
+void find_one_period(const Group& group, FrequencyResponseEstimate& estimate) {
+  if (estimate.periods >= 2) return;
+  estimate.findings.push_back(
+      {Severity::kWarning, "periods",
+       group.place() + ": one period tells nothing of the noise; record two or more"});
+}
+
+void find_nonlinear(const Group& group, FrequencyResponseEstimate& estimate) {
+  for (const bool even : {false, true}) {
+    std::vector<double> p_values;
+    for (const DetectionLine& line : estimate.detection) {
+      if (line.even() != even) continue;
+      p_values.insert(p_values.end(), line.p_value.begin(), line.p_value.end());
+    }
+    const auto count = std::ranges::count(discoveries(p_values, kDiscoveryRate), true);
+    if (count == 0) continue;
+    estimate.findings.push_back(
+        {Severity::kWarning, "not linear",
+         fmt::format("{}: {} of {} silent {} lines answer (false discovery rate {:g})",
+                     group.place(), count, p_values.size(), even ? "even" : "odd",
+                     kDiscoveryRate)});
+  }
+  const Eigen::MatrixXd& total = estimate.nonlinearity_p_value;
+  const auto count = std::ranges::count(
+      discoveries({total.data(), total.data() + total.size()}, kDiscoveryRate), true);
+  if (count == 0) return;
+  estimate.findings.push_back(
+      {Severity::kWarning, "not linear",
+       fmt::format("{}: at {} of {} lines the response depends on the phases beyond the noise "
+                   "(false discovery rate {:g})",
+                   group.place(), count, total.size(), kDiscoveryRate)});
+}
+
+void find_biased(const Group& group, FrequencyResponseEstimate& estimate) {
+  std::size_t count = 0, worst = 0;
+  double largest = 0.0;
+  for (std::size_t k = 0; k < estimate.bias.size(); ++k) {
+    const double share =
+        (estimate.bias[k].cwiseAbs().array() / estimate.variance(k).array().sqrt()).maxCoeff();
+    count += share > kBiasShare ? 1U : 0U;
+    if (!(share > largest)) continue;
+    largest = share;
+    worst = k;
+  }
+  if (count == 0) return;
+  estimate.findings.push_back(
+      {Severity::kWarning, "closed loop",
+       fmt::format("{}: at {} lines the input is hardly above its noise, which biases the response "
+                   "towards the inverse of the controller; at line {} by {:.2g} standard errors",
+                   group.place(), count, estimate.lines[worst], largest)});
+}
 
 void add_channels(const std::vector<Signal>& signals, FrequencyResponseEstimate& estimate) {
   for (const Signal& signal : signals) {
@@ -182,35 +285,90 @@ void add_channels(const std::vector<Signal>& signals, FrequencyResponseEstimate&
   }
 }
 
-FrequencyResponseEstimate respond(const Group& group, const std::vector<ReadRecord>& read,
-                                  const std::vector<std::size_t>& place_of_experiment,
-                                  const ResponseOptions& options) {
-  std::vector<const PeriodicRecord*> records;
+// What a group's recordings have in common.
+FrequencyResponseEstimate begin_estimate(const Campaign& campaign, const Group& group,
+                                         const std::vector<const ReadRecord*>& records) {
   FrequencyResponseEstimate estimate;
-  for (const std::size_t k : group.experiments) {
-    const ReadRecord& one = read[place_of_experiment[k]];
-    records.push_back(&one.record);
-    estimate.findings.insert(estimate.findings.end(), one.findings.begin(), one.findings.end());
-  }
-  const ReadRecord& first = read[place_of_experiment[group.experiments.front()]];
+  estimate.method = group.method;
   estimate.position = group.position;
   estimate.level = group.level;
   estimate.realisation = group.realisation;
-  estimate.period = first.excitation.period;
-  estimate.periods = first.excitation.periods;
-  estimate.sample_time = first.sample_time;
-  estimate.lines = lines_below_nyquist(first.excitation);
+  estimate.hold = campaign.hold;
+  estimate.sample_time = records.front()->sample_time;
+  std::set<std::size_t> realisations;
+  for (const std::size_t k : group.experiments) {
+    realisations.insert(campaign.experiments[k].realisation);
+  }
+  estimate.realisations = realisations.size();
+  add_channels(records.front()->signals, estimate);
+  for (const ReadRecord* one : records) {
+    estimate.findings.insert(estimate.findings.end(), one->findings.begin(), one->findings.end());
+  }
+  return estimate;
+}
+
+void respond_to_periods(const Group& group, const std::vector<const ReadRecord*>& records,
+                        std::size_t references, const ResponseOptions& options,
+                        FrequencyResponseEstimate& estimate) {
+  const PeriodicExcitation& excitation = records.front()->excitation;
+  estimate.period = excitation.period;
+  estimate.periods = excitation.periods;
+  estimate.lines = excitation.lines;
   for (const std::size_t line : estimate.lines) {
     estimate.frequencies.push_back(2.0 * std::numbers::pi * static_cast<double>(line) /
                                    (static_cast<double>(estimate.period) * estimate.sample_time));
   }
-  add_channels(first.signals, estimate);
-  const std::size_t references = channel_columns(first.signals).references.size();
-  estimate_periodic_response(records, references, options.periodic, group.place(), estimate);
-  if (estimate.periods < 2) {
+  std::vector<const PeriodicRecord*> periodic;
+  for (const ReadRecord* one : records) periodic.push_back(&one->periodic);
+  estimate_periodic_response(periodic, references, options.periodic, group.place(), estimate);
+  find_one_period(group, estimate);
+  find_nonlinear(group, estimate);
+  find_biased(group, estimate);
+}
+
+void respond_to_any(const Group& group, const std::vector<const ReadRecord*>& records,
+                    std::size_t references, const ResponseOptions& options,
+                    FrequencyResponseEstimate& estimate) {
+  Index shortest = records.front()->segments.front().rows(), longest = shortest;
+  for (const ReadRecord* one : records) {
+    for (const Eigen::MatrixXd& segment : one->segments) {
+      shortest = std::min(shortest, segment.rows());
+      longest = std::max(longest, segment.rows());
+    }
+  }
+  if (shortest < longest) {
     estimate.findings.push_back(
-        {Severity::kWarning, "periods",
-         group.place() + ": one period tells nothing of the noise; record two or more"});
+        {Severity::kWarning, "length",
+         fmt::format("{}: segments of {} to {} samples; of each the first {} are used",
+                     group.place(), shortest, longest, shortest)});
+  }
+  const auto samples = static_cast<std::size_t>(shortest);
+  RealTransform transform(samples);
+  std::vector<Eigen::MatrixXcd> spectra;
+  for (const ReadRecord* one : records) {
+    for (const Eigen::MatrixXd& segment : one->segments) {
+      spectra.push_back(record_spectra(segment, transform));
+    }
+  }
+  estimate_local_polynomial(spectra, samples, references, options.local_polynomial, group.place(),
+                            estimate);
+  if (references == estimate.inputs.size() && options.local_polynomial.joint) return;
+  estimate.findings.push_back(
+      {Severity::kWarning, "closed loop",
+       group.place() + ": without a reference for each input, a controller's response to noise "
+                       "can't be told from the plant: if the inputs come from feedback, the "
+                       "response is biased towards its inverse"});
+}
+
+FrequencyResponseEstimate respond(const Campaign& campaign, const Group& group,
+                                  const std::vector<const ReadRecord*>& records,
+                                  const ResponseOptions& options) {
+  FrequencyResponseEstimate estimate = begin_estimate(campaign, group, records);
+  const std::size_t references = channel_columns(records.front()->signals).references.size();
+  if (group.method == ResponseMethod::kPeriodic) {
+    respond_to_periods(group, records, references, options, estimate);
+  } else {
+    respond_to_any(group, records, references, options, estimate);
   }
   return estimate;
 }
@@ -259,30 +417,32 @@ std::vector<FrequencyResponseEstimate> estimate_responses(const Campaign& campai
         fmt::format("{}: experiments: none has the role {}", campaign.file.string(),
                     options.role == ExperimentRole::kEstimation ? "estimation" : "validation"));
   }
-  std::vector<std::size_t> experiments;
-  std::vector<std::size_t> place_of_experiment(campaign.experiments.size(), 0);
+  std::vector<std::pair<std::size_t, const Group*>> tasks;
   for (const Group& group : groups) {
-    check_excitation(campaign, group);
-    for (const std::size_t k : group.experiments) {
-      place_of_experiment[k] = experiments.size();
-      experiments.push_back(k);
-    }
+    if (group.method == ResponseMethod::kPeriodic) check_excitation(campaign, group);
+    for (const std::size_t k : group.experiments) tasks.emplace_back(k, &group);
   }
-  std::vector<ReadRecord> read(experiments.size());
-  if (!run_parallel(experiments.size(), options, true, [&](std::size_t k) {
-        read[k] = read_record(campaign, experiments[k], options);
+  std::vector<ReadRecord> read(campaign.experiments.size());
+  if (!run_parallel(tasks.size(), options, true, [&](std::size_t t) {
+        const auto& [experiment, group] = tasks[t];
+        read[experiment] = read_record(campaign, experiment, group->method, options);
       })) {
     return {};
   }
-  const ChannelColumns columns = channel_columns(read.front().signals);
+  const ChannelColumns columns = channel_columns(read[tasks.front().first].signals);
   if (columns.inputs.empty() || columns.outputs.empty()) {
     throw InputError(fmt::format("{}: channels: a frequency response needs an input and an output",
                                  campaign.file.string()));
   }
-  for (const Group& group : groups) check_sub_experiments(campaign, group, columns.inputs.size());
+  for (const Group& group : groups) {
+    if (group.method != ResponseMethod::kPeriodic) continue;
+    check_sub_experiments(campaign, group, columns.inputs.size());
+  }
   std::vector<FrequencyResponseEstimate> estimates(groups.size());
   if (!run_parallel(groups.size(), options, false, [&](std::size_t g) {
-        estimates[g] = respond(groups[g], read, place_of_experiment, options);
+        std::vector<const ReadRecord*> records;
+        for (const std::size_t k : groups[g].experiments) records.push_back(&read[k]);
+        estimates[g] = respond(campaign, groups[g], records, options);
       })) {
     return {};
   }

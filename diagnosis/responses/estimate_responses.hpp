@@ -11,15 +11,21 @@
 // response relates what is recorded: with inputs held between samples (hold: zero) it is the
 // discrete-time response of the plant behind its hold, G = j w h S D^-1 B of frequency_response.hpp
 // but for aliasing; with band-limited inputs that of the plant alone.
+//
+// Recordings whose campaign states period, periods and lines go the periodic way
+// (periodic_response.hpp); the others the local polynomial way (local_polynomial.hpp), every segment a
+// record, all cut to the length of the shortest.
 #pragma once
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
 #include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "graybox/diagnosis/responses/local_polynomial.hpp"
 #include "graybox/diagnosis/responses/periodic_response.hpp"
 
 namespace graybox {
@@ -28,8 +34,10 @@ struct ResponseOptions {
   ExperimentRole role = ExperimentRole::kEstimation;  // which experiments
   bool separate_realisations =
       false;  // an estimate for each; else one for all, with total covariance
+  std::optional<ResponseMethod> method;  // none: as the campaign's excitation allows
   LeakageOptions leakage;
   PeriodicResponseOptions periodic;
+  LocalPolynomialOptions local_polynomial;
   int threads = 1;                   // the result does not depend on it
   std::function<bool()> keep_going;  // asked between recordings; false: an empty result
   std::function<void(std::size_t, std::size_t)> report;  // recordings read, of all; one at a time
@@ -39,7 +47,7 @@ struct ResponseOptions {
 // (warnings) and of the estimate are with each. Throws InputError of one line for recordings that
 // can't be used: no experiments of this role, not periodic, no inputs or outputs, sub-experiments
 // that are missing or given twice, other lines or periods among those of one response, inputs that
-// are not independent, samples at uneven times.
+// are not independent, samples at uneven times, records too short.
 [[nodiscard]] std::vector<FrequencyResponseEstimate> estimate_responses(
     const Campaign& campaign, const ResponseOptions& options = {});
 

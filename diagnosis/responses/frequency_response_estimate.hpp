@@ -24,6 +24,7 @@
 #include <string_view>
 #include <vector>
 
+#include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/recordings/finding.hpp"
 #include "graybox/diagnosis/response_measurement.hpp"
 
@@ -39,6 +40,18 @@ struct OutputCovariance {
   std::size_t pooled_lines = 1;     // over so many neighbouring lines
 };
 
+// A line that was not excited, and how the outputs answer there (distortion.hpp). Levels are rms over
+// the recordings, in the unit of each output and the DFT scaling of multisine.hpp.
+struct DetectionLine {
+  std::size_t line = 0;
+  double frequency = 0.0;   // rad/s
+  Eigen::VectorXd level;    // of Y - G_hat U, noise included
+  Eigen::VectorXd noise;    // of it, as expected
+  Eigen::VectorXd p_value;  // small where the plant is not linear
+
+  [[nodiscard]] bool even() const { return line % 2 == 0; }
+};
+
 struct FrequencyResponseEstimate {
   ResponseMethod method = ResponseMethod::kPeriodic;
   std::vector<double> position;  // degrees; empty for a lumped model
@@ -49,6 +62,7 @@ struct FrequencyResponseEstimate {
   std::size_t periods = 0;                   // P; 0: not periodic
   std::size_t period = 0;                    // samples; 0: not periodic
   double sample_time = 0.0;                  // s
+  InputHold hold = InputHold::kZero;         // what inputs did between samples: G_hat includes it
   std::vector<std::string> inputs, outputs;  // channels
   std::vector<std::string> input_units, output_units;
 
@@ -58,7 +72,12 @@ struct FrequencyResponseEstimate {
   std::vector<Eigen::MatrixXcd> input_gram;  // W^H W, n_u x n_u
   std::vector<OutputCovariance> noise;       // empty: not known (one period)
   std::vector<OutputCovariance> total;       // empty: not known (one realisation)
-  Eigen::MatrixXd output_level;              // rms of |Y| over the recordings, n_y x lines
+  std::vector<Eigen::MatrixXcd> bias;  // E G_hat - G by feedback (closed_loop_bias.hpp), n_y x n_u;
+                                       // empty: not known
+  Eigen::MatrixXd output_level;        // rms of |Y| over the recordings, n_y x lines
+  Eigen::MatrixXd
+      nonlinearity_p_value;  // total against noise (distortion.hpp), n_y x lines; or empty
+  std::vector<DetectionLine> detection;
   std::vector<Finding> findings;
 
   // Total where it is known, else noise. Throws InputError where neither is.

@@ -54,8 +54,27 @@ std::vector<Index> noise_offsets(std::size_t line, const PeriodicLayout& layout,
   return offsets;
 }
 
-Eigen::MatrixXcd spectra_of(const Eigen::Ref<const Eigen::MatrixXd>& signals,
-                            RealTransform& transform) {
+// The filters of the sets of offsets that occur: one for most lines.
+class LeakageFilters {
+ public:
+  explicit LeakageFilters(int order) : order_(order) {}
+  const LeakageFilter& at(const std::vector<Index>& offsets) {
+    auto found = filters_.find(offsets);
+    if (found == filters_.end()) {
+      found = filters_.emplace(offsets, leakage_filter(offsets, order_)).first;
+    }
+    return found->second;
+  }
+
+ private:
+  int order_;
+  std::map<std::vector<Index>, LeakageFilter> filters_;
+};
+
+}  // namespace
+
+Eigen::MatrixXcd record_spectra(const Eigen::Ref<const Eigen::MatrixXd>& signals,
+                                RealTransform& transform) {
   const auto samples = static_cast<Index>(transform.length());
   Eigen::MatrixXcd spectra(samples / 2 + 1, signals.cols());
   for (Index c = 0; c < signals.cols(); ++c) {
@@ -64,42 +83,43 @@ Eigen::MatrixXcd spectra_of(const Eigen::Ref<const Eigen::MatrixXd>& signals,
   return spectra;
 }
 
-}  // namespace
-
-LineSpectra line_spectra(const Eigen::Ref<const Eigen::MatrixXd>& signals,
-                         const PeriodicLayout& layout, const LeakageOptions& options,
-                         RealTransform& transform) {
-  const Eigen::MatrixXcd spectra = spectra_of(signals, transform);
+LineSpectra line_spectra(const Eigen::MatrixXcd& spectra, const PeriodicLayout& layout,
+                         const LeakageOptions& options) {
   const double scale = 1.0 / std::sqrt(static_cast<double>(layout.periods));
-  const int columns = options.order + 1;
-  const auto wanted = static_cast<std::size_t>((columns + options.bins_beyond + 1) / 2 * 2);
-  std::map<std::vector<Index>, LeakageFilter> filters;
+  const auto columns = static_cast<std::size_t>(options.order + 1);
+  const std::size_t wanted = (columns + static_cast<std::size_t>(options.samples) + 1) / 2 * 2;
+  LeakageFilters filters(options.order);
   LineSpectra result;
-  result.values.resize(signals.cols(), static_cast<Index>(layout.lines.size()));
-  result.samples.resize(layout.lines.size());
+  result.values.resize(spectra.cols(), static_cast<Index>(layout.lines.size()));
+  result.samples.assign(layout.lines.size(), Eigen::MatrixXcd(spectra.cols(), 0));
   result.bins.resize(layout.lines.size());
   for (std::size_t k = 0; k < layout.lines.size(); ++k) {
     const auto centre = static_cast<Index>(layout.lines[k] * layout.periods);
     auto value = result.values.col(static_cast<Index>(k));
     value = scale * spectra.row(centre).transpose();
-    result.samples[k].resize(signals.cols(), 0);
     if (layout.periods < 2) continue;
     const std::vector<Index> offsets = noise_offsets(layout.lines[k], layout, wanted);
-    if (offsets.size() <= static_cast<std::size_t>(columns)) continue;
-    auto found = filters.find(offsets);
-    if (found == filters.end()) {
-      found = filters.emplace(offsets, leakage_filter(offsets, options.order)).first;
-    }
-    const LeakageFilter& filter = found->second;
-    Eigen::MatrixXcd around(signals.cols(), static_cast<Index>(offsets.size()));
+    if (offsets.size() <= columns) continue;
+    Eigen::MatrixXcd around(spectra.cols(), static_cast<Index>(offsets.size()));
     for (std::size_t m = 0; m < offsets.size(); ++m) {
       around.col(static_cast<Index>(m)) = scale * spectra.row(centre + offsets[m]).transpose();
       result.bins[k].push_back(static_cast<std::size_t>(centre + offsets[m]));
     }
+    const LeakageFilter& filter = filters.at(offsets);
     value -= around * filter.prediction;
     result.samples[k] = around * filter.noise;
   }
   return result;
+}
+
+std::vector<std::size_t> detection_lines(const PeriodicLayout& layout) {
+  std::vector<std::size_t> silent;
+  for (std::size_t k = 0; k + 1 < layout.lines.size(); ++k) {
+    for (std::size_t line = layout.lines[k] + 1; line < layout.lines[k + 1]; ++line) {
+      silent.push_back(line);
+    }
+  }
+  return silent;
 }
 
 }  // namespace graybox

@@ -33,8 +33,8 @@
 namespace graybox {
 
 struct LeakageOptions {
-  int order = 2;        // R, of the polynomial; even: at the same variance as order R + 1
-  int bins_beyond = 1;  // 2 n_b - R - 1 >= this: samples of the noise of each line and recording
+  int order = 2;    // R, of the polynomial; even: at the same variance as order R + 1
+  int samples = 1;  // 2 n_b - R - 1, at least: of the noise of each line and recording
 };
 
 struct PeriodicLayout {
@@ -50,10 +50,18 @@ struct LineSpectra {
   std::vector<std::vector<std::size_t>> bins;  // of all P periods, that the samples come from
 };
 
-// `signals` is [samples x channels], at least N P samples, of which the first N P are used;
-// `transform` is of that length. With one period there are neither samples nor a correction.
-[[nodiscard]] LineSpectra line_spectra(const Eigen::Ref<const Eigen::MatrixXd>& signals,
-                                       const PeriodicLayout& layout, const LeakageOptions& options,
-                                       RealTransform& transform);
+// The whole record: `signals` is [samples x channels], of which the first transform.length() are used.
+// Bins x channels.
+[[nodiscard]] Eigen::MatrixXcd record_spectra(const Eigen::Ref<const Eigen::MatrixXd>& signals,
+                                              RealTransform& transform);
+
+// From the spectra of P periods of N samples. With one period there are neither samples nor a
+// correction.
+[[nodiscard]] LineSpectra line_spectra(const Eigen::MatrixXcd& spectra,
+                                       const PeriodicLayout& layout, const LeakageOptions& options);
+
+// The lines between the first and the last excited one that are not excited: what answers there is
+// not linear, or noise.
+[[nodiscard]] std::vector<std::size_t> detection_lines(const PeriodicLayout& layout);
 
 }  // namespace graybox

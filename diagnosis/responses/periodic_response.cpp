@@ -7,7 +7,9 @@
 #include <numbers>
 #include <string>
 
+#include "graybox/diagnosis/responses/closed_loop_bias.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/diagnosis/responses/distortion.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -105,6 +107,70 @@ LineScatter total_scatter(const LineColumns& columns, const MatrixXcd& response,
       place, estimate.lines[line], estimate.frequencies[line] / (2.0 * std::numbers::pi)));
 }
 
+// Samples of the noise of lines that were pooled with line k, so that there are enough of them.
+MatrixXcd samples_about(const std::vector<LineColumns>& columns, std::size_t line,
+                        std::size_t pooled) {
+  const std::size_t first = line - std::min(line, pooled / 2);
+  const std::size_t last = std::min(first + pooled, columns.size());
+  Index count = 0;
+  for (std::size_t l = first; l < last; ++l) count += columns[l].samples.cols();
+  MatrixXcd samples(columns[line].samples.rows(), count);
+  Index next = 0;
+  for (std::size_t l = first; l < last; ++l) {
+    samples.middleCols(next, columns[l].samples.cols()) = columns[l].samples;
+    next += columns[l].samples.cols();
+  }
+  return samples;
+}
+
+// Without references a mean over realisations keeps the bias of one.
+void estimate_bias(const std::vector<LineColumns>& columns, FrequencyResponseEstimate& estimate) {
+  const bool instrument = columns.front().references.rows() == columns.front().inputs.rows();
+  const double share = instrument ? 1.0 : 1.0 / static_cast<double>(estimate.realisations);
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    estimate.bias.push_back(
+        closed_loop_bias(estimate.responses[k], share * estimate.input_gram[k].inverse(),
+                         samples_about(columns, k, estimate.noise[k].pooled_lines)));
+  }
+}
+
+std::size_t count_realisations(const std::vector<const PeriodicRecord*>& records) {
+  std::size_t count = 1;
+  for (std::size_t e = 1; e < records.size(); ++e) {
+    count += records[e]->realisation != records[e - 1]->realisation ? 1U : 0U;
+  }
+  return count;
+}
+
+void estimate_covariances(const std::vector<LineColumns>& columns,
+                          const std::vector<MatrixXcd>& weights,
+                          const std::vector<std::vector<std::size_t>>& bins, double wanted,
+                          FrequencyResponseEstimate& estimate) {
+  std::vector<LineScatter> noise, total;
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    if (columns[k].samples.cols() > 0) {
+      noise.push_back(noise_scatter(columns[k], estimate.responses[k], bins[k]));
+    }
+    if (estimate.realisations > 1) {
+      total.push_back(total_scatter(columns[k], estimate.responses[k], weights[k]));
+    }
+  }
+  if (noise.size() == columns.size()) {
+    estimate.noise = pool_covariances(noise, estimate.frequencies, wanted);
+    estimate_bias(columns, estimate);
+  }
+  if (!total.empty()) estimate.total = pool_covariances(total, estimate.frequencies, wanted);
+  estimate.nonlinearity_p_value = total_over_noise(estimate);
+}
+
+void examine_silent_lines(const std::vector<const PeriodicRecord*>& records,
+                          FrequencyResponseEstimate& estimate) {
+  std::vector<const LineSpectra*> spectra;
+  for (const PeriodicRecord* record : records) spectra.push_back(&record->detection);
+  estimate.detection = detect_distortion(
+      spectra, detection_lines({estimate.period, estimate.periods, estimate.lines}), estimate);
+}
+
 }  // namespace
 
 void estimate_periodic_response(const std::vector<const PeriodicRecord*>& records,
@@ -112,35 +178,25 @@ void estimate_periodic_response(const std::vector<const PeriodicRecord*>& record
                                 const std::string& place, FrequencyResponseEstimate& estimate) {
   const auto outputs = static_cast<Index>(estimate.outputs.size());
   const auto inputs = static_cast<Index>(estimate.inputs.size());
-  std::size_t realisations = 1;
-  for (std::size_t e = 1; e < records.size(); ++e) {
-    realisations += records[e]->realisation != records[e - 1]->realisation ? 1U : 0U;
-  }
-  estimate.realisations = realisations;
+  estimate.realisations = count_realisations(records);
   estimate.recordings = records.size();
   estimate.output_level.resize(outputs, static_cast<Index>(estimate.lines.size()));
-  std::vector<LineScatter> noise, total;
+  std::vector<LineColumns> columns;
+  std::vector<MatrixXcd> weights;
   for (std::size_t k = 0; k < estimate.lines.size(); ++k) {
-    const LineColumns columns =
-        columns_at(records, k, outputs, inputs, static_cast<Index>(references));
-    const MatrixXcd weights = weights_of(columns, realisations);
-    if (weights.size() == 0) fail_dependent(estimate, k, place);
-    const MatrixXcd response = columns.outputs * weights;
-    if (columns.samples.cols() > 0) {
-      noise.push_back(noise_scatter(columns, response, records.front()->spectra.bins[k]));
-    }
-    if (realisations > 1) total.push_back(total_scatter(columns, response, weights));
+    columns.push_back(columns_at(records, k, outputs, inputs, static_cast<Index>(references)));
+    weights.push_back(weights_of(columns[k], estimate.realisations));
+    if (weights[k].size() == 0) fail_dependent(estimate, k, place);
+    const MatrixXcd& y = columns[k].outputs;
+    estimate.responses.push_back(y * weights[k]);
+    estimate.input_gram.push_back(weights[k].adjoint() * weights[k]);
     estimate.output_level.col(static_cast<Index>(k)) =
-        columns.outputs.rowwise().norm() / std::sqrt(static_cast<double>(columns.outputs.cols()));
-    estimate.responses.push_back(response);
-    estimate.input_gram.push_back(weights.adjoint() * weights);
+        y.rowwise().norm() / std::sqrt(static_cast<double>(y.cols()));
   }
   const double wanted = options.degrees_of_freedom > 0.0 ? options.degrees_of_freedom
                                                          : 4.0 * static_cast<double>(outputs);
-  if (noise.size() == estimate.lines.size()) {
-    estimate.noise = pool_covariances(noise, estimate.frequencies, wanted);
-  }
-  if (!total.empty()) estimate.total = pool_covariances(total, estimate.frequencies, wanted);
+  estimate_covariances(columns, weights, records.front()->spectra.bins, wanted, estimate);
+  examine_silent_lines(records, estimate);
 }
 
 }  // namespace graybox

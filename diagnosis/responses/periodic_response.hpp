@@ -40,7 +40,8 @@ namespace graybox {
 struct PeriodicRecord {
   std::size_t realisation = 1;
   std::size_t sub_experiment = 1;
-  LineSpectra spectra;
+  LineSpectra spectra;    // at the excited lines
+  LineSpectra detection;  // at detection_lines()
 };
 
 struct PeriodicResponseOptions {
@@ -48,8 +49,7 @@ struct PeriodicResponseOptions {
   double degrees_of_freedom = 0.0;
 };
 
-// Fills responses, input_gram, noise, total, output_level, realisations and recordings of
-// `estimate`, which has its inputs, outputs, lines and frequencies. `references`: channels after
+// Fills what is estimated into `estimate`, which has its inputs, outputs, lines and frequencies. `references`: channels after
 // inputs. Records are ordered by realisation, each with as many recordings. Throws InputError where
 // the inputs of a line are not independent, naming `place`.
 void estimate_periodic_response(const std::vector<const PeriodicRecord*>& records,

@@ -10,13 +10,14 @@ import continuous
 import criteria
 import exact_designs
 import paper
+import responses
 import robust
 import sequential
 import spectrum
 import study
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential]
+GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses]
 
 
 def main():
