@@ -25,7 +25,6 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -192,7 +191,7 @@ class TemporaryCampaign {
       plan.positions.push_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(angles.data()));
     }
     std::vector<double> hertz;
-    for (int k = 0; k < 50; ++k) hertz.push_back(std::pow(60.0, k / 49.0));
+    for (int k = 0; k < 50; ++k) hertz.push_back(1.25 + 1.25 * k);
     plan.lines = graybox::odd_lines(hertz, plan.period, system.sample_time);
     (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", {.threads = threads});
   }

@@ -90,6 +90,7 @@ Json json_of(const FrequencyResponseEstimate& estimate) {
           {"odd_distortion_db", json_of(summary.odd_distortion)},
           {"even_distortion_db", json_of(summary.even_distortion)},
           {"largest_bias", json_of(summary.largest_bias)},
+          {"feedback_share", json_of(summary.feedback_share)},
           {"findings", findings}};
 }
 
@@ -102,12 +103,13 @@ std::string row_of(const FrequencyResponseEstimate& estimate) {
   std::optional<double> percent = summary.median_error;
   if (percent) *percent *= 100.0;
   return fmt::format(
-      "{:<28} {:>7g} {:>6} {:>6} {:>6} {:>8} {:>7} {:>7} {:>7} {:>8}\n",
+      "{:<28} {:>7} {:>6} {:>6} {:>6} {:>8} {:>7} {:>7} {:>7} {:>8}\n",
       estimate.position.empty() ? "-" : fmt::format("[{:g}]", fmt::join(estimate.position, ", ")),
-      estimate.level, estimate.frequencies.size(), text_of(summary.median_signal_to_noise),
-      text_of(summary.least_signal_to_noise), text_of(percent, "{:.2g}"),
-      text_of(summary.total_over_noise), text_of(summary.odd_distortion),
-      text_of(summary.even_distortion), text_of(summary.largest_bias, "{:.0e}"));
+      estimate.level > 0.0 ? fmt::format("{:g}", estimate.level) : "-", estimate.frequencies.size(),
+      text_of(summary.median_signal_to_noise), text_of(summary.least_signal_to_noise),
+      text_of(percent, "{:.2g}"), text_of(summary.total_over_noise),
+      text_of(summary.odd_distortion), text_of(summary.even_distortion),
+      text_of(summary.feedback_share, "{:.0e}"));
 }
 
 std::string text_of(const std::vector<FrequencyResponseEstimate>& estimates) {
@@ -115,9 +117,9 @@ std::string text_of(const std::vector<FrequencyResponseEstimate>& estimates) {
   std::string text = fmt::format(
       "{} responses from {} to {}\n"
       "                                              SNR [dB]    error   total     odd    even  "
-      "   bias\n"
+      "feedback\n"
       "position                       level  lines median  least      [%]    [dB]    [dB]    [dB] "
-      "   [s.e.]\n",
+      "   share\n",
       estimates.size(), fmt::join(first.inputs, ", "), fmt::join(first.outputs, ", "));
   std::size_t findings = 0;
   std::string listed;
@@ -182,7 +184,7 @@ void add_responses_command(CLI::App& app, Invocation& invocation) {
   command
       ->add_option(
           "--degrees-of-freedom", arguments->degrees_of_freedom,
-          "of covariances, at least, by pooling neighbouring lines; 0: 4 times the outputs")
+          "of covariances, at least, by pooling neighbouring lines; 0: 4 times the outputs, or 8")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--order", arguments->order, "of the local polynomials")

@@ -14,11 +14,23 @@
 // Several inputs. With A = Phi_N^(-1/2) U_0 = sum_i s_i x_i y_i^H, Phi_N the covariance of N's columns
 // and C = Phi_VN Phi_N^-1,
 //
-//   E G_hat - G = C Phi_N^(1/2) [sum_i b_i x_i x_i^H] Phi_N^(-1/2),   b_i = E exp(-s_i^2 |w_i|^2),
+//   E G_hat - G = C L,    L = Phi_N^(1/2) [sum_i b_i x_i x_i^H] Phi_N^(-1/2),   0 <= b_i <= 1.
 //
-// w the unit vector orthogonal to the other columns of A + noise (apply the case above along w). With
-// |w_i|^2 = 1 / (1 + t c), t ~ Gamma(n_u - 1), c the mean of 1/(s_l^2 + 1) over l != i, this is one
-// integral; exact for n_u = 1, within 10 % for two inputs of equal strength (tests).
+// For Z of independent entries CN(0, 1) and X = A + Z, E Z X^-1 = sum b_i x_i x_i^H. By parts
+// (E Z_ia g = E dg/d conj(Z_ia)) only the singular matrices X count, where conj-derivatives of 1/det X
+// are delta functions; with the left null vector w of X (uniform on the sphere, weighed by the density
+// of w^H X at 0 and by the mean squared minors of the rest, a non-central Wishart determinant),
+//
+//   b_i = n/n! E_p p_i exp(-sum_l p_l s_l^2) sum_m p_m sum_k (n-k)! e_k(s^2 without s_m^2),
+//
+// p_l = |w_l|^2 uniform on the simplex, e_k elementary symmetric polynomials. The means over the
+// simplex are divided differences of the exponential (Hermite and Genocchi), entries of the exponential
+// of a bidiagonal matrix (Opitz 1964), all of one sign. n = 1 is the formula above; equal s give
+// exp(-s^2) sum_k C(n-1, k) s^2k (n-k)!/n!. Tests compare it with Monte Carlo.
+//
+// What can be estimated. C and U_0 are not known; with C' = Phi_yN Phi_N^-1 - G_hat from the noise that
+// was measured, G_hat = G + C L on average gives the bias C' L (I - L)^-1, and U U^H - n_u Phi_N stands
+// for U_0 U_0^H. Where b is near 1 the plant can't be told from its controller: b itself is the warning.
 //
 // This is for periodic excitation, where averages over P periods are taken before the quotient, so
 // that s_i^2 grows with P. Quotients of power spectra (local_polynomial.hpp) have the larger bias
@@ -29,14 +41,18 @@
 
 namespace graybox {
 
-// b for singular values s (of A), each >= 0.
-[[nodiscard]] Eigen::VectorXd quotient_bias(const Eigen::VectorXd& singular_values);
+// b for the squares s^2 >= 0. Cost n^2 small matrix exponentials, but none where all s^2 > 60.
+[[nodiscard]] Eigen::VectorXd quotient_bias(const Eigen::VectorXd& power);
 
-// E G_hat - G, n_y x n_u. `input_power` is U U^H as measured, of which the part of the noise,
-// n_u Phi_N, is taken off; `samples` are of the noise of one column, outputs over inputs, at least as
-// many as inputs (fewer, or inputs without noise, give zero).
-[[nodiscard]] Eigen::MatrixXcd closed_loop_bias(const Eigen::MatrixXcd& response,
-                                                const Eigen::MatrixXcd& input_power,
-                                                const Eigen::MatrixXcd& samples);
+struct ClosedLoopBias {
+  Eigen::MatrixXcd bias;  // of G_hat, n_y x n_u
+  double share = 0.0;     // the largest b: 0 no bias, 1 all of G_hat is that of the feedback
+};
+
+// `input_power` is U U^H as measured; `samples` are of the noise of one column, outputs over inputs, at
+// least as many as inputs (fewer, or inputs without noise, give zero).
+[[nodiscard]] ClosedLoopBias closed_loop_bias(const Eigen::MatrixXcd& response,
+                                              const Eigen::MatrixXcd& input_power,
+                                              const Eigen::MatrixXcd& samples);
 
 }  // namespace graybox

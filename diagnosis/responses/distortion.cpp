@@ -13,6 +13,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXcd;
 
+constexpr double kRounding = 1e-12;  // of the output: no noise, nothing to compare with
+
 MatrixXcd interpolated(const FrequencyResponseEstimate& estimate, std::size_t line) {
   const auto above = static_cast<std::size_t>(std::ranges::upper_bound(estimate.lines, line) -
                                               estimate.lines.begin());
@@ -28,6 +30,8 @@ std::vector<DetectionLine> detect_distortion(const std::vector<const LineSpectra
                                              const FrequencyResponseEstimate& estimate) {
   const auto outputs = static_cast<Index>(estimate.outputs.size());
   const auto inputs = static_cast<Index>(estimate.inputs.size());
+  const Eigen::VectorXd floor =
+      (kRounding * estimate.output_level.rowwise().maxCoeff()).cwiseAbs2();
   std::vector<DetectionLine> result;
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const MatrixXcd response = interpolated(estimate, lines[k]);
@@ -52,7 +56,7 @@ std::vector<DetectionLine> detect_distortion(const std::vector<const LineSpectra
                        .noise = noise.cwiseSqrt(),
                        .p_value = Eigen::VectorXd::Ones(outputs)};
     for (Index i = 0; i < outputs; ++i) {
-      if (!(noise(i) > 0.0)) continue;
+      if (!(noise(i) > floor(i))) continue;
       line.p_value(i) =
           fisher_tail(power(i) / noise(i), 2.0 * count, 2.0 * static_cast<double>(samples));
     }

@@ -22,7 +22,7 @@ using Eigen::Index;
 
 constexpr double kSettlingLevel = 1e-4;  // false alarms of one recording
 constexpr double kDiscoveryRate = 0.05;  // of non-linear lines
-constexpr double kBiasShare = 0.1;       // of the standard error
+constexpr double kFeedbackShare = 1e-3;
 
 // ---- which experiments belong together ---------------------------------------------------------
 
@@ -255,22 +255,17 @@ void find_nonlinear(const Group& group, FrequencyResponseEstimate& estimate) {
 }
 
 void find_biased(const Group& group, FrequencyResponseEstimate& estimate) {
-  std::size_t count = 0, worst = 0;
-  double largest = 0.0;
-  for (std::size_t k = 0; k < estimate.bias.size(); ++k) {
-    const double share =
-        (estimate.bias[k].cwiseAbs().array() / estimate.variance(k).array().sqrt()).maxCoeff();
-    count += share > kBiasShare ? 1U : 0U;
-    if (!(share > largest)) continue;
-    largest = share;
-    worst = k;
-  }
+  const auto& shares = estimate.feedback_share;
+  const auto count =
+      std::ranges::count_if(shares, [](double share) { return share > kFeedbackShare; });
   if (count == 0) return;
+  const auto worst = std::ranges::max_element(shares);
   estimate.findings.push_back(
       {Severity::kWarning, "closed loop",
-       fmt::format("{}: at {} lines the input is hardly above its noise, which biases the response "
-                   "towards the inverse of the controller; at line {} by {:.2g} standard errors",
-                   group.place(), count, estimate.lines[worst], largest)});
+       fmt::format("{}: at {} of {} lines the input is hardly above its noise, where the response "
+                   "tends to the inverse of the controller: at line {} by a share of {:.2g}",
+                   group.place(), count, estimate.lines.size(),
+                   estimate.lines[static_cast<std::size_t>(worst - shares.begin())], *worst)});
 }
 
 void add_channels(const std::vector<Signal>& signals, FrequencyResponseEstimate& estimate) {

@@ -72,9 +72,11 @@ struct FrequencyResponseEstimate {
   std::vector<Eigen::MatrixXcd> input_gram;  // W^H W, n_u x n_u
   std::vector<OutputCovariance> noise;       // empty: not known (one period)
   std::vector<OutputCovariance> total;       // empty: not known (one realisation)
-  std::vector<Eigen::MatrixXcd> bias;  // E G_hat - G by feedback (closed_loop_bias.hpp), n_y x n_u;
-                                       // empty: not known
-  Eigen::MatrixXd output_level;        // rms of |Y| over the recordings, n_y x lines
+  // By feedback (closed_loop_bias.hpp); empty: not known. E G_hat - G, n_y x n_u, and how much of
+  // G_hat is that of the feedback, 0 to 1.
+  std::vector<Eigen::MatrixXcd> bias;
+  std::vector<double> feedback_share;
+  Eigen::MatrixXd output_level;  // rms of |Y| over the recordings, n_y x lines
   Eigen::MatrixXd
       nonlinearity_p_value;  // total against noise (distortion.hpp), n_y x lines; or empty
   std::vector<DetectionLine> detection;

@@ -164,7 +164,7 @@ void estimate_local_polynomial(const std::vector<MatrixXcd>& records, std::size_
                           options.joint && references == estimate.inputs.size()};
   const double wanted = options.degrees_of_freedom > 0.0
                             ? options.degrees_of_freedom
-                            : 4.0 * static_cast<double>(channels.outputs);
+                            : std::max(8.0, 4.0 * static_cast<double>(channels.outputs));
   const Window window =
       window_for(static_cast<Index>(records.size()), channels.inputs, options, wanted);
   const std::vector<Index> bins =

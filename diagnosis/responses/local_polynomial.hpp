@@ -38,7 +38,7 @@ namespace graybox {
 
 struct LocalPolynomialOptions {
   int order = 2;                    // R
-  double degrees_of_freedom = 0.0;  // q, at least; 0: four times n_y
+  double degrees_of_freedom = 0.0;  // q, at least; 0: four times n_y, or 8
   double from = 0.0;                // Hz; 0: the lowest bin whose window fits
   double to = 0.0;                  // Hz; 0: the highest
   std::size_t count = 50;           // frequencies, log-spaced, each at its nearest bin once

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <numbers>
 #include <string>
 
@@ -128,9 +129,11 @@ void estimate_bias(const std::vector<LineColumns>& columns, FrequencyResponseEst
   const bool instrument = columns.front().references.rows() == columns.front().inputs.rows();
   const double share = instrument ? 1.0 : 1.0 / static_cast<double>(estimate.realisations);
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    estimate.bias.push_back(
+    const ClosedLoopBias bias =
         closed_loop_bias(estimate.responses[k], share * estimate.input_gram[k].inverse(),
-                         samples_about(columns, k, estimate.noise[k].pooled_lines)));
+                         samples_about(columns, k, estimate.noise[k].pooled_lines));
+    estimate.bias.push_back(bias.bias);
+    estimate.feedback_share.push_back(bias.share);
   }
 }
 
@@ -193,8 +196,9 @@ void estimate_periodic_response(const std::vector<const PeriodicRecord*>& record
     estimate.output_level.col(static_cast<Index>(k)) =
         y.rowwise().norm() / std::sqrt(static_cast<double>(y.cols()));
   }
-  const double wanted = options.degrees_of_freedom > 0.0 ? options.degrees_of_freedom
-                                                         : 4.0 * static_cast<double>(outputs);
+  const double wanted = options.degrees_of_freedom > 0.0
+                            ? options.degrees_of_freedom
+                            : std::max(8.0, 4.0 * static_cast<double>(outputs));
   estimate_covariances(columns, weights, records.front()->spectra.bins, wanted, estimate);
   examine_silent_lines(records, estimate);
 }

@@ -45,7 +45,7 @@ struct PeriodicRecord {
 };
 
 struct PeriodicResponseOptions {
-  // Complex degrees of freedom of covariances, at least, by pooling lines; 0: four times n_y.
+  // Complex degrees of freedom of covariances, at least, by pooling lines; 0: four times n_y, or 8.
   double degrees_of_freedom = 0.0;
 };
 

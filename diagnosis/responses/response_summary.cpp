@@ -107,6 +107,8 @@ ResponseSummary summarise(const FrequencyResponseEstimate& estimate) {
     const double share =
         (estimate.bias[k].cwiseAbs().array() / estimate.variance(k).array().sqrt()).maxCoeff();
     summary.largest_bias = std::max(summary.largest_bias.value_or(0.0), share);
+    summary.feedback_share =
+        std::max(summary.feedback_share.value_or(0.0), estimate.feedback_share[k]);
   }
   return summary;
 }

@@ -18,8 +18,9 @@ struct ResponseSummary {
   // over the lines of each kind, the largest of the outputs, dB. None if there are no such lines, or
   // no answer.
   std::optional<double> odd_distortion, even_distortion;
-  std::optional<double> largest_bias;  // of feedback, in standard errors
-  double degrees_of_freedom = 0.0;     // of the best covariance, the least of the lines
+  std::optional<double> largest_bias;    // by feedback, in standard errors
+  std::optional<double> feedback_share;  // the largest of the lines
+  double degrees_of_freedom = 0.0;       // of the best covariance, the least of the lines
 };
 
 [[nodiscard]] ResponseSummary summarise(const FrequencyResponseEstimate& estimate);

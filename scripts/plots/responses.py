@@ -41,10 +41,9 @@ def response_panel(axes, single, truth):
         axes.plot(frequency, estimate, "o", ms=2.5, color=colour, label=f"joint {output[2]}, estimate")
         axes.plot(frequency, magnitude(true), "-", lw=0.8, color=colour)
     axes.plot([], [], "-", lw=0.8, color=BLACK, label="truth")
-    axes.fill_between([], [], color=GREY, alpha=0.3, label="95 % region")
     axes.set_yscale("log")
     axes.set_ylabel("|G|, torque to velocity of one motor [rad/s / N m]")
-    axes.set_title("One response from six recordings of 8 s")
+    axes.set_title("Six recordings of 8 s: regions of 95 % are smaller than the dots")
     axes.legend(fontsize=7.5)
 
 
