@@ -109,7 +109,7 @@ std::string row_of(const FrequencyResponseEstimate& estimate) {
       text_of(summary.median_signal_to_noise), text_of(summary.least_signal_to_noise),
       text_of(percent, "{:.2g}"), text_of(summary.total_over_noise),
       text_of(summary.odd_distortion), text_of(summary.even_distortion),
-      text_of(summary.feedback_share, "{:.0e}"));
+      text_of(summary.feedback_share, "{:.1g}"));
 }
 
 std::string text_of(const std::vector<FrequencyResponseEstimate>& estimates) {

@@ -137,7 +137,7 @@ TEST_F(ResponsesCommand, RefusesRecordingsThatDoNotAllowIt) {
       {excitation, "excitation: {period: 200, periods: 2, lines: [3, 5]}",
        "other periods or lines"},
       {excitation, "excitation: {period: 200, periods: 5, lines: [3, 5, 9, 19]}", "other periods"},
-      {"    segments: []\n", "    segments: [[0, 199], [200, 399]]\n", "one segment"},
+      {"    segments: []\n", "    segments: [[0, 399], [0, 399]]\n", "one segment"},
   };
   for (const auto& [from, to, message] : mistakes) {
     replace(from, to);
@@ -165,9 +165,13 @@ TEST_F(ResponsesCommand, OnePeriodHasNoNoise) {
 }
 
 TEST_F(ResponsesCommand, SaysWhereAPlantIsNotLinearAndWhereItHasNotSettled) {
+  std::string quiet = kModel;
+  quiet.replace(quiet.find("{speed_1: 0.01, speed_2: 0.01}"), 30,
+                "{speed_1: 0.001, speed_2: 0.001}");
+  write_text(folder_.file("model.yaml"), quiet);
   write_text(folder_.file("friction.yaml"),
              "format: graybox-physics/1\nelements:\n  - name: dry\n    location: {kind: element, "
-             "mass: load}\n    law: coulomb\n    parameters: {level: {value: 0.3, unit: N m}, "
+             "mass: load}\n    law: coulomb\n    parameters: {level: {value: 0.02, unit: N m}, "
              "transition_velocity: {value: 0.05, unit: rad/s}}\n");
   ASSERT_EQ(graybox("simulate model.yaml plan.yaml --hidden friction.yaml -o campaign").exit_code,
             0);

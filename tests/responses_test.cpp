@@ -85,6 +85,7 @@ MatrixXcd held_response(const LinearMotion& motion, double w) {
 
 struct CampaignOptions {
   std::size_t periods = 4;
+  std::size_t settling_periods = 6;
   std::size_t realisations = 1;
   double level = 1.0;
   double noise_psd_slope = 4e-10;
@@ -120,7 +121,7 @@ class TwoMotorLoop : public ::testing::Test {
                             .inputs = 2,
                             .rms = options.level},
                            phases);
-    ClosedLoopOptions loop{.settling_periods = 6,
+    ClosedLoopOptions loop{.settling_periods = options.settling_periods,
                            .periods = options.periods,
                            .noise_psd_slope = options.noise_psd_slope,
                            .white_noise = {},
@@ -268,6 +269,7 @@ TEST_F(TwoMotorLoop, TestsOfLinearityRejectALinearPlantAsOftenAsTheySay) {
 TEST_F(TwoMotorLoop, SilentLinesTellOddFromEven) {
   CampaignOptions options;
   options.noise_psd_slope = 0.0;
+  options.settling_periods = 30;
   for (const bool even : {false, true}) {
     std::vector<PeriodicRecord> records;
     RealTransform transform(kPeriod * options.periods);

@@ -35,8 +35,9 @@ struct Group {
 
   [[nodiscard]] std::string place() const {
     std::string text;
-    if (!position.empty()) text = fmt::format("position [{:g}], ", fmt::join(position, ", "));
-    return text + fmt::format("level {:g}", level);
+    if (!position.empty()) text = fmt::format("position [{:g}]", fmt::join(position, ", "));
+    if (level > 0.0) text += fmt::format("{}level {:g}", text.empty() ? "" : ", ", level);
+    return text.empty() ? "responses" : text;
   }
 };
 
@@ -169,7 +170,8 @@ void find_unsettled(const std::string& name, const Eigen::Ref<const Eigen::Matri
     findings.push_back(
         {Severity::kWarning, "settling",
          fmt::format("{}: the first period still differs from the next more at its beginning than "
-                     "at its end (p = {:.1e}): a transient; discard it by `segments`",
+                     "at its end (p = {:.1e}): a transient; leave the first period out by "
+                     "`segments` and `periods`",
                      name, p)});
     return;
   }
