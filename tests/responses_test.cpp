@@ -277,7 +277,8 @@ TEST_F(TwoMotorLoop, SilentLinesTellOddFromEven) {
     const PeriodicLayout silent{kPeriod, options.periods, detection_lines(layout)};
     for (Index e = 0; e < 2; ++e) {
       MatrixXd signals = record(options, e, 5, 50 + static_cast<std::uint64_t>(e));
-      const Eigen::ArrayXd u = signals.col(2).array();
+      // Two motors may hold against each other for good: not counted.
+      const Eigen::ArrayXd u = signals.col(2).array() - signals.col(2).mean();
       signals.col(0).array() += 0.02 * u.pow(even ? 2 : 3);
       const MatrixXcd spectra = record_spectra(signals, transform);
       records.push_back({1, static_cast<std::size_t>(e) + 1, line_spectra(spectra, layout, {}),
