@@ -7,9 +7,11 @@
 //   mass_and_bias/graybox, /kdl   mass matrix, Coriolis and gravity torques of the arm, once
 //   equations_of_motion       accelerations of the non-linear robot, once
 //   plant_sample/local, /robot    one simulated sample under the controller, with noise
-//   frequency_responses/15    15 positions x 50 lines x 36 channels from 90 recordings of 8 s at 2 kHz
+//   frequency_responses/15    15 positions x 50 lines x 36 channels from 90 recordings of 8 s at 2
+//   kHz
 //                             (HDF5, 18 channels each), reading included; /15/csv: from CSV
-//   fit/15                    the 12 stiffnesses from those responses, start off by up to 3 either way
+//   fit/15                    the 12 stiffnesses from those responses, start off by up to 3 either
+//   way
 //
 // Counters: set_bytes, the packed set; peak_bytes, the most memory the process had in use while it
 // made the set, beyond what it used before (the set included); peak_over_set, their ratio;
@@ -182,18 +184,20 @@ class TemporaryCampaign {
     if (mkdtemp(name.data()) == nullptr) std::abort();
     folder_ = name;
     const auto system = graybox::load_system(graybox::default_robot_file());
-    graybox::ExcitationPlan plan{.plant = graybox::SimulatedSystem::PlantKind::kLocal,
-                                 .levels = {1.0},
-                                 .period = 8000,
-                                 .noise_psd_slope = 1e-12,
-                                 .data = data};
+    graybox::ExcitationPlan plan;
+    plan.levels = {1.0};
+    plan.period = 8000;
+    plan.noise_psd_slope = 1e-12;
+    plan.data = data;
     for (const auto& angles : kTableOne) {
       plan.positions.push_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(angles.data()));
     }
     std::vector<double> hertz;
     for (int k = 0; k < 50; ++k) hertz.push_back(1.25 + 1.25 * k);
     plan.lines = graybox::odd_lines(hertz, plan.period, system.sample_time);
-    (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", {.threads = threads});
+    graybox::SimulationOptions options;
+    options.threads = threads;
+    (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", options);
   }
   TemporaryCampaign(const TemporaryCampaign&) = delete;
   TemporaryCampaign& operator=(const TemporaryCampaign&) = delete;
@@ -203,7 +207,9 @@ class TemporaryCampaign {
   }
   [[nodiscard]] std::vector<graybox::FrequencyResponseEstimate> estimate(int threads) const {
     const graybox::Campaign campaign = graybox::read_campaign(folder_ / "campaign");
-    return graybox::estimate_responses(campaign, {.threads = threads});
+    graybox::ResponseOptions options;
+    options.threads = threads;
+    return graybox::estimate_responses(campaign, options);
   }
 
  private:

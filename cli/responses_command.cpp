@@ -1,4 +1,5 @@
-// `graybox responses`: frequency responses with their uncertainty from the recordings of a campaign.
+// `graybox responses`: frequency responses with their uncertainty from the recordings of a
+// campaign.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

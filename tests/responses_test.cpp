@@ -242,7 +242,8 @@ TEST_F(TwoMotorLoop, TotalCovarianceOfRealisationsCoversTheTruthToo) {
   coverage.expect_nominal();
 }
 
-// Nothing but noise differs: detection lines, realisations and settling are rejected as often as said.
+// Nothing but noise differs: detection lines, realisations and settling are rejected as often as
+// said.
 TEST_F(TwoMotorLoop, TestsOfLinearityRejectALinearPlantAsOftenAsTheySay) {
   CampaignOptions options;
   options.periods = 2;
@@ -386,7 +387,7 @@ TEST_F(TwoMotorLoop, AMeasurementWhitensItsErrorOnAverage) {
   EXPECT_NEAR(sum / (campaigns * 12.0 * 4.0), 1.0, 0.08);
 }
 
-// ---- closed-loop bias ------------------------------------------------------------------------------
+// ---- closed-loop bias ---------------------------------------------------------------------------
 
 MatrixXcd random_matrix(Random& random, Index rows, Index columns) {
   MatrixXcd z(rows, columns);
@@ -426,8 +427,8 @@ TEST(ClosedLoopBias, IsTheMeanOfQuotients) {
   for (Index i = 0; i < 3; ++i) EXPECT_NEAR(sum(i, i).real(), expected(i), 0.03) << i;
 }
 
-// Noise of the input that the output's contains too, as feedback makes it: the bias that the samples
-// of the noise predict is that of the estimates.
+// Noise of the input that the output's contains too, as feedback makes it: the bias that the
+// samples of the noise predict is that of the estimates.
 TEST(ClosedLoopBias, IsFoundFromSamplesOfTheNoise) {
   Random random(4);
   const MatrixXcd plant = random_matrix(random, 2, 2);
@@ -481,7 +482,7 @@ TEST_F(TwoMotorLoop, WeakReferencesGiveTheController) {
   EXPECT_GT(share, 0.4);
 }
 
-// ---- local polynomials -----------------------------------------------------------------------------
+// ---- local polynomials --------------------------------------------------------------------------
 
 // White references for as many samples as asked, through the same loop.
 class NoiseLoop : public TwoMotorLoop {
@@ -604,7 +605,7 @@ TEST_F(NoiseLoop, LocalPolynomialsRefuseWhatTheyCannotDo) {
                InputError);
 }
 
-// ---- distributions of regions -----------------------------------------------------------------------
+// ---- distributions of regions -------------------------------------------------------------------
 
 TEST(ResponseRegions, TheTraceStatisticHasTheTailItIsGiven) {
   Random random(3);

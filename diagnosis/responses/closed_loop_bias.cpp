@@ -14,7 +14,8 @@ constexpr double kNoBias = 60.0;      // s^2 of all inputs: b < 1e-20
 constexpr double kStrongest = 300.0;  // stronger inputs count as so strong
 constexpr double kMostShare = 0.99;   // of b, where the estimate divides by 1 - b
 
-// The exponential of a matrix whose entries are not negative, by scaling, Taylor series and squaring.
+// The exponential of a matrix whose entries are not negative, by scaling, Taylor series and
+// squaring.
 Eigen::MatrixXd exponential(const Eigen::MatrixXd& matrix) {
   constexpr int kSquarings = 14, kTerms = 14;
   const Eigen::MatrixXd small = std::ldexp(1.0, -kSquarings) * matrix;

@@ -6,12 +6,12 @@
 //
 //   one entry    |E_ij|^2 / (gram_jj Phi_hat_ii)                    ~ F(2, 2 q)
 //   one row      E_i gram^-1 E_i^H / (n_u Phi_hat_ii)               ~ F(2 n_u, 2 q)
-//   one column   (q - n_y + 1) / (q n_y) E_j^H Phi_hat^-1 E_j / gram_jj   ~ F(2 n_y, 2 (q - n_y + 1))
-//   all          T = tr(Phi_hat^-1 E gram^-1 E^H)                   ~ b F(2 n_y n_u, D), about
+//   one column   (q - n_y + 1) / (q n_y) E_j^H Phi_hat^-1 E_j / gram_jj   ~ F(2 n_y, 2 (q - n_y +
+//   1)) all          T = tr(Phi_hat^-1 E gram^-1 E^H)                   ~ b F(2 n_y n_u, D), about
 //
-// The first three are exact (complex Hotelling). The last is the complex form of the Lawley-Hotelling
-// trace with McKeon's (1974) approximation: b and D give T its first two moments. With m = n_u,
-// p = n_y, c = q - p and a complex Wishart matrix of q degrees of freedom,
+// The first three are exact (complex Hotelling). The last is the complex form of the
+// Lawley-Hotelling trace with McKeon's (1974) approximation: b and D give T its first two moments.
+// With m = n_u, p = n_y, c = q - p and a complex Wishart matrix of q degrees of freedom,
 //
 //   E T   = q p m / c,
 //   E T^2 = q^2 [m^2 (c p^2 + p) + m p (c + p)] / (c (c^2 - 1)),
@@ -27,8 +27,8 @@
 
 namespace graybox {
 
-// Radius of the disc about G_hat_ij that holds G_ij with this probability, for every entry of line k,
-// n_y x n_u, by the best covariance.
+// Radius of the disc about G_hat_ij that holds G_ij with this probability, for every entry of line
+// k, n_y x n_u, by the best covariance.
 [[nodiscard]] Eigen::MatrixXd confidence_radius(const FrequencyResponseEstimate& estimate,
                                                 std::size_t line, double probability);
 

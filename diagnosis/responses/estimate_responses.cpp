@@ -121,7 +121,7 @@ void check_excitation(const Campaign& campaign, const Group& group) {
   }
 }
 
-// ---- one recording -------------------------------------------------------------------------------
+// ---- one recording ------------------------------------------------------------------------------
 
 struct ChannelColumns {
   std::vector<Index> outputs, inputs, references;
@@ -221,7 +221,7 @@ ReadRecord read_record(const Campaign& campaign, std::size_t index, ResponseMeth
   return result;
 }
 
-// ---- findings ------------------------------------------------------------------------------------
+// ---- findings -----------------------------------------------------------------------------------
 
 void find_one_period(const Group& group, FrequencyResponseEstimate& estimate) {
   if (estimate.periods >= 2) return;
@@ -370,7 +370,7 @@ FrequencyResponseEstimate respond(const Campaign& campaign, const Group& group,
   return estimate;
 }
 
-// ---- threads -------------------------------------------------------------------------------------
+// ---- threads ------------------------------------------------------------------------------------
 
 // Runs work(0 ... count - 1); the exception of the lowest index is thrown on. False: stopped.
 template <typename Work>

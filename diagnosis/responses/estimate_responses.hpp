@@ -2,7 +2,7 @@
 // the step from recordings to a fit.
 //
 //   const Campaign campaign = read_campaign("campaign");
-//   const auto estimates = estimate_responses(campaign, {.threads = 2});
+//   const auto estimates = estimate_responses(campaign);
 //   std::vector<ResponseMeasurement> measurements;
 //   for (const auto& estimate : estimates) measurements.push_back(response_measurement(estimate));
 //   const FitResult fit = fit_maximum_likelihood(model, measurements, start);
@@ -13,8 +13,8 @@
 // but for aliasing; with band-limited inputs that of the plant alone.
 //
 // Recordings whose campaign states period, periods and lines go the periodic way
-// (periodic_response.hpp); the others the local polynomial way (local_polynomial.hpp), every segment a
-// record, all cut to the length of the shortest.
+// (periodic_response.hpp); the others the local polynomial way (local_polynomial.hpp), every
+// segment a record, all cut to the length of the shortest.
 #pragma once
 
 #include <cstddef>

@@ -40,8 +40,8 @@ struct OutputCovariance {
   std::size_t pooled_lines = 1;     // over so many neighbouring lines
 };
 
-// A line that was not excited, and how the outputs answer there (distortion.hpp). Levels are rms over
-// the recordings, in the unit of each output and the DFT scaling of multisine.hpp.
+// A line that was not excited, and how the outputs answer there (distortion.hpp). Levels are rms
+// over the recordings, in the unit of each output and the DFT scaling of multisine.hpp.
 struct DetectionLine {
   std::size_t line = 0;
   double frequency = 0.0;   // rad/s
@@ -91,10 +91,10 @@ struct FrequencyResponseEstimate {
 enum class CovarianceKind : std::int8_t { kBest, kNoise, kTotal };
 
 // For a fit. Its noise factors whiten by the estimated covariance, scaled by ((q - n_y) / q)^(1/2)
-// because E Phi_hat^-1 = q / (q - n_y) Phi^-1: weighted sums of squares then have the mean that they
-// would have with Phi itself, and H = J^T J that of the information. A covariance of lower rank is
-// raised to 1e-26 of the output's power (noise-free simulations). Throws InputError where the
-// covariance is not known or q <= n_y.
+// because E Phi_hat^-1 = q / (q - n_y) Phi^-1: weighted sums of squares then have the mean that
+// they would have with Phi itself, and H = J^T J that of the information. A covariance of lower
+// rank is raised to 1e-26 of the output's power (noise-free simulations). Throws InputError where
+// the covariance is not known or q <= n_y.
 [[nodiscard]] ResponseMeasurement response_measurement(const FrequencyResponseEstimate& estimate,
                                                        CovarianceKind kind = CovarianceKind::kBest);
 

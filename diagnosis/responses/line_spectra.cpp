@@ -38,8 +38,8 @@ LeakageFilter leakage_filter(const std::vector<Index>& offsets, int order) {
   return filter;
 }
 
-// The nearest bins on both sides that the periodic part does not reach; more of the other side where
-// zero frequency or the Nyquist frequency is near.
+// The nearest bins on both sides that the periodic part does not reach; more of the other side
+// where zero frequency or the Nyquist frequency is near.
 std::vector<Index> noise_offsets(std::size_t line, const PeriodicLayout& layout,
                                  std::size_t count) {
   const auto periods = static_cast<Index>(layout.periods);

@@ -1,5 +1,5 @@
-// Spectra of a periodic recording at lines of its period, freed of leakage, with samples of the noise
-// that they carry.
+// Spectra of a periodic recording at lines of its period, freed of leakage, with samples of the
+// noise that they carry.
 //
 // Why leakage matters although the excitation is periodic. P periods of N samples, DFT of all of
 // them: the periodic part lies at the bins k P alone. Noise does not repeat, so what it left in the
@@ -8,18 +8,20 @@
 //   Y(m) = G U(m) + V(m) + T(m),    T the transient: a rational function of frequency, smooth in m.
 //
 // For a motor, G falls as 1/w, Phi_v rises as w^2, and T is large: at 1 Hz the variance of Y - G U
-// of the robot's 8 s records is a thousand times that of V. Averaging periods does not help (T falls
-// no faster than V). T is therefore predicted at k P from the bins around it, which hold noise and
-// transient only, and subtracted (the local polynomial method for periodic excitation: Pintelon,
+// of the robot's 8 s records is a thousand times that of V. Averaging periods does not help (T
+// falls no faster than V). T is therefore predicted at k P from the bins around it, which hold
+// noise and transient only, and subtracted (the local polynomial method for periodic excitation:
+// Pintelon,
 // Vandersteen, Schoukens and Rolain 2011; order 1 with one bin on each side is the Hann window):
 //
 //   X(k P) <- X(k P) - s^T x,   x the bins k P + o,  o = the 2 n_b nearest not divisible by P,
 //   s the weights by which least squares on 1, o, ..., o^R predicts the value at o = 0.
 //
-// The part of x that no polynomial fits, x^T Q with Q^T Q = I, is noise alone: 2 n_b - R - 1 samples
-// that are independent, of the covariance that the spectrum has between channels, all scaled by
-// (1 + |s|^2)^(1/2) to the covariance of the corrected spectrum. Signals are treated alike, so that
-// the samples of Y and U together give that of Y - G U, whatever feedback correlates them.
+// The part of x that no polynomial fits, x^T Q with Q^T Q = I, is noise alone: 2 n_b - R - 1
+// samples that are independent, of the covariance that the spectrum has between channels, all
+// scaled by (1 + |s|^2)^(1/2) to the covariance of the corrected spectrum. Signals are treated
+// alike, so that the samples of Y and U together give that of Y - G U, whatever feedback correlates
+// them.
 //
 // Scale: DFT of one period (multisine.hpp) of the mean of the periods.
 #pragma once
@@ -50,7 +52,8 @@ struct LineSpectra {
   std::vector<std::vector<std::size_t>> bins;  // of all P periods, that the samples come from
 };
 
-// The whole record: `signals` is [samples x channels], of which the first transform.length() are used.
+// The whole record: `signals` is [samples x channels], of which the first transform.length() are
+// used.
 // Bins x channels.
 [[nodiscard]] Eigen::MatrixXcd record_spectra(const Eigen::Ref<const Eigen::MatrixXd>& signals,
                                               RealTransform& transform);

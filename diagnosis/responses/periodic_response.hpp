@@ -10,8 +10,9 @@
 //   G_hat = Y W,    G_hat - G = V W.
 //
 // One realisation, n = n_u: W = U^-1, the estimate Y U^-1 of the paper. More realisations: W =
-// R^H (U R^H)^-1 where references are recorded (the joint input-output estimate: noise that feedback
-// brings into U averages out before it is divided by), else the mean over realisations of U_m^-1.
+// R^H (U R^H)^-1 where references are recorded (the joint input-output estimate: noise that
+// feedback brings into U averages out before it is divided by), else the mean over realisations of
+// U_m^-1.
 //
 // Error. Given U, Cov vec(V W) = [W^H W]^T (x) Phi_v exactly. Under feedback U depends on V: to
 // first order in the noise, V W = V W_0, W_0 the noise-free one, so the same covariance holds with
@@ -49,9 +50,9 @@ struct PeriodicResponseOptions {
   double degrees_of_freedom = 0.0;
 };
 
-// Fills what is estimated into `estimate`, which has its inputs, outputs, lines and frequencies. `references`: channels after
-// inputs. Records are ordered by realisation, each with as many recordings. Throws InputError where
-// the inputs of a line are not independent, naming `place`.
+// Fills what is estimated into `estimate`, which has its inputs, outputs, lines and frequencies.
+// `references`: channels after inputs. Records are ordered by realisation, each with as many
+// recordings. Throws InputError where the inputs of a line are not independent, naming `place`.
 void estimate_periodic_response(const std::vector<const PeriodicRecord*>& records,
                                 std::size_t references, const PeriodicResponseOptions& options,
                                 const std::string& place, FrequencyResponseEstimate& estimate);

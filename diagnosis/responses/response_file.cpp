@@ -35,7 +35,7 @@ const char* name_of_hold(InputHold hold) {
   return hold == InputHold::kZero ? "zero" : "band_limited";
 }
 
-// ---- HDF5 ----------------------------------------------------------------------------------------
+// ---- HDF5 ---------------------------------------------------------------------------------------
 
 class Hdf5Group {
  public:
@@ -189,7 +189,7 @@ void write_hdf5_responses(const std::string& path,
   target.commit();
 }
 
-// ---- CSV -----------------------------------------------------------------------------------------
+// ---- CSV ----------------------------------------------------------------------------------------
 
 // Empty where there is no number.
 std::string field(double value) { return std::isfinite(value) ? fmt::format("{:.9g}", value) : ""; }

@@ -7,14 +7,15 @@
 //            frequency [K]                         Hz
 //            line [K]                              of one period; periodic way only
 //            response [K x n_y x n_u x 2]          real and imaginary part
-//            input_gram [K x n_u x n_u x 2]        W^H W: covariance of vec(response) = gram^T (x) Phi
-//            noise_covariance [K x n_y x n_y x 2]  Phi of noise, if known
+//            input_gram [K x n_u x n_u x 2]        W^H W: covariance of vec(response) = gram^T (x)
+//            Phi noise_covariance [K x n_y x n_y x 2]  Phi of noise, if known
 //            total_covariance [K x n_y x n_y x 2]  Phi of noise and distortion, if known
 //            noise_degrees_of_freedom, total_degrees_of_freedom [K]
 //            bias [K x n_y x n_u x 2]              by feedback, if known
 //            output_level [K x n_y]
 //            detection_frequency [D], detection_level, detection_noise, detection_p_value [D x n_y]
-//   .csv   a row for every response, frequency, output and input, with standard deviations, the radius
+//   .csv   a row for every response, frequency, output and input, with standard deviations, the
+//   radius
 //          of the 95 % region and the levels of output, noise, total and distortion
 //
 // Sizes and names: frequency_response_estimate.hpp.

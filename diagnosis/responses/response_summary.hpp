@@ -9,14 +9,14 @@
 namespace graybox {
 
 struct ResponseSummary {
-  // 20 log10 of output level over the deviation of its noise (of the total where that alone is known),
-  // over lines and outputs; none where neither is known.
+  // 20 log10 of output level over the deviation of its noise (of the total where that alone is
+  // known), over lines and outputs; none where neither is known.
   std::optional<double> median_signal_to_noise, least_signal_to_noise;  // dB
   std::optional<double> median_error;      // standard error of a row of G_hat over its length
   std::optional<double> total_over_noise;  // dB, median over lines and outputs; needs both
   // What silent lines answer beyond the noise, over the output at the excited lines: power summed
-  // over the lines of each kind, the largest of the outputs, dB. None if there are no such lines, or
-  // no answer.
+  // over the lines of each kind, the largest of the outputs, dB. None if there are no such lines,
+  // or no answer.
   std::optional<double> odd_distortion, even_distortion;
   std::optional<double> largest_bias;    // by feedback, in standard errors
   std::optional<double> feedback_share;  // the largest of the lines

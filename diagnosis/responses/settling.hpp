@@ -1,7 +1,8 @@
 // Whether a periodic recording has settled: is its first period like the second?
 //
 // Where only noise differs, d(t) = x(t + N) - x(t) is stationary over t < N; a transient that dies
-// makes it larger at the beginning. The mean squares of the first and the last quarter are compared,
+// makes it larger at the beginning. The mean squares of the first and the last quarter are
+// compared,
 //
 //   F = m_1 / m_4 ~ F(n_e, n_e), about,    n_e = (N/4) / (1 + 2 sum_tau rho(tau)^2),
 //
