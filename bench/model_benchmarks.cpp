@@ -250,11 +250,13 @@ void fit(benchmark::State& state, int threads) {
     measurements.push_back(graybox::response_measurement(estimate));
   }
   Eigen::VectorXd start(static_cast<Eigen::Index>(model.parameter_names().size()));
-  for (Eigen::Index p = 0; p < start.size(); ++p) start(p) = p % 2 == 0 ? 3.0 : 1.0 / 3.0;
+  for (Eigen::Index p = 0; p < start.size(); ++p) start(p) = p % 2 == 0 ? 1.5 : 1.0 / 1.5;
+  graybox::FitOptions options;
+  options.threads = threads;
   double error = 0.0;
   for (auto _ : state) {
-    const graybox::FitResult result = graybox::fit_maximum_likelihood(
-        model, measurements, start, {.start_spread = 1.0, .threads = threads});
+    const graybox::FitResult result =
+        graybox::fit_maximum_likelihood(model, measurements, start, options);
     error = result.status == graybox::FitStatus::kConverged
                 ? (result.theta.array() - 1.0).abs().maxCoeff()
                 : std::numeric_limits<double>::quiet_NaN();
