@@ -14,6 +14,7 @@ void add_design_command(CLI::App& app, Invocation& invocation) {
   add_design_spectrum_command(*command, invocation);
   add_design_robust_command(*command, invocation);
   add_design_efficiency_command(*command, invocation);
+  add_design_verify_command(*command, invocation);
 }
 
 }  // namespace graybox::cli

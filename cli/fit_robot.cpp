@@ -1,18 +1,27 @@
 // `graybox fit` of a graybox-robot/1 model: stiffness from frequency responses.
-#include <fmt/format.h>
-
+#include "console.hpp"
 #include "fit_arguments.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/problems/error.hpp"
+#include "graybox/diagnosis/robot_fit.hpp"
 #include "graybox/problems/robot_model.hpp"
+#include "interrupt.hpp"
 
 namespace graybox::cli {
 
 FitReport fit_robot(const FitArguments& arguments) {
   const RobotModel robot = load_robot_model(arguments.model);
   const Campaign campaign = read_campaign(arguments.campaign);
-  throw InputError(
-      fmt::format("{}: frequency responses of a robot are not read yet", campaign.file.string()));
+  CountProgress progress("recording", campaign.experiments.size());
+  RobotFitOptions options;
+  options.threads = arguments.threads;
+  options.search.seed = arguments.seed;
+  options.search.starts = arguments.starts;
+  options.keep_going = [] { return !interrupted(); };
+  options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
+  FitReport report = fit_robot_campaign(robot, campaign, options);
+  report.model = arguments.model;
+  report.campaign = campaign.file.string();
+  return report;
 }
 
 }  // namespace graybox::cli

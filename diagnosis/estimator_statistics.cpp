@@ -16,7 +16,6 @@
 namespace graybox {
 namespace {
 
-constexpr int kDraws = 20000;  // of Wishart matrices: quantiles to about 1 % of their spread
 constexpr double kLowerTail = (1.0 - kConfidence) / 2.0;
 constexpr double kUpperTail = 1.0 - kLowerTail;
 
@@ -39,7 +38,8 @@ void draw_bartlett(double freedom, Random& random, Eigen::MatrixXd& factor) {
   for (Eigen::Index i = 0; i < factor.rows(); ++i) {
     const double left = freedom - static_cast<double>(i);
     // One degree of freedom is the square of a normal number.
-    factor(i, i) = left < 2.0 ? std::abs(random.normal()) : std::sqrt(chi_square_draw(left, random));
+    factor(i, i) =
+        left < 2.0 ? std::abs(random.normal()) : std::sqrt(chi_square_draw(left, random));
     for (Eigen::Index j = 0; j < i; ++j) factor(i, j) = random.normal();
   }
 }
@@ -73,7 +73,8 @@ double log_det(const Eigen::MatrixXd& matrix, const char* what) {
 }
 
 // Determinant and eigenvalues of S / (n - 1) against draws of Wishart matrices.
-void compare_with_wishart(const Eigen::MatrixXd& whitened, EfficiencyStatistics& result) {
+void compare_with_wishart(const Eigen::MatrixXd& whitened, int draws,
+                          EfficiencyStatistics& result) {
   const Eigen::Index d = whitened.cols();
   const auto freedom = static_cast<double>(whitened.rows() - 1);
   const Eigen::MatrixXd covariance = sample_covariance(whitened);
@@ -84,7 +85,7 @@ void compare_with_wishart(const Eigen::MatrixXd& whitened, EfficiencyStatistics&
   std::vector<double> determinants;
   std::vector<std::vector<double>> eigenvalues(static_cast<std::size_t>(d));
   Solver solver(d);
-  for (int k = 0; k < kDraws; ++k) {
+  for (int k = 0; k < draws; ++k) {
     draw_bartlett(freedom, random, factor);
     determinants.push_back(determinant_root(factor, freedom));
     solver.compute(factor * factor.transpose() / freedom, Eigen::EigenvaluesOnly);
@@ -98,10 +99,10 @@ void compare_with_wishart(const Eigen::MatrixXd& whitened, EfficiencyStatistics&
   result.eigenvalues_lower.resize(d);
   result.eigenvalues_upper.resize(d);
   for (Eigen::Index i = 0; i < d; ++i) {
-    std::vector<double>& draws = eigenvalues[static_cast<std::size_t>(i)];
-    std::ranges::sort(draws);
-    result.eigenvalues_lower(i) = quantile(draws, kLowerTail);
-    result.eigenvalues_upper(i) = quantile(draws, kUpperTail);
+    std::vector<double>& drawn = eigenvalues[static_cast<std::size_t>(i)];
+    std::ranges::sort(drawn);
+    result.eigenvalues_lower(i) = quantile(drawn, kLowerTail);
+    result.eigenvalues_upper(i) = quantile(drawn, kUpperTail);
   }
 }
 
@@ -124,7 +125,7 @@ Eigen::MatrixXd sample_covariance(const Eigen::MatrixXd& estimates) {
 
 EfficiencyStatistics compare_with_prediction(const Eigen::MatrixXd& estimates,
                                              const Eigen::VectorXd& theta,
-                                             const Eigen::MatrixXd& covariance) {
+                                             const Eigen::MatrixXd& covariance, int draws) {
   check(estimates);
   const Eigen::Index d = estimates.cols();
   if (theta.size() != d || covariance.rows() != d || covariance.cols() != d) {
@@ -139,7 +140,7 @@ EfficiencyStatistics compare_with_prediction(const Eigen::MatrixXd& estimates,
   }
   // L^-1 of C = L L^T serves as H^(1/2): det, trace and eigenvalues are the same.
   const Eigen::MatrixXd whitened = factor.matrixL().solve(errors.transpose()).transpose();
-  compare_with_wishart(whitened, result);
+  compare_with_wishart(whitened, draws, result);
 
   const double freedom = static_cast<double>(estimates.rows() - 1);
   const double all = freedom * static_cast<double>(d);
@@ -159,7 +160,8 @@ EfficiencyStatistics compare_with_prediction(const Eigen::MatrixXd& estimates,
   return result;
 }
 
-CovarianceRatio compare_covariances(const Eigen::MatrixXd& first, const Eigen::MatrixXd& second) {
+CovarianceRatio compare_covariances(const Eigen::MatrixXd& first, const Eigen::MatrixXd& second,
+                                    int draws) {
   check(first);
   check(second);
   if (first.cols() != second.cols()) throw InputError("estimates of different parameters");
@@ -172,7 +174,7 @@ CovarianceRatio compare_covariances(const Eigen::MatrixXd& first, const Eigen::M
   Random random(1);
   Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(d, d);
   std::vector<double> ratios;
-  for (int k = 0; k < kDraws; ++k) {
+  for (int k = 0; k < draws; ++k) {
     draw_bartlett(freedom_1, random, factor);
     const double below = determinant_root(factor, freedom_1);
     draw_bartlett(freedom_2, random, factor);
@@ -196,8 +198,8 @@ Interval share_of(std::size_t successes, std::size_t trials) {
   const double share = static_cast<double>(successes) / n;
   const double z = normal_quantile(kUpperTail);
   const double centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
-  const double half = z * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n)) /
-                      (1.0 + z * z / n);
+  const double half =
+      z * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n)) / (1.0 + z * z / n);
   return {share, centre - half, centre + half};
 }
 

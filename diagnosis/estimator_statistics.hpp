@@ -34,6 +34,7 @@ struct Interval {
   [[nodiscard]] bool contains(double value) const { return lower <= value && value <= upper; }
 };
 
+inline constexpr int kWishartDraws = 20000;  // quantiles to about 1 % of their spread
 inline constexpr double kConfidence = 0.95;  // of every interval here, each by itself
 
 struct EfficiencyStatistics {
@@ -52,7 +53,8 @@ struct EfficiencyStatistics {
 // and a covariance that is not positive definite. O(n d^2 + draws d^3).
 [[nodiscard]] EfficiencyStatistics compare_with_prediction(const Eigen::MatrixXd& estimates,
                                                            const Eigen::VectorXd& theta,
-                                                           const Eigen::MatrixXd& covariance);
+                                                           const Eigen::MatrixXd& covariance,
+                                                           int draws = kWishartDraws);
 
 // How much larger the covariance of one set of estimates is than that of another, both normal and
 // independent.
@@ -61,7 +63,8 @@ struct CovarianceRatio {
   std::vector<Interval> variances;  // Sigma_2,pp / Sigma_1,pp: by F(n_2 - 1, n_1 - 1)
 };
 [[nodiscard]] CovarianceRatio compare_covariances(const Eigen::MatrixXd& first,
-                                                  const Eigen::MatrixXd& second);
+                                                  const Eigen::MatrixXd& second,
+                                                  int draws = kWishartDraws);
 
 // A share of n trials with Wilson's score interval (Wilson 1927).
 [[nodiscard]] Interval share_of(std::size_t successes, std::size_t trials);

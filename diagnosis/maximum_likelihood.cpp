@@ -104,7 +104,7 @@ class Fit {
   bool renew(ResidualKind kind, const Eigen::VectorXd& prior_mean) {
     Eigen::VectorXd parameters = internal(result_.theta);
     ceres::Problem problem;
-    std::vector<const WhitenedResiduals*> blocks;  // the problem owns them
+    std::vector<const WhitenedResiduals*> blocks;  // of each measurement; the problem owns them
     try {
       for (const ResponseMeasurement& measurement : measurements_) {
         auto residuals = std::make_unique<WhitenedResiduals>(measurement, model_, result_.theta,
@@ -158,8 +158,10 @@ class Fit {
     Eigen::MatrixXd jacobian;  // transposed: Ceres writes it row by row
     result_.chi_square = 0.0;
     result_.information.setZero(d, d);
+    gradient_covariance_.setZero(d, d);
     Eigen::Index count = 0;
-    for (const WhitenedResiduals* block : blocks) {
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      const WhitenedResiduals* block = blocks[b];
       residuals.resize(block->num_residuals());
       jacobian.resize(d, residuals.size());
       const double* at = parameters.data();
@@ -167,16 +169,40 @@ class Fit {
       if (!block->Evaluate(&at, residuals.data(), &derivatives)) return false;
       result_.chi_square += residuals.squaredNorm();
       result_.information.selfadjointView<Eigen::Lower>().rankUpdate(jacobian);
+      widen(measurements_[b], jacobian);
+      gradient_covariance_.selfadjointView<Eigen::Lower>().rankUpdate(jacobian);
       count += residuals.size();
     }
-    result_.information = Eigen::MatrixXd(result_.information.selfadjointView<Eigen::Lower>());
     result_.degrees_of_freedom = static_cast<std::size_t>(count - d);
-    if (logarithmic()) {
-      const Eigen::VectorXd inverse = result_.theta.cwiseInverse();
-      result_.information =
-          inverse.asDiagonal() * Eigen::MatrixXd(result_.information) * inverse.asDiagonal();
+    const Eigen::VectorXd chain = logarithmic() ? Eigen::VectorXd(result_.theta.cwiseInverse())
+                                                : Eigen::VectorXd(Eigen::VectorXd::Ones(d));
+    for (Eigen::MatrixXd* matrix : {&result_.information, &gradient_covariance_}) {
+      const Eigen::MatrixXd full = matrix->selfadjointView<Eigen::Lower>();
+      *matrix = chain.asDiagonal() * full * chain.asDiagonal();
     }
     return result_.information.allFinite();
+  }
+
+  [[nodiscard]] bool estimated_noise() const {
+    return std::ranges::any_of(measurements_, [](const ResponseMeasurement& measurement) {
+      return std::ranges::any_of(measurement.noise, [](const ResponseNoise& noise) {
+        return noise.degrees_of_freedom > 0.0;
+      });
+    });
+  }
+
+  // Multiplies the derivatives (d x residuals) at each frequency by kappa^(1/2).
+  static void widen(const ResponseMeasurement& measurement, Eigen::MatrixXd& jacobian) {
+    Eigen::Index column = 0;
+    for (std::size_t f = 0; f < measurement.noise.size(); ++f) {
+      const Eigen::Index count = 2 * measurement.responses[f].size();
+      const double q = measurement.noise[f].degrees_of_freedom;
+      if (q > 0.0) {
+        const double beyond = q - static_cast<double>(measurement.responses[f].rows());
+        jacobian.middleCols(column, count) *= std::sqrt(q * beyond / (beyond * beyond - 1.0));
+      }
+      column += count;
+    }
   }
 
   // H must be positive definite after scaling to unit diagonal, to a relative 1e-12.
@@ -189,8 +215,10 @@ class Fit {
       const Eigen::LLT<Eigen::MatrixXd> factor(correlation);
       if (factor.info() == Eigen::Success && factor.rcond() > 1e-12) {
         const Eigen::Index d = diagonal.size();
-        result_.covariance =
+        const Eigen::MatrixXd inverse =
             scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(d, d)) * scale.asDiagonal();
+        result_.covariance =
+            estimated_noise() ? Eigen::MatrixXd(inverse * gradient_covariance_ * inverse) : inverse;
         return;
       }
     }
@@ -201,6 +229,7 @@ class Fit {
   std::span<const ResponseMeasurement> measurements_;
   const FitOptions& options_;
   FitResult result_;
+  Eigen::MatrixXd gradient_covariance_;  // S
 };
 
 void check(const ResponseModel& model, const ResponseMeasurement& measurement, std::size_t number) {
@@ -227,6 +256,10 @@ void check(const ResponseModel& model, const ResponseMeasurement& measurement, s
     if (noise.left.rows() != n_y || noise.left.cols() != n_y || noise.right.rows() != n_u ||
         noise.right.cols() != n_u || !noise.left.allFinite() || !noise.right.allFinite()) {
       fail(fmt::format("noise factors must be finite, {0} x {0} and {1} x {1}", n_y, n_u));
+    }
+    const double q = noise.degrees_of_freedom;
+    if (q != 0.0 && !(q > static_cast<double>(n_y) + 1.0)) {
+      fail(fmt::format("{} degrees of freedom of the noise of {} outputs are too few", q, n_y));
     }
   }
 }
@@ -279,6 +312,34 @@ double FitResult::lack_of_fit() const {
 }
 
 Eigen::VectorXd FitResult::standard_errors() const { return covariance.diagonal().cwiseSqrt(); }
+
+Eigen::MatrixXd information_at(const ResponseModel& model,
+                               std::span<const ResponseMeasurement> measurements,
+                               const Eigen::VectorXd& theta) {
+  const Eigen::Index d = theta.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(d, d);
+  Eigen::VectorXd residuals;
+  Eigen::MatrixXd jacobian;  // transposed
+  for (const ResponseMeasurement& measurement : measurements) {
+    const WhitenedResiduals block(measurement, model, theta, ParameterScale::kLinear,
+                                  ResidualKind::kResponse);
+    residuals.resize(block.num_residuals());
+    jacobian.resize(d, residuals.size());
+    const double* at = theta.data();
+    double* derivatives = jacobian.data();
+    if (!block.Evaluate(&at, residuals.data(), &derivatives)) {
+      throw InputError("information: the model has no finite response there");
+    }
+    information += jacobian * jacobian.transpose();
+  }
+  return information;
+}
+
+Eigen::MatrixXd effective_information(const FitResult& fit) {
+  if (fit.covariance.size() == 0) return fit.information;
+  const Eigen::Index d = fit.covariance.rows();
+  return fit.covariance.llt().solve(Eigen::MatrixXd::Identity(d, d));
+}
 
 FitResult fit_maximum_likelihood(const ResponseModel& model,
                                  std::span<const ResponseMeasurement> measurements,

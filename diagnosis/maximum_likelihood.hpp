@@ -16,6 +16,15 @@
 // where the model is true: a fit brings along its covariance H^-1 (the Cramer-Rao bound (3)) and a
 // test of itself.
 //
+// Estimated Lambda. Where Phi_v is an estimate with q complex degrees of freedom, weights that err
+// cost precision although they are unbiased: with p = n_y outputs and a complex Wishart matrix W,
+// E W^-1 = I / (q - p) and E W^-2 = q I / ((q - p)^3 - (q - p)) (Maiwald and Kraus 2000), so the
+// covariance of the gradient is not H but
+//
+//   S = sum kappa J^T J,   kappa = q (q - p) / ((q - p)^2 - 1),     and   Cov theta_hat = H^-1 S H^-1
+//
+// to first order: kappa = 1.34 for q = 24 and six outputs, 1 where Lambda is known.
+//
 // What is held. Operating points, and Lambda where a measurement has none of its own, come from the
 // model at the current theta. They are held while Ceres minimises and renewed afterwards, until
 // theta moves by less than `tolerance` standard errors; the fixed point has both at theta_hat.
@@ -88,7 +97,7 @@ struct FitResult {
   FitStatus status = FitStatus::kFailed;
   Eigen::VectorXd theta;
   Eigen::MatrixXd information;  // H at theta, by theta itself in either scale
-  Eigen::MatrixXd covariance;   // H^-1; empty where it is singular or the fit failed
+  Eigen::MatrixXd covariance;   // H^-1 S H^-1; empty where H is singular or the fit failed
   double chi_square = 0.0;
   std::size_t degrees_of_freedom = 0;
   int iterations = 0;  // of Ceres, all stages
@@ -107,5 +116,15 @@ struct FitResult {
                                                std::span<const ResponseMeasurement> measurements,
                                                const Eigen::VectorXd& start,
                                                const FitOptions& options = {});
+
+// J^T J of the measurements at theta, by theta: H of any model, data and theta. Throws InputError where
+// the model can't be linearised there.
+[[nodiscard]] Eigen::MatrixXd information_at(const ResponseModel& model,
+                                             std::span<const ResponseMeasurement> measurements,
+                                             const Eigen::VectorXd& theta);
+
+// H S^-1 H, the information that estimated weights leave: the inverse of the covariance where there is
+// one, else H.
+[[nodiscard]] Eigen::MatrixXd effective_information(const FitResult& fit);
 
 }  // namespace graybox

@@ -34,6 +34,9 @@ namespace graybox {
 struct ResponseNoise {
   Eigen::MatrixXcd left;   // n_y x n_y
   Eigen::MatrixXcd right;  // n_u x n_u
+  // Complex degrees of freedom q of an estimated Phi_v, with left^H left scaled to E = Phi_v^-1; 0:
+  // Phi_v is known.
+  double degrees_of_freedom = 0.0;
 
   [[nodiscard]] Eigen::MatrixXcd covariance() const;  // Lambda, n_y n_u x n_y n_u
 };

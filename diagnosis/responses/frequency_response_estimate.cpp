@@ -90,7 +90,7 @@ ResponseMeasurement response_measurement(const FrequencyResponseEstimate& estima
   measurement.responses = estimate.responses;
   for (std::size_t k = 0; k < covariance.size(); ++k) {
     const auto outputs = static_cast<double>(estimate.outputs.size());
-    if (!(covariance[k].degrees_of_freedom > outputs)) {
+    if (!(covariance[k].degrees_of_freedom > outputs + 1.0)) {
       throw InputError(fmt::format(
           "{}: {:g} degrees of freedom are too few for the covariance of {} outputs; record more "
           "periods, or pool more lines",
@@ -98,7 +98,7 @@ ResponseMeasurement response_measurement(const FrequencyResponseEstimate& estima
     }
     measurement.noise.push_back(
         {whitening(covariance[k], estimate.output_level.col(static_cast<Eigen::Index>(k))),
-         input_factor(estimate.input_gram[k])});
+         input_factor(estimate.input_gram[k]), covariance[k].degrees_of_freedom});
   }
   return measurement;
 }

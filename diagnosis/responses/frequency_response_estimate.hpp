@@ -94,7 +94,7 @@ enum class CovarianceKind : std::int8_t { kBest, kNoise, kTotal };
 // because E Phi_hat^-1 = q / (q - n_y) Phi^-1: weighted sums of squares then have the mean that
 // they would have with Phi itself, and H = J^T J that of the information. A covariance of lower
 // rank is raised to 1e-26 of the output's power (noise-free simulations). Throws InputError where
-// the covariance is not known or q <= n_y.
+// the covariance is not known or q <= n_y + 1.
 [[nodiscard]] ResponseMeasurement response_measurement(const FrequencyResponseEstimate& estimate,
                                                        CovarianceKind kind = CovarianceKind::kBest);
 

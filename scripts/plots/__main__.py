@@ -15,9 +15,11 @@ import robust
 import sequential
 import spectrum
 import study
+import verify
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
-GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses]
+GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses,
+          verify]
 
 
 def main():

@@ -1,0 +1,51 @@
+// The stiffness of a robot from a campaign: frequency responses with their uncertainty
+// (responses/estimate_responses.hpp), then the maximum-likelihood fit over all positions and levels at
+// once (maximum_likelihood.hpp) from several starts (fit_search.hpp).
+//
+//   const FitReport report = fit_robot_campaign(load_robot_model("robot.yaml"),
+//                                               read_campaign("campaign"), {.threads = 2});
+//
+// Parameters are reported as stiffness (N m/rad): theta times what the model file says; the first
+// start is the file's. Covariances of responses are estimates; H^-1 S H^-1 of maximum_likelihood.hpp
+// and unbiased weights take their degrees of freedom into account, so that chi-square / dof is 1 in
+// the mean where the model is true.
+//
+// Quality (FitQuality). Error and signal at the excited lines are what the model leaves of the
+// measured outputs and these outputs themselves: E U and G_hat U, E = G_hat - G(theta_hat), U the
+// measured inputs. Chi-square on validation recordings is divided by its expectation where the model
+// is true, N + tr(H_v C): theta_hat errs as well.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "graybox/diagnosis/fit_report.hpp"
+#include "graybox/diagnosis/fit_search.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/response_measurement.hpp"
+#include "graybox/problems/robot_model.hpp"
+
+namespace graybox {
+
+struct RobotFitOptions {
+  FitSearchOptions search;
+  int threads = 1;                                       // the result does not depend on it
+  std::function<bool()> keep_going;                      // false: hand over the best so far
+  std::function<void(std::size_t, std::size_t)> report;  // recordings read, of all
+};
+
+// The measurements of a campaign that are for this role. Throws InputError where recordings can't be
+// used, or do not belong to this robot: other numbers of motors or joints, units, sample time or hold.
+// Empty where keep_going stopped it.
+[[nodiscard]] std::vector<ResponseMeasurement> robot_measurements(const RobotModel& robot,
+                                                                  const Campaign& campaign,
+                                                                  ExperimentRole role,
+                                                                  const RobotFitOptions& options);
+
+// Model and campaign names of the report are left to the caller. Status "interrupted" where
+// keep_going stopped it before there was anything.
+[[nodiscard]] FitReport fit_robot_campaign(const RobotModel& robot, const Campaign& campaign,
+                                           const RobotFitOptions& options = {});
+
+}  // namespace graybox

@@ -1,0 +1,173 @@
+// `graybox fit` of a robot, from simulated recordings to the report, and one clear line for wrong input;
+// `graybox design verify` on a small study.
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "command_runner.hpp"
+#include "graybox/problems/distributions.hpp"
+
+namespace graybox {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::Outcome;
+using testing::read_text;
+using testing::write_text;
+
+const std::string kPlan = R"(format: graybox-plan/1
+plant: local
+positions: [[45, 15, -150, 0, -90, 0], [45, -15, -45, 45, -90, 0], [0, 15, -105, 0, -45, 0]]
+levels: [1.0]
+realisations: 2
+validation_realisations: 1
+period: 4000
+settling_periods: 2
+periods: 2
+frequencies: {from: 3, to: 60, count: 18, spacing: log}
+noise: 1e-4
+)";
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+class FitCommand : public testing::CommandRunner {
+ protected:
+  FitCommand() {
+    for (const char* name : {"irb6600_like.yaml", "irb6600_like.urdf"}) {
+      fs::copy_file(fs::path(GRAYBOX_SOURCE_DIR) / "problems/robot" / name, folder_.file(name));
+    }
+  }
+
+  // The robot that is measured has another second gearbox than the model says.
+  void simulate(const std::string& plan) {
+    const std::string model = read_text(folder_.file("irb6600_like.yaml"));
+    write_text(folder_.file("truth.yaml"), replaced(model, "3.07e6", "3.40e6"));
+    write_text(folder_.file("plan.yaml"), plan);
+    const Outcome outcome = graybox("simulate truth.yaml plan.yaml -o campaign");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+
+  void change_campaign(const std::string& from, const std::string& to) {
+    const std::string file = folder_.file("campaign/campaign.yaml");
+    write_text(file, replaced(read_text(file), from, to));
+  }
+};
+
+TEST_F(FitCommand, FindsTheStiffnessOfASimulatedRobotWithinItsCovariance) {
+  simulate(kPlan);
+  const Outcome outcome = graybox("fit irb6600_like.yaml campaign -o fit.json --starts 1 --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json fit = json::parse(outcome.out);
+  EXPECT_EQ(fit, json::parse(read_text(folder_.file("fit.json"))));
+  EXPECT_EQ(fit["format"], "graybox-fit/1");
+  EXPECT_EQ(fit["status"], "converged");
+  ASSERT_EQ(fit["parameters"].size(), 12U);
+  Eigen::VectorXd error(12);
+  Eigen::MatrixXd covariance(12, 12);
+  for (Eigen::Index p = 0; p < 12; ++p) {
+    const json& each = fit["parameters"][static_cast<std::size_t>(p)];
+    const bool changed = each["name"] == "joint_2.gearbox";
+    const double truth = changed ? 3.40e6 : each["start"].get<double>();
+    error(p) = each["value"].get<double>() - truth;
+    for (Eigen::Index q = 0; q < 12; ++q) {
+      covariance(p, q) =
+          fit["covariance"][static_cast<std::size_t>(p)][static_cast<std::size_t>(q)].get<double>();
+    }
+  }
+  // All three fail by chance once in 1e5.
+  EXPECT_LT(error.dot(covariance.llt().solve(error)), chi_square_quantile(1.0 - 1e-5, 12.0));
+  const json& quality = fit["fit"];
+  for (const char* role : {"estimation", "validation"}) {
+    EXPECT_EQ(quality[role]["recordings"], 18) << role;
+    // 24 degrees of freedom of the noise: twice the spread that known noise would give.
+    const double spread = std::sqrt(2.0 / fit["degrees_of_freedom"].get<double>());
+    EXPECT_NEAR(quality[role]["chi_square_per_dof"].get<double>(), 1.0, 10.0 * spread) << role;
+    EXPECT_LT(quality[role]["nrmse"].get<double>(), 30.0) << role;
+    EXPECT_GT(quality[role]["variance_accounted_for"].get<double>(), 90.0) << role;
+  }
+  EXPECT_TRUE(fit["identifiability"]["unseen"].empty());
+  const Outcome text = graybox("fit irb6600_like.yaml campaign --starts 1");
+  EXPECT_NE(text.out.find("joint_2.gearbox"), std::string::npos);
+  EXPECT_NE(text.out.find("1 of 1 start ended in the best optimum"), std::string::npos) << text.out;
+}
+
+TEST_F(FitCommand, SaysWhatOneFrequencyInOnePositionDoesNotShow) {
+  std::string plan = replaced(kPlan, ", [45, -15, -45, 45, -90, 0], [0, 15, -105, 0, -45, 0]", "");
+  plan = replaced(plan, "validation_realisations: 1", "validation_realisations: 0");
+  plan = replaced(plan, "{from: 3, to: 60, count: 18, spacing: log}", "[1.25]");
+  simulate(replaced(plan, "noise: 1e-4", "noise: 1e-2"));
+  const Outcome outcome = graybox("fit irb6600_like.yaml campaign --starts 1 --json");
+  const json fit = json::parse(outcome.out);
+  EXPECT_FALSE(fit["identifiability"]["unseen"].empty());
+  int without = 0;
+  for (const json& each : fit["parameters"]) without += each["standard_error"].is_null() ? 1 : 0;
+  EXPECT_GT(without, 0);
+  EXPECT_TRUE(fit["fit"]["validation"].is_null());
+  EXPECT_NE(fit["notes"].dump().find("no recording has the role validation"), std::string::npos);
+}
+
+TEST_F(FitCommand, RefusesWrongInput) {
+  expect_refused("fit", "model is required");
+  expect_refused("fit none.yaml campaign", "none.yaml");
+  expect_refused("fit irb6600_like.yaml nowhere", "nowhere");
+  write_text(folder_.file("other.yaml"), "format: graybox-plan/1\n");
+  expect_refused("fit other.yaml campaign", "models that can be fitted: graybox-robot/1");
+  simulate(replaced(kPlan, "count: 18", "count: 3"));
+  expect_refused("fit irb6600_like.yaml campaign -o nowhere/fit.json", "nowhere");
+  expect_refused("fit irb6600_like.yaml campaign --starts 0", "--starts");
+  const std::string model = read_text(folder_.file("irb6600_like.yaml"));
+  write_text(folder_.file("slow.yaml"),
+             replaced(model, "sample_time: 0.0005", "sample_time: 0.001"));
+  expect_refused("fit slow.yaml campaign", "sample_time: 0.0005 s");
+  const std::string campaign = read_text(folder_.file("campaign/campaign.yaml"));
+  const auto refused_with = [&](const std::string& from, const std::string& to,
+                                const std::string& text) {
+    write_text(folder_.file("campaign/campaign.yaml"), replaced(campaign, from, to));
+    expect_refused("fit irb6600_like.yaml campaign", text);
+  };
+  refused_with("hold: zero", "hold: band_limited", "hold");
+  refused_with("{name: u_6, unit: N m, is: input}", "{name: u_6, unit: N m, is: other}",
+               "5 inputs and 6 outputs");
+  refused_with("{name: y_1, unit: rad/s, is: output}", "{name: y_1, unit: rad, is: output}",
+               "a motor velocity (rad/s) is needed");
+  refused_with("sub_experiment: 2", "sub_experiment: 1", "twice");
+  refused_with("position: [45, 15, -150, 0, -90, 0]", "position: [45, 15, -150]", "sub_experiment");
+}
+
+TEST_F(FitCommand, VerifiesADesignAndGoesOn) {
+  const std::string command =
+      "design verify --grid 60 --experiments 14 --recordings 0 --seed 3 -o study ";
+  const Outcome first = graybox(command + "--repetitions 70 --json");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const Outcome more = graybox(command + "--repetitions 75 --threads 2 --json");
+  ASSERT_EQ(more.exit_code, 0) << more.err;
+  // Fits that are there are taken over; the result is that of one run.
+  const Outcome whole = graybox(
+      "design verify --grid 60 --experiments 14 --recordings 0 --seed 3 "
+      "-o another --repetitions 75 --json");
+  EXPECT_EQ(more.out, whole.out);
+  EXPECT_EQ(read_text(folder_.file("study/verify_covariance.csv")),
+            read_text(folder_.file("another/verify_covariance.csv")));
+  const json study = json::parse(more.out);
+  ASSERT_EQ(study["summary"].size(), 3U);
+  EXPECT_EQ(
+      study["summary"][0]["estimates"].get<int>() + study["summary"][0]["rejected"].get<int>(), 20);
+  // The best single position can't be better than the optimum.
+  EXPECT_GT(study["ratios"][0]["predicted"].get<double>(), 1.0);
+  expect_refused("design verify --grid 60 --experiments 14 --seed 4 -o study",
+                 "holds estimates of another study");
+  expect_refused("design verify -o study --noise 0", "--noise");
+  expect_refused("design verify --grid 60", "-o: needs a folder");
+  expect_refused("design verify --grid 60 -o third --repetitions 5", "more than 13");
+}
+
+}  // namespace
+}  // namespace graybox
