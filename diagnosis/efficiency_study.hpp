@@ -52,10 +52,10 @@ struct EfficiencyStudyOptions {
   double start_spread = 0.01;
   FitOptions fit = {.tolerance = 0.03, .closed_loop_stage = false};
   // Of the recordings:
-  std::size_t period = 8000;          // samples
-  std::size_t settling_periods = 2;   // simulated before
-  std::size_t periods = 2;            // recorded
-  double degrees_of_freedom = 240.0;  // of the covariances, by pooling lines
+  std::size_t period = 8000;         // samples
+  std::size_t settling_periods = 3;  // simulated before
+  std::size_t periods = 4;           // recorded
+  double degrees_of_freedom = 24.0;  // of the covariances, by pooling lines
 };
 
 struct EstimateRow {

@@ -21,7 +21,7 @@ def interval(axes, y, row, names, colour, marker, label=None):
 def parameter_axis(axes, labels):
     axes.set_yticks(range(len(labels)))
     axes.set_yticklabels(labels)
-    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.set_ylim(len(labels) - 0.4, -1.7)  # room for the legend
     axes.grid(axis="y", visible=False)
 
 
@@ -50,10 +50,10 @@ def efficiency_panel(axes, covariance, parameters, design):
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance of the estimates over the predicted one, 95 % intervals")
     axes.set_title("The estimates scatter as $H^{-1}$ says")
-    axes.legend(fontsize=7.5, loc="upper right")
+    axes.legend(fontsize=7.5, loc="upper right", ncols=2)
 
 
-def gain_panel(axes, covariance, ratios, design):
+def gain_panel(axes, ratios, design):
     labels = None
     for k, (data, colour, marker) in enumerate(DATA):
         rows = [row for row in ratios if row["data"] == data and row["design"] == design]
@@ -72,24 +72,22 @@ def gain_panel(axes, covariance, ratios, design):
     axes.axhline(0.5, color=GREY, lw=0.6)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xticks([1, 2, 5, 10, 20, 50])
+    axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
     axes.minorticks_off()
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance in the best single position over that of the design")
     axes.set_title("The design pays what it promises")
-    axes.legend(fontsize=7.5, loc="best")
+    axes.legend(fontsize=7.5, loc="upper right", ncols=3)
 
 
-def scatter_panel(axes, estimates, covariance):
+def scatter_panel(axes, estimates):
     names = [name for name in estimates[0] if name not in ("data", "design")]
     x, y = names[0], names[1]
     colours = {"best_single_position": VERMILION, "random_positions": GREY}
-    styles = []
-    for design in dict.fromkeys(row["design"] for row in estimates):
+    designs = list(dict.fromkeys(row["design"] for row in estimates))
+    for design in reversed(designs):  # the design itself on top
         colour = colours.get(design, GREEN)
         rows = [row for row in estimates if row["design"] == design and row["data"] == "responses"]
-        styles.append((design, colour, rows))
-    for design, colour, rows in sorted(styles, key=lambda item: item[0] not in colours, reverse=False):
         axes.plot([100 * (float(row[x]) - 1) for row in rows], [100 * (float(row[y]) - 1) for row in rows],
                   ".", ms=2.5, color=colour, alpha=0.6, label=design.replace("_", " "))
     axes.axhline(0, color=BLACK, lw=0.6)
@@ -111,7 +109,7 @@ def draw(folder):
         return
     figure, panels = plt.subplots(1, 3, figsize=(14.5, 4.6), width_ratios=[1.1, 1.1, 1])
     efficiency_panel(panels[0], covariance, parameters, covariance[0]["design"])
-    gain_panel(panels[1], covariance, ratios, "best_single_position")
-    scatter_panel(panels[2], estimates, covariance)
+    gain_panel(panels[1], ratios, "best_single_position")
+    scatter_panel(panels[2], estimates)
     figure.tight_layout(w_pad=2)
     save(folder, figure, "verified_design")
