@@ -72,7 +72,7 @@ def gain_panel(axes, ratios, design):
     axes.axhline(0.5, color=GREY, lw=0.6)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
+    axes.set_xticks([0.5, 1, 2, 5, 10, 30, 100, 300, 1000, 3000])
     axes.minorticks_off()
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance in the best single position over that of the design")
