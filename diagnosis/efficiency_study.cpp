@@ -32,17 +32,9 @@ std::uint64_t derived_seed(std::uint64_t seed, std::uint64_t place) {
 // from zero and Nyquist frequency, enter its value.
 double leakage_factor(std::size_t periods, const LeakageOptions& options) {
   constexpr std::size_t kPeriod = 64, kLine = 15;
-  const auto n = static_cast<Eigen::Index>(kPeriod * periods);
-  Eigen::MatrixXd waves(n, n / 2 + 1);
-  for (Eigen::Index t = 0; t < n; ++t) {
-    for (Eigen::Index m = 0; m < waves.cols(); ++m) {
-      waves(t, m) =
-          2.0 / std::sqrt(static_cast<double>(n)) *
-          std::cos(2.0 * std::numbers::pi * static_cast<double>(t * m) / static_cast<double>(n));
-    }
-  }
-  RealTransform transform(kPeriod * periods);
-  const LineSpectra unit = line_spectra(waves, {kPeriod, periods, {kLine}}, options, transform);
+  const auto bins = static_cast<Eigen::Index>(kPeriod * periods / 2 + 1);
+  const LineSpectra unit = line_spectra(Eigen::MatrixXcd(Eigen::MatrixXcd::Identity(bins, bins)),
+                                        {kPeriod, periods, {kLine}}, options);
   return static_cast<double>(periods) * unit.values.squaredNorm();
 }
 
@@ -141,8 +133,9 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
       Eigen::MatrixXd signals(recording.output.cols(), 3 * n);
       signals << recording.output.transpose(), recording.input.transpose(),
           recording.reference.transpose();
-      records.push_back({static_cast<std::size_t>(m + 1), static_cast<std::size_t>(sub + 1),
-                         line_spectra(signals, layout, responses_.leakage, transform)});
+      records.push_back(
+          {static_cast<std::size_t>(m + 1), static_cast<std::size_t>(sub + 1),
+           line_spectra(record_spectra(signals, transform), layout, responses_.leakage)});
     }
   }
   FrequencyResponseEstimate estimate;
