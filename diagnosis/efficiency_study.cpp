@@ -8,6 +8,7 @@
 #include <cmath>
 #include <exception>
 #include <numbers>
+#include <utility>
 
 #include "graybox/diagnosis/response_model.hpp"
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
@@ -133,9 +134,11 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
       Eigen::MatrixXd signals(recording.output.cols(), 3 * n);
       signals << recording.output.transpose(), recording.input.transpose(),
           recording.reference.transpose();
-      records.push_back(
-          {static_cast<std::size_t>(m + 1), static_cast<std::size_t>(sub + 1),
-           line_spectra(record_spectra(signals, transform), layout, responses_.leakage)});
+      PeriodicRecord record;
+      record.realisation = static_cast<std::size_t>(m + 1);
+      record.sub_experiment = static_cast<std::size_t>(sub + 1);
+      record.spectra = line_spectra(record_spectra(signals, transform), layout, responses_.leakage);
+      records.push_back(std::move(record));
     }
   }
   FrequencyResponseEstimate estimate;
