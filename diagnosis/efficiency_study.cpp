@@ -117,6 +117,7 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
                                             std::int64_t experiments, std::uint64_t seed) const {
   const auto plant = local_robot_plant(recorded_, {}, position);
   const PeriodicLayout layout{options_.period, options_.periods, lines_};
+  const PeriodicLayout silent{options_.period, options_.periods, detection_lines(layout)};
   RealTransform transform(layout.period * layout.periods);
   const Eigen::Index n = recorded_.motor_count();
   std::vector<PeriodicRecord> records;
@@ -137,13 +138,18 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
       PeriodicRecord record;
       record.realisation = static_cast<std::size_t>(m + 1);
       record.sub_experiment = static_cast<std::size_t>(sub + 1);
-      record.spectra = line_spectra(record_spectra(signals, transform), layout, responses_.leakage);
+      const Eigen::MatrixXcd spectra = record_spectra(signals, transform);
+      record.spectra = line_spectra(spectra, layout, responses_.leakage);
+      record.detection = line_spectra(spectra, silent, responses_.leakage);
       records.push_back(std::move(record));
     }
   }
   FrequencyResponseEstimate estimate;
   estimate.outputs.resize(static_cast<std::size_t>(n));
   estimate.inputs.resize(static_cast<std::size_t>(n));
+  estimate.period = options_.period;
+  estimate.periods = options_.periods;
+  estimate.sample_time = recorded_.sample_time;
   estimate.lines = lines_;
   estimate.frequencies = recorded_.frequencies;
   for (const double angle : position) {
