@@ -75,7 +75,9 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "of the starts after the first")
       ->capture_default_str();
-  command->add_option("--starts", arguments->starts, "starts of the search, at most")
+  command
+      ->add_option("--starts", arguments->starts,
+                   "starts of the search, at most; it ends when two agree")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command->add_option("--physics", arguments->physics,

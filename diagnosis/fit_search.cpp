@@ -47,7 +47,8 @@ FitSearch search_fit(const ResponseModel& model, std::span<const ResponseMeasure
     if (k > 0 && options.keep_going && !options.keep_going()) break;
     FitStart each;
     each.start = k == 0 ? start : drawn_about(start, options.spread, random);
-    FitResult result = fit_maximum_likelihood(model, measurements, each.start, options.fit);
+    const Eigen::VectorXd near = options.approach ? options.approach(each.start) : each.start;
+    FitResult result = fit_maximum_likelihood(model, measurements, near, options.fit);
     if (result.status != FitStatus::kFailed) {
       each.parameters = result.theta;
       each.chi_square = result.chi_square;

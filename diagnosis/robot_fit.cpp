@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "graybox/diagnosis/constitutive_stage.hpp"
 #include "graybox/diagnosis/response_model.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/problems/error.hpp"
@@ -133,6 +134,12 @@ class RobotFit {
     FitSearchOptions search_options = options_.search;
     search_options.fit.threads = options_.threads;
     if (!search_options.keep_going) search_options.keep_going = options_.keep_going;
+    if (!search_options.approach) {
+      search_options.fit.starts = 1;  // the search's own starts are better ones
+      search_options.approach = [&](const Eigen::VectorXd& start) {
+        return constitutive_stage(robot_, measurements, start, {.threads = options_.threads});
+      };
+    }
     const FitSearch search =
         search_fit(model_, measurements, Eigen::VectorXd::Ones(nominal_.size()), search_options);
     fill(search);
