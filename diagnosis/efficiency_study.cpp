@@ -29,16 +29,23 @@ std::uint64_t derived_seed(std::uint64_t seed, std::uint64_t place) {
   return Random(seed + 0x632be59bd9b4e019ULL * (place + 1)).next();
 }
 
-// 1 + |s|^2 of line_spectra.hpp: the squared weights with which the bins around an excited line, far
-// from zero and Nyquist frequency, enter its value.
-double leakage_factor(std::size_t periods, const LeakageOptions& options) {
+// What a line far from zero and Nyquist frequency gets from the bins around it.
+struct LineLeakage {
+  double factor = 1.0;   // 1 + |s|^2 of line_spectra.hpp: of the noise power
+  double samples = 0.0;  // of the noise, of each recording
+};
+
+LineLeakage leakage_of_line(std::size_t periods, const LeakageOptions& options) {
   constexpr std::size_t kPeriod = 64, kLine = 15;
   const auto bins = static_cast<Eigen::Index>(kPeriod * periods / 2 + 1);
+  // Each bin in a channel of its own: the weights with which it enters the line's value.
   const LineSpectra unit = line_spectra(Eigen::MatrixXcd(Eigen::MatrixXcd::Identity(bins, bins)),
                                         {kPeriod, periods, {kLine}}, options);
-  return static_cast<double>(periods) * unit.values.squaredNorm();
+  return {static_cast<double>(periods) * unit.values.squaredNorm(),
+          static_cast<double>(unit.samples.front().cols())};
 }
 
+// kappa of maximum_likelihood.hpp.
 double widening(double degrees_of_freedom, Eigen::Index outputs) {
   const double beyond = degrees_of_freedom - static_cast<double>(outputs);
   return degrees_of_freedom * beyond / (beyond * beyond - 1.0);
@@ -80,6 +87,8 @@ EfficiencyStudy::EfficiencyStudy(const RobotModel& robot, const EfficiencyStudyO
   const double amplitude = std::sqrt(robot.reference_psd / inputs);
   rms_ = amplitude * std::sqrt(2.0 * static_cast<double>(lines_.size()) /
                                (inputs * static_cast<double>(options.period)));
+  // From the bins around the line itself, in the recordings of one experiment.
+  responses_.leakage.samples = static_cast<int>(std::ceil(options.degrees_of_freedom / inputs));
   responses_.periodic.degrees_of_freedom = options.degrees_of_freedom;
 }
 
@@ -87,26 +96,33 @@ Eigen::MatrixXd EfficiencyStudy::predicted_covariance(const StudiedDesign& desig
                                                       StudyData data) const {
   const bool recordings = data == StudyData::kRecordings;
   const RobotModel& robot = recordings ? recorded_ : robot_;
+  const LineLeakage leakage = leakage_of_line(options_.periods, responses_.leakage);
+  const double scale = recordings ? static_cast<double>(options_.periods) / leakage.factor : 1.0;
   const auto d = static_cast<Eigen::Index>(robot.parameters.size());
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(d, d);
+  Eigen::MatrixXd gradient_covariance = Eigen::MatrixXd::Zero(d, d);
   for (std::size_t i = 0; i < design.positions.size(); ++i) {
-    information += static_cast<double>(design.experiments[i]) *
-                   robot_information_matrix(robot, design.positions[i]);
+    const auto experiments = static_cast<double>(design.experiments[i]);
+    const double degrees_of_freedom =
+        experiments * static_cast<double>(robot.motor_count()) * leakage.samples;
+    const double kappa = recordings ? widening(degrees_of_freedom, robot.motor_count()) : 1.0;
+    const Eigen::MatrixXd added =
+        scale * experiments * robot_information_matrix(robot, design.positions[i]);
+    information += added;
+    gradient_covariance += kappa * added;
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
   if (factor.info() != Eigen::Success) {
     throw InputError(fmt::format("design {}: its information matrix is singular", design.name));
   }
-  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(d, d));
-  if (!recordings) return covariance;
-  return covariance * widening(options_.degrees_of_freedom, robot.motor_count()) *
-         leakage_factor(options_.periods, responses_.leakage) /
-         static_cast<double>(options_.periods);
+  const Eigen::MatrixXd half = factor.solve(gradient_covariance);
+  return factor.solve(half.transpose());
 }
 
 std::uint64_t EfficiencyStudy::seed_of(const StudiedDesign& design, StudyData data,
                                        int repetition) const {
   std::uint64_t seed = derived_seed(options_.seed, static_cast<std::uint64_t>(data));
+  if (data == StudyData::kRecordings) seed = derived_seed(seed, options_.period * options_.periods);
   for (const char letter : design.name) {
     seed = derived_seed(seed, static_cast<std::uint64_t>(static_cast<unsigned char>(letter)));
   }

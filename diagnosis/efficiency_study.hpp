@@ -11,13 +11,20 @@
 //                one has in practice. Each experiment is one realisation of n_u sub-experiments with
 //                phases of its own.
 //
-// Predicted information: sum_i m_i H_i. For recordings H_i is that of (12) at the excited lines with
-// the amplitude of the multisine, times P for P periods, and each line divided by the factor 1 +
-// |s|^2 by which freeing spectra of leakage raises the noise (line_spectra.hpp): what the responses
-// hold, not what an ideal estimator would get out of the same recordings. The covariance is widened for
-// estimated weights as maximum_likelihood.hpp says, kappa at the pooled degrees of freedom.
+// Predicted covariance. For responses H^-1, H = sum_i m_i H_i. For recordings H_i is that of (12) at the
+// excited lines with the amplitude of the multisine, times P for P periods, and each line divided by the
+// factor 1 + |s|^2 by which freeing spectra of leakage raises the noise (line_spectra.hpp): what the
+// responses hold, not what an ideal estimator would get out of the same recordings. Weights are
+// estimated, so that the covariance is H^-1 (sum_i kappa_i m_i H_i) H^-1 (maximum_likelihood.hpp), kappa_i
+// at the degrees of freedom q_i of position i.
 //
-//   const EfficiencyStudy study(robot, {.repetitions = 500});
+// Length of the recordings. Noise leaves transients behind whose resonances are as narrow as those of
+// the robot, with time constants of up to 14 s. The bins around a line only follow them where records
+// are several times as long: the default is 64 s, at which the scatter of estimates from single
+// positions agrees with the prediction; with 16 s it was a third to three quarters larger. Such
+// records have noise samples enough around each line, and none is borrowed from other lines.
+//
+//   const EfficiencyStudy study(robot, {.seed = 1});
 //   const EstimateRow row = study.estimate(design, StudyData::kResponses, 0);
 #pragma once
 
@@ -54,8 +61,8 @@ struct EfficiencyStudyOptions {
   // Of the recordings:
   std::size_t period = 8000;         // samples
   std::size_t settling_periods = 3;  // simulated before
-  std::size_t periods = 4;           // recorded
-  double degrees_of_freedom = 24.0;  // of the covariances, by pooling lines
+  std::size_t periods = 16;          // recorded
+  double degrees_of_freedom = 24.0;  // of the noise covariance of each line, at least
 };
 
 struct EstimateRow {
@@ -79,7 +86,7 @@ class EfficiencyStudy {
   [[nodiscard]] Eigen::MatrixXd predicted_covariance(const StudiedDesign& design,
                                                      StudyData data) const;
 
-  // One simulated campaign and its fit, by seed, name of the design and repetition alone. May be called
+  // One simulated campaign and its fit, by options, name of the design and repetition alone. May be called
   // from several threads. A fit whose chi-square is rejected is made again by way of the closed-loop
   // stage.
   [[nodiscard]] EstimateRow estimate(const StudiedDesign& design, StudyData data,

@@ -1,5 +1,5 @@
 // What is said about a fit: which parameters the data determine, whether covariances are as predicted,
-// the report; and fits from several starts.
+// the report; and fits of simulated recordings.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -7,15 +7,18 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/efficiency_study.hpp"
 #include "graybox/diagnosis/estimator_statistics.hpp"
 #include "graybox/diagnosis/fit_report.hpp"
 #include "graybox/diagnosis/identifiability.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/robot_model.hpp"
 
 namespace graybox {
 namespace {
@@ -278,6 +281,32 @@ TEST(EstimatorStatistics, RefusesWhatHasNoCovariance) {
   estimates(0, 0) = std::nan("");
   EXPECT_THROW((void)compare_with_prediction(estimates, theta, unit), InputError);
   EXPECT_THROW((void)share_of(1, 0), InputError);
+}
+
+// ---- simulated campaigns ---------------------------------------------------------------------------
+
+// One position, as long as the study records.
+TEST(EfficiencyStudy, FitsSimulatedRecordingsAsPreciselyAsItPredicts) {
+  RobotModel robot = load_robot_model(default_robot_file());
+  robot.velocity_psd_slope *= 1e-7;
+  const EfficiencyStudy study(robot, {});
+  VectorXd position(6);
+  position << 45.0, 15.0, -150.0, 0.0, -90.0, 0.0;
+  const StudiedDesign design{"one_position", {position * std::numbers::pi / 180.0}, {1}};
+  const EstimateRow row = study.estimate(design, StudyData::kRecordings, 0);
+  ASSERT_EQ(row.status, FitStatus::kConverged);
+  EXPECT_LT(row.error_chi_square, chi_square_quantile(0.99999, 12.0));
+  const auto dof = static_cast<double>(row.degrees_of_freedom);
+  EXPECT_NEAR(row.chi_square / dof, 1.0, 2.0 * kFiveSigma * std::sqrt(2.0 / dof));
+  const MatrixXd predicted = study.predicted_covariance(design, StudyData::kRecordings);
+  for (Eigen::Index p = 0; p < predicted.rows(); ++p) {
+    EXPECT_NEAR(row.standard_errors(p) / std::sqrt(predicted(p, p)), 1.0, 0.3) << p;
+  }
+  // Twice the experiments: half the covariance, and weights with more degrees of freedom.
+  const MatrixXd twice =
+      study.predicted_covariance({"two", design.positions, {2}}, StudyData::kRecordings);
+  EXPECT_LT(twice(0, 0), 0.5 * predicted(0, 0));
+  EXPECT_GT(twice(0, 0), 0.5 / 1.3 * predicted(0, 0));
 }
 
 }  // namespace

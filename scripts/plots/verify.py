@@ -49,7 +49,7 @@ def efficiency_panel(axes, covariance, parameters, design):
     axes.axhline(0.5, color=GREY, lw=0.6)
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance of the estimates over the predicted one, 95 % intervals")
-    axes.set_title("The estimates scatter as $H^{-1}$ says")
+    axes.set_title("How the estimates scatter")
     axes.legend(fontsize=7.5, loc="upper right", ncols=2)
 
 
