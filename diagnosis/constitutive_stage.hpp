@@ -1,7 +1,7 @@
 // From a start far off to the neighbourhood of the maximum-likelihood estimate of a robot's stiffness.
 //
 // Minimises the error in the springs' constitutive relation (constitutive_residuals.hpp) for a
-// descending sequence of relaxations tau: with tau = 1 violated springs explain almost everything, and
+// descending sequence of relaxations tau: with tau = 0.1 violated springs explain most of it, and
 // the misfit is smooth over decades of theta; each later minimum starts where the one before ended,
 // and the smallest tau leaves theta near the optimum of the likelihood. Ceres (Levenberg and
 // Marquardt) in log theta, with a normal prior about the start: parameters that these data hardly
@@ -28,10 +28,10 @@
 namespace graybox {
 
 struct ConstitutiveStageOptions {
-  std::vector<double> relaxations = {1.0, 0.1, 0.01};  // tau, each positive
-  double start_deviation = 1.0;                        // of log theta: the prior about the start
-  std::size_t lines = 12;                              // of each measurement, at most
-  int iteration_limit = 40;                            // for each relaxation
+  std::vector<double> relaxations = {0.1, 0.01};  // tau, each positive
+  double start_deviation = 1.0;                   // of log theta: the prior about the start
+  std::size_t lines = 12;                         // of each measurement, at most
+  int iteration_limit = 40;                       // for each relaxation
   int threads = 1;  // the result depends on it in the last digits only
 };
 
