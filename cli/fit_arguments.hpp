@@ -18,15 +18,17 @@ struct FitArguments {
   std::uint64_t seed = 1;
   int starts = 8;  // of the search, at most
   bool json = false;
-  std::vector<std::string> physics;  // files with further elements; rigid robots
-  int decimation = 1;                // of columns and torques alike; rigid robots
-  bool equal_noise = false;          // in all joints; rigid robots
-  std::vector<std::string> refine;   // "element.parameter" to estimate, too; rigid robots
+  std::vector<std::string> physics;    // files with further elements; rigid robots, lumped models
+  int decimation = 1;                  // of columns and torques alike; rigid robots
+  bool equal_noise = false;            // in all joints; rigid robots
+  std::vector<std::string> refine;     // "element.parameter" to estimate, too; rigid robots
+  std::string initial_state = "free";  // or measured, rest; lumped models
 };
 
 // All throw InputError for files that are missing, wrong or do not belong together. After Ctrl-C
 // (interrupt.hpp) they hand back the best so far.
 [[nodiscard]] FitReport fit_robot(const FitArguments& arguments);
 [[nodiscard]] FitReport fit_rigid_robot(const FitArguments& arguments);
+[[nodiscard]] FitReport fit_lumped(const FitArguments& arguments);
 
 }  // namespace graybox::cli

@@ -20,11 +20,13 @@ namespace {
 struct FittedFormat {
   std::string_view name;
   FitReport (*fit)(const FitArguments&);
-  bool takes_elements = false;  // --physics, --refine
+  bool takes_elements = false;  // --physics
+  bool is_regression = false;   // --refine, --equal-noise, --decimate
 };
 constexpr FittedFormat kFormats[] = {
     {"graybox-robot/1", fit_robot},
-    {"graybox-rigid-robot/1", fit_rigid_robot, true},
+    {"graybox-rigid-robot/1", fit_rigid_robot, true, true},
+    {"graybox-lumped/1", fit_lumped, true},
 };
 
 const FittedFormat& format_of(const std::string& model) {
@@ -46,6 +48,11 @@ int execute(const FitArguments& arguments) {
     throw InputError(fmt::format(
         "--physics, --refine, --equal-noise and --decimate are not for {} models, as {} is",
         format.name, arguments.model));
+  }
+  if (!format.is_regression &&
+      (!arguments.refine.empty() || arguments.equal_noise || arguments.decimation != 1)) {
+    throw InputError(
+        fmt::format("--refine, --equal-noise and --decimate are not for {} models", format.name));
   }
   catch_interrupts();
   const FitReport report = format.fit(arguments);
@@ -80,8 +87,9 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                    "starts of the search, at most; it ends when two agree")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  command->add_option("--physics", arguments->physics,
-                      "graybox-physics/1 files with further elements (rigid robots)");
+  command->add_option(
+      "--physics", arguments->physics,
+      "graybox-physics/1 files with further elements (rigid robots, lumped models)");
   command->add_option("--refine", arguments->refine,
                       "element.parameter to estimate although it is not linear (rigid robots)");
   command
@@ -90,11 +98,17 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       ->check(CLI::Range(1, 1000000));
   command->add_flag("--equal-noise", arguments->equal_noise,
                     "all joints' torques are equally noisy: ordinary least squares (rigid robots)");
+  command
+      ->add_option("--initial-state", arguments->initial_state,
+                   "lumped models: free (estimated), measured or rest")
+      ->check(CLI::IsMember({"free", "measured", "rest"}))
+      ->capture_default_str();
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"
       "Examples:\n"
       "  graybox fit robot.yaml campaign/ -o fit.json\n"
+      "  graybox fit drive.yaml campaign/ --physics friction.yaml\n"
       "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }

@@ -71,6 +71,7 @@ TEST(Laws, ComeToTheirLevelsWhenSlidEvenly) {
     const double sign = rate > 0.0 ? 1.0 : -1.0;
     EXPECT_NEAR(slide("dahl", {200.0, 10.0}, rate), 10.0 * sign, 1e-6);
     EXPECT_NEAR(slide("bouc_wen", {200.0, 0.05, 1.5, 0.6}, rate), 10.0 * sign, 1e-6);
+    EXPECT_NEAR(slide("play_and_slip", {200.0, 50.0, 0.03, 10.0, 4.0}, rate), 10.0 * sign, 1e-6);
     const double level = 10.0 + 4.0 * std::exp(-rate * rate / 0.25);
     EXPECT_NEAR(slide("lugre", {200.0, 1.0, 0.7, 10.0, 14.0, 0.5}, rate), level * sign + 0.7 * rate,
                 1e-6);
@@ -138,6 +139,7 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
            {"dahl", {200.0, 10.0}},
            {"lugre", {200.0, 1.0, 0.5, 10.0, 14.0, 0.5}},
            {"bouc_wen", {200.0, 0.05, 1.5, 0.6}},
+           {"play_and_slip", {200.0, 50.0, 0.03, 10.0, 4.0}},
            {"mode", {0.5, 1.5, 0.1}}}) {
     EXPECT_GT(work_of_a_cycle(*law(name, p), 0.3, 1.0), 0.05 * scale) << name;
   }

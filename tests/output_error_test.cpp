@@ -472,10 +472,11 @@ TEST(OutputErrorFit, NamesWhatTheDataDoNotSee) {
   const OutputErrorFit fit = fit_output_error(problem);
   EXPECT_EQ(fit.status, OutputErrorStatus::kUnidentifiable);
   EXPECT_EQ(fit.covariance.size(), 0);
-  ASSERT_EQ(fit.unseen.size(), 1U);
-  EXPECT_NE(fit.unseen[0].find("spring.stiffness"), std::string::npos) << fit.unseen[0];
-  EXPECT_NE(fit.unseen[0].find("second.stiffness"), std::string::npos) << fit.unseen[0];
-  EXPECT_EQ(fit.unseen[0].find("hard"), std::string::npos) << fit.unseen[0];
+  ASSERT_EQ(fit.identifiability.unseen.size(), 1U);
+  const std::string& words = fit.identifiability.unseen[0].words;
+  EXPECT_NE(words.find("spring.stiffness"), std::string::npos) << words;
+  EXPECT_NE(words.find("second.stiffness"), std::string::npos) << words;
+  EXPECT_EQ(words.find("hard"), std::string::npos) << words;
 }
 
 // Coverage of one standard error, white noise and noise with memory: 40 fits each. The white

@@ -1,17 +1,15 @@
 #include "graybox/diagnosis/output_error/output_error_covariance.hpp"
 
-#include <fmt/format.h>
-
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 namespace graybox {
 namespace {
 
-// Below this a combination of parameters changes nothing but rounding.
-constexpr double kSeen = 1e-6;
 // Andrews and Monahan's bound on the whitening of scores.
 constexpr double kMostCorrelated = 0.97;
 
@@ -88,22 +86,6 @@ Eigen::MatrixXd long_run_variance(const Eigen::MatrixXd& scores) {
   return all_samples * (colour.asDiagonal() * sum * colour.asDiagonal());
 }
 
-// "0.7 load.inertia - 0.7 motor.inertia", of parameters scaled to equal effect.
-std::string combination(const Eigen::VectorXd& direction, const OutputErrorProblem& problem) {
-  std::string text;
-  const double largest = direction.cwiseAbs().maxCoeff();
-  for (Eigen::Index i = 0; i < direction.size(); ++i) {
-    if (std::abs(direction(i)) < 0.1 * largest) continue;
-    const std::size_t index = problem.free_parameters()[static_cast<std::size_t>(i)];
-    const std::string& name = problem.model().parameters[index].name;
-    const char* sign = direction(i) < 0.0 ? (text.empty() ? "-" : " - ")
-                       : text.empty()     ? ""
-                                          : " + ";
-    text += fmt::format("{}{:.2g} {}", sign, std::abs(direction(i)), name);
-  }
-  return text;
-}
-
 }  // namespace
 
 OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
@@ -125,34 +107,28 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
     if (later > 0) cross += part.residual.head(later).dot(part.residual.tail(later));
   }
   result.lag_one_correlation = square > 0.0 ? cross / square : 0.0;
-  // Columns of equal length: the rank does not depend on units.
-  Eigen::VectorXd scale = normal.diagonal().cwiseSqrt();
-  for (Eigen::Index i = 0; i < p; ++i) {
-    if (scale(i) > 0.0) continue;
-    const std::size_t index = problem.free_parameters()[static_cast<std::size_t>(i)];
-    result.unseen.push_back(problem.model().parameters[index].name + " changes nothing");
-    scale(i) = 1.0;
+  std::vector<std::string> names;
+  for (const std::size_t k : problem.free_parameters()) {
+    names.push_back(problem.model().parameters[k].name);
   }
-  const Eigen::VectorXd inverse_scale = scale.cwiseInverse();
-  const Eigen::MatrixXd scaled = inverse_scale.asDiagonal() * normal * inverse_scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-  result.singular_values = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const bool all_move = result.unseen.empty();
-  for (Eigen::Index i = 0; all_move && i < p; ++i) {
-    if (result.singular_values(i) > kSeen) continue;
-    // In the parameters' own units a step along it is weighted by their values.
-    const Eigen::VectorXd step = inverse_scale.cwiseProduct(eigen.eigenvectors().col(i));
-    Eigen::VectorXd relative = step.cwiseQuotient(theta.cwiseAbs().cwiseMax(1e-300));
-    relative /= relative.norm();
-    result.unseen.push_back("relative changes " + combination(relative, problem) +
-                            " together change nothing");
+  result.identifiability = examine_identifiability(normal / variance, theta, names);
+  if (std::ranges::any_of(result.identifiability.relative_standard_errors,
+                          [](double s) { return std::isinf(s); })) {
+    return result;
   }
-  if (!result.unseen.empty()) return result;
-  const Eigen::MatrixXd inverse = inverse_scale.asDiagonal() * eigen.eigenvectors() *
-                                  eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                                  eigen.eigenvectors().transpose() * inverse_scale.asDiagonal();
+  // Columns of equal length: the inverse does not depend on units.
+  const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+  const Eigen::MatrixXd inverse = scale.asDiagonal() *
+                                  scaled.ldlt().solve(Eigen::MatrixXd::Identity(p, p)) *
+                                  scale.asDiagonal();
   result.white = variance * inverse;
   result.robust = inverse * spread * inverse;
+  const Eigen::MatrixXd robust_information = normal * spread.ldlt().solve(Eigen::MatrixXd(normal));
+  if (robust_information.allFinite()) {
+    result.identifiability = examine_identifiability(
+        0.5 * (robust_information + robust_information.transpose()), theta, names);
+  }
   return result;
 }
 

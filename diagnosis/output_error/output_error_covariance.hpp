@@ -1,20 +1,18 @@
-// The covariance of an output-error estimate: white and robust (output_error_fit.hpp), and which
-// combinations of parameters the data do not see.
+// The covariance of an output-error estimate: white and robust (output_error_fit.hpp), and what
+// the data do not see.
 #pragma once
 
 #include <Eigen/Core>
 #include <span>
-#include <string>
-#include <vector>
 
+#include "graybox/diagnosis/identifiability.hpp"
 #include "graybox/diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
 
 struct OutputErrorCovariance {
-  Eigen::MatrixXd white, robust;  // empty where J has not full rank
-  Eigen::VectorXd singular_values;
-  std::vector<std::string> unseen;
+  Eigen::MatrixXd white, robust;    // empty where J has not full rank
+  Identifiability identifiability;  // by the robust covariance, or by J^T J where there is none
   double lag_one_correlation = 0.0;
 };
 

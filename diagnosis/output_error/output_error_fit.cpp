@@ -53,14 +53,13 @@ std::vector<OutputErrorStart> all_starts(const OutputErrorProblem& problem,
   std::vector<OutputErrorStart> starts;
   if (options.equation_error) {
     for (const auto& estimate : equation_error_estimates(problem)) {
-      starts.push_back({fmt::format("equation error at {:.3g} Hz", estimate.frequency),
-                        estimate.theta, 0.0, 0.0});
+      starts.push_back(
+          {fmt::format("equation error at {:.3g} Hz", estimate.frequency), estimate.theta});
     }
   }
-  starts.push_back({"model", problem.start(), 0.0, 0.0});
+  starts.push_back({.origin = "model", .theta = problem.start()});
   for (int k = 0; k < options.starts; ++k) {
-    starts.push_back(
-        {"random", random_start(problem, options, static_cast<std::size_t>(k)), 0.0, 0.0});
+    starts.push_back({"random", random_start(problem, options, static_cast<std::size_t>(k))});
   }
   return starts;
 }
@@ -151,6 +150,7 @@ class Search {
       const StretchFit fit = fit_once(stretches, starts_[k].theta, initial, false);
       if (fit.status == StretchFit::Status::kDiverged) continue;
       starts_[k].fitted = fit.cost;
+      starts_[k].end = fit.theta;
       ends.emplace_back(fit.cost, fit.theta);
       if (fit.status == StretchFit::Status::kInterrupted) break;
     }
@@ -284,30 +284,41 @@ Initial validation_states(const OutputErrorProblem& problem, const Eigen::Vector
   return fit.status == StretchFit::Status::kDiverged ? initial : fit.initial;
 }
 
+// Whole recordings of a role, simulated; `each` gets the score of every one.
+OutputErrorScore score_role(const OutputErrorProblem& problem, const OutputErrorOptions& options,
+                            const Eigen::VectorXd& theta, ExperimentRole role,
+                            const Initial* fitted, std::vector<OutputErrorScore>* each) {
+  const Eigen::Index ny = problem.output_scale().size();
+  const auto stretches = problem.whole_recordings(role);
+  const Initial initial =
+      fitted != nullptr ? *fitted : validation_states(problem, theta, stretches, options);
+  std::vector<Simulated> runs;
+  problem.simulate(theta, stretches, initial, false, runs);
+  ScoreSum all(ny);
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    ScoreSum one(ny);
+    for (ScoreSum* sum : {&one, &all}) {
+      if (runs[k].finite) {
+        sum->add(runs[k].outputs.col(0), problem.measured(stretches[k]));
+      } else {
+        sum->fail();
+      }
+    }
+    if (each == nullptr) continue;
+    each->push_back(one.score(problem.data().recordings[stretches[k].recording].name, role));
+  }
+  return all.score("", role);
+}
+
 void score(const OutputErrorProblem& problem, const OutputErrorOptions& options,
            OutputErrorFit& fit) {
-  const Eigen::Index ny = problem.output_scale().size();
-  for (const ExperimentRole role : {ExperimentRole::kEstimation, ExperimentRole::kValidation}) {
-    const auto stretches = problem.whole_recordings(role);
-    const bool is_estimation = role == ExperimentRole::kEstimation;
-    const Initial initial =
-        is_estimation ? fit.initial : validation_states(problem, fit.theta, stretches, options);
-    std::vector<Simulated> runs;
-    problem.simulate(fit.theta, stretches, initial, false, runs);
-    ScoreSum all(ny);
-    for (std::size_t k = 0; k < runs.size(); ++k) {
-      ScoreSum one(ny);
-      if (runs[k].finite) {
-        const Eigen::VectorXd measured = problem.measured(stretches[k]);
-        one.add(runs[k].outputs.col(0), measured);
-        all.add(runs[k].outputs.col(0), measured);
-      } else {
-        one.fail();
-        all.fail();
-      }
-      fit.scores.push_back(one.score(problem.data().recordings[stretches[k].recording].name, role));
-    }
-    (is_estimation ? fit.estimation : fit.validation) = all.score("", role);
+  using enum ExperimentRole;
+  fit.estimation = score_role(problem, options, fit.theta, kEstimation, &fit.initial, &fit.scores);
+  fit.validation = score_role(problem, options, fit.theta, kValidation, nullptr, &fit.scores);
+  for (OutputErrorStart& start : fit.starts) {
+    if (!start.origin.starts_with("equation")) continue;
+    start.estimation = score_role(problem, options, start.theta, kEstimation, nullptr, nullptr);
+    start.validation = score_role(problem, options, start.theta, kValidation, nullptr, nullptr);
   }
 }
 
@@ -362,8 +373,7 @@ void add_uncertainty(const OutputErrorProblem& problem, const std::vector<Stretc
                                                              fit.noise, initial_is_free, variance);
   fit.covariance = std::move(covariance.robust);
   fit.white_covariance = std::move(covariance.white);
-  fit.singular_values = std::move(covariance.singular_values);
-  fit.unseen = std::move(covariance.unseen);
+  fit.identifiability = std::move(covariance.identifiability);
   fit.lag_one_correlation = covariance.lag_one_correlation;
 }
 
@@ -405,11 +415,6 @@ Eigen::VectorXd OutputErrorFit::standard_errors() const {
   return covariance.diagonal().cwiseSqrt();
 }
 
-Eigen::MatrixXd OutputErrorFit::correlation() const {
-  const Eigen::VectorXd inverse = standard_errors().cwiseInverse();
-  return inverse.asDiagonal() * covariance * inverse.asDiagonal();
-}
-
 OutputErrorFit fit_output_error(OutputErrorProblem& problem, const OutputErrorOptions& options) {
   check(problem);
   Search search(problem, options);
@@ -436,10 +441,15 @@ OutputErrorFit fit_output_error(OutputErrorProblem& problem, const OutputErrorOp
   fit.model = problem.model_at(fit.theta);
   fit.noise = search.deviation();
   fit.noise_is_known = problem.data().noise.minCoeff() > 0.0;
-  if (fit.status == OutputErrorStatus::kDiverged) return fit;
+  if (fit.status == OutputErrorStatus::kDiverged) {
+    const auto p = fit.theta.size();
+    fit.identifiability.covariance =
+        Eigen::MatrixXd::Constant(p, p, std::numeric_limits<double>::quiet_NaN());
+    return fit;
+  }
   fit.initial = best.initial;
   add_uncertainty(problem, search.whole(), options, fit);
-  if (fit.status == OutputErrorStatus::kConverged && !fit.unseen.empty()) {
+  if (fit.status == OutputErrorStatus::kConverged && fit.covariance.size() == 0) {
     fit.status = OutputErrorStatus::kUnidentifiable;
   }
   score(problem, options, fit);

@@ -39,6 +39,7 @@
 #include <string_view>
 #include <vector>
 
+#include "graybox/diagnosis/identifiability.hpp"
 #include "graybox/diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
@@ -86,10 +87,13 @@ struct OutputErrorScore {
 };
 
 struct OutputErrorStart {
-  std::string origin;  // "model", "equation error at 50 Hz", "random"
+  std::string origin{};  // "model", "equation error at 50 Hz", "random"
   Eigen::VectorXd theta;
-  double cost = 0.0;    // over the windows, before
-  double fitted = 0.0;  // and after the fit to windows; 0: not tried
+  double cost = 0.0;      // over the windows, before
+  double fitted = 0.0;    // and after the fit to windows; 0: not tried
+  Eigen::VectorXd end{};  // of that fit
+  // Of an equation error's estimate: how well it simulates whole recordings, unfitted.
+  OutputErrorScore estimation{}, validation{};
 };
 
 struct OutputErrorFit {
@@ -105,10 +109,7 @@ struct OutputErrorFit {
   double chi_square = 0.0;
   std::size_t degrees_of_freedom = 0;
   double lag_one_correlation = 0.0;  // of the residuals: 0 for white ones
-  // Of J with columns of length one: 1 each if no two parameters are alike, 0 for a combination that
-  // the data do not see.
-  Eigen::VectorXd singular_values;
-  std::vector<std::string> unseen;  // in words
+  Identifiability identifiability;
   std::vector<OutputErrorStart> starts;
   std::vector<OutputErrorScore> scores;     // of every recording
   OutputErrorScore estimation, validation;  // over all recordings of a role
@@ -117,7 +118,6 @@ struct OutputErrorFit {
   double step_error = 0.0;
 
   [[nodiscard]] Eigen::VectorXd standard_errors() const;
-  [[nodiscard]] Eigen::MatrixXd correlation() const;
 };
 
 // Changes the problem's steps per sample. Throws InputError for a model without free parameters and

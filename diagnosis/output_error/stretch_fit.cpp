@@ -2,6 +2,7 @@
 
 #include <ceres/ceres.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -9,6 +10,9 @@
 
 namespace graybox {
 namespace {
+
+// Logarithms beyond this are no numbers of use: the parameter has lost its effect.
+constexpr double kLargest = 500.0;
 
 // Between a parameter and the number that Ceres moves: its logarithm where it must be positive.
 struct ParameterScale {
@@ -29,7 +33,8 @@ struct ParameterScale {
     Eigen::VectorXd result = inside;
     for (std::size_t i = 0; i < ranges.size(); ++i) {
       auto& value = result(static_cast<Eigen::Index>(i));
-      if (ranges[i] == ParameterRange::kPositive) value = std::exp(value);
+      if (ranges[i] == ParameterRange::kPositive)
+        value = std::exp(std::clamp(value, -kLargest, kLargest));
     }
     return result;
   }
@@ -168,6 +173,10 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
   const ParameterScale scale(problem);
   SharedSimulation shared(problem, stretches, scale.inner(theta), std::move(initial));
   StretchFit result;
+  result.theta = theta;
+  result.initial = shared.initial_states;
+  shared.PrepareForEvaluation(true, true);
+  if (!std::ranges::all_of(shared.runs, &Simulated::finite)) return result;
   ceres::Problem::Options problem_options;
   problem_options.evaluation_callback = &shared;
   ceres::Problem minimised(problem_options);

@@ -317,9 +317,18 @@ std::vector<Segment> segments_in(const YamlField& field) {
   return segments;
 }
 
+// Leaving out even samples would fold frequencies; of irregular ones it halves a set in two.
+void read_every(const YamlField& field, const Campaign& campaign, Experiment& experiment) {
+  field.allow_keys({"samples", "from"});
+  if (campaign.sample_time) field.fail("is for irregular samples; decimate others in preprocess");
+  experiment.every = field.at("samples").count();
+  experiment.from = index_in(field.at("from"));
+  if (experiment.from >= experiment.every) field.at("from").fail("must be below `samples`");
+}
+
 Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   field.allow_keys({"file", "files", "position", "level", "realisation", "sub_experiment",
-                    "excitation", "segments", "role"});
+                    "excitation", "segments", "every", "role"});
   Experiment experiment;
   read_files(field, campaign, experiment);
   if (field.has("position")) {
@@ -332,6 +341,7 @@ Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   if (field.has("sub_experiment")) experiment.sub_experiment = field.at("sub_experiment").count();
   if (field.has("excitation")) experiment.excitation = excitation_in(field.at("excitation"));
   if (field.has("segments")) experiment.segments = segments_in(field.at("segments"));
+  if (field.has("every")) read_every(field.at("every"), campaign, experiment);
   if (field.has("role") && field.at("role").choice({"estimation", "validation"}) == "validation") {
     experiment.role = ExperimentRole::kValidation;
   }

@@ -98,6 +98,8 @@ struct Experiment {
   std::size_t sub_experiment = 1;
   std::optional<PeriodicExcitation> excitation;
   std::vector<Segment> segments;  // all samples if empty
+  std::size_t every = 1,
+              from = 0;  // of a segment's samples: from, from + every, ... (irregular only)
   ExperimentRole role = ExperimentRole::kEstimation;
 };
 

@@ -152,6 +152,17 @@ void check_period(const Experiment& experiment, const Segment& segment,
   }
 }
 
+// Rows from, from + every, ...
+void thin(const Experiment& experiment, SignalPiece& piece) {
+  if (experiment.every == 1) return;
+  const auto every = static_cast<Index>(experiment.every);
+  const auto from = std::min(static_cast<Index>(experiment.from), piece.time.size() - 1);
+  const auto rows = Eigen::seq(from, Eigen::last, every);
+  piece.first_sample += static_cast<std::size_t>(from);
+  piece.time = piece.time(rows).eval();
+  piece.values = piece.values(rows, Eigen::all).eval();
+}
+
 SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
                      const Eigen::VectorXd& times, const Segment& segment) {
   const auto first = static_cast<Index>(segment.first);
@@ -227,6 +238,9 @@ void find_doubtful_channels(const Campaign& campaign, std::vector<Finding>& find
 // All samples are used where no segment is named.
 bool share_samples(const Experiment& a, const Experiment& b) {
   if (a.files != b.files) return false;
+  if (a.segments.empty() && b.segments.empty() && a.every == b.every && a.from != b.from) {
+    return false;  // interleaved
+  }
   if (a.segments.empty() || b.segments.empty()) return true;
   return std::ranges::any_of(a.segments, [&](const Segment& one) {
     return std::ranges::any_of(b.segments, [&](const Segment& other) {
@@ -286,6 +300,7 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
   recording.data.excitation = experiment.excitation;
   for (const Segment& segment : segments) {
     recording.data.pieces.push_back(piece_of(campaign, columns, times, segment));
+    thin(experiment, recording.data.pieces.back());
     const Eigen::VectorXd& time = recording.data.pieces.back().time;
     recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
   }

@@ -63,6 +63,25 @@ struct BoucWen {
   }
 };
 
+// A slider behind a spring with play: the spring's deflection x follows z until its force nears F_c,
+//   f = k x - (k - k_p) clip(x, -h, h),   x' = z' (1 - |f/F_c|^n (1 + sign(z' f))/2).
+// p: k, k_p, h, F_c, n.
+struct PlayAndSlip {
+  static constexpr int kParameters = 5, kStates = 1;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T* x) {
+    return p[0] * x[0] - (p[0] - p[1]) * clip(x[0], p[2]);
+  }
+  template <typename T>
+  static void state_rate(const T* p, const T& z, const T& rate, const T* x, T* change) {
+    using std::abs;
+    using std::pow;
+    const T load = force(p, z, rate, x) / p[3];
+    change[0] = rate;
+    if (rate * load > 0.0) change[0] = rate * (1.0 - pow(abs(load), p[4]));
+  }
+};
+
 // An inertia J on a spring and damper, hung on the place: J x'' = f, f = k (z - x) + d (z' - x').
 // p: J, frequency, damping ratio.
 struct Mode {
@@ -112,6 +131,15 @@ std::vector<LawEntry> hysteresis_laws() {
         {"exponent", "1", kPositive},
         {"shape", "1", kUnitInterval}},
        make_law<BoucWen>},
+      {"play_and_slip",
+       "slider behind a spring with play: f = k x - (k - k_p) clip(x, -h, h), slips near F_c",
+       kForce,
+       {{"stiffness", "F/x", kPositive},
+        {"play_stiffness", "F/x", kPositive},
+        {"half_gap", "x", kNonNegative},
+        {"level", "F", kPositive},
+        {"exponent", "1", kPositive}},
+       make_law<PlayAndSlip>},
       {"mode",
        "an extra mode: an inertia on a spring and damper, hung on the place",
        kForce,
