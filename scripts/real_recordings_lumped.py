@@ -1,0 +1,111 @@
+#!/usr/bin/env python3
+"""Single axes on real recordings: fits the ladder of models of each system with `graybox fit` and
+writes the error that is left beside the figures measured by hand or published.
+
+    GRAYBOX_RECORDINGS=folder scripts/real_recordings_lumped.py GRAYBOX SCRATCH > table.csv
+
+`ratio` is ours over the reference: 1 equal, below 1 better.
+"""
+import csv
+import json
+import pathlib
+import subprocess
+import sys
+
+root = pathlib.Path(__file__).resolve().parent.parent
+graybox, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
+campaigns = root / "diagnosis/campaigns"
+models = root / "diagnosis/models"
+physics = root / "docs/examples/fit/physics"
+
+
+def fit(model, campaign, extra, *options):
+    """The answer of `graybox fit`, converged or not."""
+    command = [graybox, "fit", str(models / f"{model}.yaml"), str(campaign), "--json", "--starts", "3",
+               "--threads", "2", *options]
+    if extra:
+        command += ["--physics", str(extra)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode == 2:
+        sys.exit(done.stderr)
+    return json.loads(done.stdout)
+
+
+def scores(answer):
+    """(rms, nrmse) of each recording, in the order of the campaign's roles."""
+    return [(run["score"]["rms"][0], run["score"]["nrmse"][0])
+            for run in answer["details"]["recordings"]]
+
+
+def silverbox():
+    ladder = [("linear", "silverbox_offset", 7.18, 14.5),
+              ("+ cubic spring", "silverbox_cubic", 0.32, 0.38),
+              ("+ growing damping", "silverbox_damping", 0.26, 0.38)]
+    for model, name, multisine, arrow in ladder:
+        answer = fit("silverbox", campaigns / "silverbox.yaml", physics / f"{name}.yaml")
+        (_, (test, _), (beyond, _)) = scores(answer)
+        yield "Silverbox", model, "test", "rms error [mV]", 1e3 * test, multisine
+        yield "Silverbox", model, "arrow", "rms error [mV]", 1e3 * beyond, arrow
+    for hold, reference in (("zero", 13.2), ("first", 0.90)):
+        campaign = scratch / f"silverbox_{hold}.yaml"
+        text = (campaigns / "silverbox.yaml").read_text()
+        campaign.write_text(text.replace("hold: band_limited", f"hold: {hold}"))
+        answer = fit("silverbox", campaign, physics / "silverbox_cubic.yaml")
+        yield ("Silverbox", f"+ cubic spring, {hold}-order hold", "test", "rms error [mV]",
+               1e3 * scores(answer)[1][0], reference)
+
+
+def equation_error(answer):
+    """The estimate after a filter of 50 Hz."""
+    (start,) = (s for s in answer["details"]["equation_error"] if s["origin"].endswith(" 50 Hz"))
+    return start
+
+
+def emps():
+    """Parameters of the equation error, simulated unfitted; then the offset, then all, in free run."""
+    ladder = [("mass", None, 4414, 4435), ("+ viscous", "emps_viscous", 95, 96),
+              ("+ Coulomb", "emps_coulomb", 170, 184)]
+    campaign = campaigns / "emps_free_run.yaml"
+    for model, name, train, pulses in ladder:
+        answer = fit("emps", campaign, name and physics / f"{name}.yaml", "--initial-state", "rest")
+        start = equation_error(answer)
+        yield ("EMPS free run", model, "train", "rms error [mm]",
+               1e3 * start["estimation"]["rms"][0], train)
+        yield ("EMPS free run", model, "pulses", "rms error [mm]",
+               1e3 * start["validation"]["rms"][0], pulses)
+    answer = fit("emps", campaign, physics / "emps_offset.yaml", "--initial-state", "rest")
+    (train, _), (pulses, _) = scores(answer)
+    yield "EMPS free run", "+ offset, all refitted", "train", "rms error [mm]", 1e3 * train, 2.7
+    yield "EMPS free run", "+ offset, all refitted", "pulses", "rms error [mm]", 1e3 * pulses, 4.6
+
+
+def friction_damper():
+    ladder = [("linear", "damper_offset", 47.8, 97.0), ("+ Coulomb", "damper_coulomb", 45.6, 78.5),
+              ("+ Bouc-Wen", "damper_bouc_wen", 21.5, 29.0),
+              ("+ play and slip", "damper_play", 11.6, 22.3)]
+    for model, name, train, test in ladder:
+        answer = fit("friction_damper", campaigns / "friction_damper.yaml", physics / f"{name}.yaml")
+        (_, ours), (_, held_out) = scores(answer)
+        yield "Friction damper", model, "train", "NRMSE [%]", ours, train
+        yield "Friction damper", model, "test", "NRMSE [%]", held_out, test
+
+
+def cogging_motor():
+    ladder = [("constant", None, 100.0), ("+ 4 harmonics", "motor_4_harmonics", 30.0),
+              ("+ 10 harmonics", "motor_10_harmonics", 18.6)]
+    for model, name, test in ladder:
+        answer = fit("cogging_motor", campaigns / "cogging_motor.yaml",
+                     name and physics / f"{name}.yaml")
+        yield "Cogging motor", model, "test", "NRMSE [%]", scores(answer)[1][1], test
+
+
+def main():
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(["set", "model", "split", "figure", "ours", "reference", "ratio"])
+    for rows in (silverbox, emps, friction_damper, cogging_motor):
+        for name, model, split, figure, ours, reference in rows():
+            writer.writerow([name, model, split, figure, f"{ours:.4g}", reference,
+                             f"{ours / reference:.3f}"])
+
+
+main()
