@@ -10,6 +10,7 @@ import continuous
 import criteria
 import exact_designs
 import paper
+import real_recordings
 import responses
 import robust
 import sequential
@@ -19,7 +20,7 @@ import verify
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
 GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses,
-          verify]
+          verify, real_recordings]
 
 
 def main():

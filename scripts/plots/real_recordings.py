@@ -1,0 +1,56 @@
+"""Real recordings: what each model leaves unexplained, beside the figures of others."""
+
+import matplotlib.pyplot as plt
+
+from style import BLACK, BLUE, GREY, ORANGE, read_table, save
+
+# A panel of a figure shows the errors of one set; parameter values stay in the table.
+SPLITS = ("train", "test", "pulses", "arrow", "A", "B", "C")
+COLOURS = {"train": BLUE, "test": ORANGE, "pulses": ORANGE, "arrow": GREY, "A": BLUE, "B": ORANGE, "C": GREY}
+
+
+def panel(axes, rows, name):
+    rows = [row for row in rows if row["set"] == name and row["split"] in COLOURS and "[" in row["figure"]]
+    unit = rows[0]["figure"]
+    rows = [row for row in rows if row["figure"] == unit]
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    splits = [split for split in SPLITS if any(row["split"] == split for row in rows)]
+    height = 0.8 / len(splits)
+    for number, split in enumerate(splits):
+        for row in (row for row in rows if row["split"] == split):
+            y = models.index(row["model"]) + (number - (len(splits) - 1) / 2) * height
+            axes.barh(y, float(row["ours"]), height=0.9 * height, color=COLOURS[split])
+            axes.plot([float(row["reference"])] * 2, [y - 0.5 * height, y + 0.5 * height], color=BLACK, lw=1.8)
+    for split in splits:
+        axes.barh(0, 0, color=COLOURS[split], label=f"graybox, {split}")
+    axes.plot([], [], color=BLACK, lw=1.8, label="by hand or published")
+    axes.set_yticks(range(len(models)), models)
+    axes.invert_yaxis()
+    errors = [float(row["ours"]) for row in rows]
+    if max(errors) > 15 * min(errors):
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(plt.FuncFormatter(lambda *_: ""))
+    axes.set_xlabel(unit)
+    axes.set_title(name)
+    axes.grid(axis="y", visible=False)
+    axes.legend(fontsize=7, loc="best", frameon=True, framealpha=0.9, edgecolor="none")
+
+
+def draw(folder):
+    for file in sorted((folder / "tables").glob("real_recordings_*.csv")):
+        rows = read_table(file)
+        names = list(dict.fromkeys(row["set"] for row in rows))
+        if not names:
+            continue
+        columns = min(2, len(names))
+        lines = -(-len(names) // columns)
+        figure, axes = plt.subplots(lines, columns, figsize=(5.2 * columns, 2.9 * lines), squeeze=False)
+        for each in axes.flat[len(names):]:
+            each.set_visible(False)
+        for each, name in zip(axes.flat, names):
+            panel(each, rows, name)
+        figure.suptitle("Real recordings: the error each model leaves, beside figures measured by hand or published",
+                        x=0.01, ha="left", fontsize=11)
+        figure.tight_layout()
+        save(folder, figure, file.stem)
