@@ -42,6 +42,7 @@ class Search {
     if (result_.detection.detected) {
       extend();
       prune();
+      simplify();
       weigh_rivals();
     }
     verify();
@@ -81,12 +82,18 @@ class Search {
     return true;
   }
 
-  // All hypotheses but the laws that are in the fit already.
+  // All hypotheses but those that are excluded or, unless repeatable, in the fit already.
   [[nodiscard]] std::vector<std::size_t> open_hypotheses(const ExtendedFit& fit) const {
     std::vector<std::size_t> open;
     for (std::size_t i = 0; i < problem_.hypotheses().size(); ++i) {
       const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
-      if (std::none_of(fit.laws.begin(), fit.laws.end(), present)) open.push_back(i);
+      const std::string& law = problem_.hypotheses()[i].law;
+      if (std::count(options_.excluded_laws.begin(), options_.excluded_laws.end(), law) > 0)
+        continue;
+      if (problem_.hypotheses()[i].repeatable ||
+          std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
+        open.push_back(i);
+      }
     }
     return open;
   }
@@ -105,7 +112,9 @@ class Search {
 
   void detect() {
     proceed("testing all hypotheses");
-    ScoreTable table = rank(result_.before, options_.null_draws);
+    // Half the level must lie within the draws' minima.
+    const int needed = static_cast<int>(std::ceil(2.0 / options_.level));
+    ScoreTable table = rank(result_.before, std::max(options_.null_draws, needed));
     Detection& detection = result_.detection;
     for (const HypothesisScore& score : table.scores) {
       detection.smallest_p_value = std::min(detection.smallest_p_value, score.score.p_value);
@@ -117,8 +126,10 @@ class Search {
       detection.lack_of_fit_p_value = chi_square_tail(fitted.chi_square, fitted.degrees_of_freedom);
     }
     detection.threshold = table.scores.empty() ? 0.0 : family_threshold(table.null_minima, share);
+    const std::optional<double> structure = problem_.remaining_structure(result_.before);
     detection.detected = detection.lack_of_fit_p_value < 0.5 * options_.level ||
-                         detection.smallest_p_value < detection.threshold;
+                         detection.smallest_p_value < detection.threshold ||
+                         (structure && *structure > options_.structure_tolerance);
     list_detectable(table);
     result_.ranking = table.scores;
   }
@@ -159,7 +170,7 @@ class Search {
     const std::size_t crowd = std::max<std::size_t>(1, options_.shortlist / 2);
     for (const HypothesisScore& score : table.scores) {
       if (chosen.size() >= options_.shortlist) break;
-      if (score.score.degrees_of_freedom == 0.0) continue;
+      if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
       const std::string& place = problem_.hypotheses()[score.start.hypothesis].place;
       if (chosen.size() < crowd || places.count(place) == 0) {
         chosen.push_back(score.start);
@@ -186,12 +197,22 @@ class Search {
   }
 
   // Whether the deviance falls by more than chance allows for the best of all hypotheses
-  // (Bonferroni).
+  // (Bonferroni), and prediction gains by it.
   [[nodiscard]] bool significant(const ExtendedFit& without, const ExtendedFit& with) const {
+    if (!problem_.noise_is_known() &&
+        !(with.cross_validation <
+          (1.0 - options_.cross_validation_gain) * without.cross_validation)) {
+      return false;
+    }
     if (with.parameter_count <= without.parameter_count) return with.deviance < without.deviance;
     const double added = static_cast<double>(with.parameter_count - without.parameter_count);
     const double count = static_cast<double>(problem_.hypotheses().size());
     return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
+  }
+
+  [[nodiscard]] std::size_t effect_limit() const {
+    if (options_.effect_limit > 0) return options_.effect_limit;
+    return problem_.noise_is_known() ? 4 : 12;
   }
 
   [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const {
@@ -203,7 +224,7 @@ class Search {
   void extend() {
     ScoreTable table;
     table.scores = result_.ranking;
-    while (result_.after.laws.size() < options_.effect_limit && !result_.interrupted) {
+    while (result_.after.laws.size() < effect_limit() && !result_.interrupted) {
       if (!result_.after.laws.empty()) {
         if (rest_is_noise(result_.after)) return;
         if (!proceed("testing all hypotheses again")) return;
@@ -211,8 +232,11 @@ class Search {
       }
       const std::vector<Trial> trials =
           refit_each(starts_of(result_.after), shortlist(table), result_.after);
-      if (trials.empty() || !significant(result_.after, trials.front().fit)) return;
-      result_.after = trials.front().fit;
+      const auto best = std::find_if(trials.begin(), trials.end(), [this](const Trial& trial) {
+        return significant(result_.after, trial.fit);
+      });
+      if (best == trials.end()) return;
+      result_.after = best->fit;
     }
   }
 
@@ -233,6 +257,35 @@ class Search {
         ++law;
       }
     }
+  }
+
+  // A law that only generalises another of fewer parameters gives way to it unless it is better beyond
+  // the margin.
+  void simplify() {
+    for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
+      const Hypothesis& richer = problem_.hypotheses()[result_.after.laws[law].hypothesis];
+      if (richer.special_cases.empty()) continue;
+      const ExtendedFit without = fit_without(result_.after, law);
+      if (!without.usable) continue;
+      std::vector<LawStart> plainer;
+      for (const HypothesisScore& score : rank(without, 0).scores) {
+        const Hypothesis& candidate = problem_.hypotheses()[score.start.hypothesis];
+        if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
+          plainer.push_back(score.start);
+        }
+      }
+      const std::vector<Trial> trials = refit_each(starts_of(without), plainer, without);
+      if (!trials.empty() && trials.front().fit.parameter_count < result_.after.parameter_count &&
+          bic(trials.front().fit) <= bic(result_.after) + options_.exclusion_margin) {
+        result_.after = trials.front().fit;
+        law = static_cast<std::size_t>(-1);  // the others stand in another order now
+      }
+    }
+  }
+
+  static bool is_special_case(const Hypothesis& plain, const Hypothesis& richer) {
+    return richer.place == plain.place &&
+           std::count(richer.special_cases.begin(), richer.special_cases.end(), plain.law) > 0;
   }
 
   void weigh_rivals() {
@@ -273,10 +326,8 @@ class Search {
   }
 
   [[nodiscard]] bool generalises(const Trial& trial, const FittedLaw& law) const {
-    const Hypothesis& richer = problem_.hypotheses()[trial.hypothesis];
-    const Hypothesis& plain = problem_.hypotheses()[law.hypothesis];
-    return richer.place == plain.place &&
-           std::count(richer.special_cases.begin(), richer.special_cases.end(), plain.law) > 0;
+    return is_special_case(problem_.hypotheses()[law.hypothesis],
+                           problem_.hypotheses()[trial.hypothesis]);
   }
 
   void verify() {
@@ -286,9 +337,21 @@ class Search {
     if (!result_.after.laws.empty()) result_.pictures = problem_.force_pictures(result_.after);
     const Assessment& judged =
         result_.validation_after ? *result_.validation_after : result_.after.estimation;
-    if (!problem_.noise_is_known()) return;
+    if (!problem_.noise_is_known()) {
+      verify_without_noise();
+      return;
+    }
     result_.rest_p_value = practical_size_p_value(judged, options_.tolerance);
     result_.verified = result_.rest_p_value >= options_.verification_level;
+  }
+
+  void verify_without_noise() {
+    result_.remaining_structure = problem_.remaining_structure(result_.after);
+    const bool generalises =
+        !result_.validation_after ||
+        result_.validation_after->nrmse <= options_.generalisation * result_.after.estimation.nrmse;
+    result_.verified = generalises && result_.remaining_structure &&
+                       *result_.remaining_structure <= options_.structure_tolerance;
   }
 
   void conclude() {

@@ -3,11 +3,15 @@
 //   1. Fit the model as it is.
 //   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest
 //      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
+//      Where the noise is not known, the first is replaced by the share of the residuals that still
+//      depends on the motion (step 6).
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the
 //      best, keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
-//      if its deviance falls by more than the family-wise chi-square threshold.
-//   4. Prune backwards: laws without which BIC is lower go.
+//      if its deviance falls by more than the family-wise chi-square threshold and, where the noise is
+//      not known, its cross-validated error by `cross_validation_gain` at least.
+//   4. Prune backwards: laws without which BIC is lower go, and laws that only generalise another
+//      of fewer parameters give way to it unless they are better by `exclusion_margin`.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those whose BIC is not worse
 //      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995) can't be excluded and form one
 //      class with it. A law that only generalises another of the class, and is no better by
@@ -15,13 +19,14 @@
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
-//      x degrees of freedom).
+//      x degrees of freedom). Where the noise is not known there is no such test; then the error on
+//      recordings kept out must not be more than `generalisation` times that of the fit, and no more
+//      than `structure_tolerance` of the rest may still depend on the motion
+//      (MismatchProblem::remaining_structure).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
 // `ambiguous`: the rest is noise, but a class has several members. `unknown`: something is missing that
-// no hypothesis explains down to the noise; the laws found so far are reported with it. Where
-// the noise is not known, "down to the noise" can't be tested, and the verdict says so
-// (Diagnosis::noise_is_known).
+// no hypothesis explains down to the noise; the laws found so far are reported with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.
@@ -45,12 +50,16 @@ enum class Verdict : std::int8_t { kNone, kExplained, kAmbiguous, kUnknown };
 struct SearchOptions {
   double level = 0.05;  // alpha of detection, family-wise
   double verification_level = 0.01;
-  double tolerance = 0.05;         // of the noise's variance, in verification
-  double exclusion_margin = 10.0;  // of BIC
-  std::size_t shortlist = 8;       // refits an effect
-  std::size_t effect_limit = 4;
-  int null_draws = 199;
-  double detection_power = 0.9;  // of the smallest detectable effect
+  double tolerance = 0.05;              // of the noise's variance, in verification
+  double exclusion_margin = 10.0;       // of BIC
+  std::size_t shortlist = 8;            // refits an effect
+  std::size_t effect_limit = 0;         // 0: 4, or 12 where the noise is not known
+  double cross_validation_gain = 0.01;  // relative, of the squared error
+  double generalisation = 1.5;
+  double structure_tolerance = 0.1;
+  int null_draws = 199;                    // at least 2 / level are taken
+  std::vector<std::string> excluded_laws;  // left out of the catalogue
+  double detection_power = 0.9;            // of the smallest detectable effect
   std::uint64_t seed = 1;
   // Called with what is being done, for progress; may be empty. Return false to stop: the diagnosis
   // then is what has been found so far, marked `interrupted`.
@@ -94,8 +103,9 @@ struct Diagnosis {
   std::optional<Assessment> validation_before, validation_after;
   bool verified = false;  // the rest passed the test of step 6
   double rest_p_value = 1.0;
-  std::vector<DetectableEffect> detectable;  // in the light of the first fit
-  std::vector<HypothesisScore> ranking;      // of the first fit, best first
+  std::optional<double> remaining_structure;  // where the noise is not known
+  std::vector<DetectableEffect> detectable;   // in the light of the first fit
+  std::vector<HypothesisScore> ranking;       // of the first fit, best first
   std::vector<MismatchCell> mismatch_before, mismatch_after;
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order

@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -28,6 +29,7 @@ struct Hypothesis {
   // Laws of the catalogue that this one is for some of its parameters (a Coulomb friction for equal
   // levels in both directions). Where such a law explains the data as well, this one is not a rival.
   std::vector<std::string> special_cases;
+  bool repeatable = false;  // may be found more than once at its place, as harmonics of a ripple
 };
 
 struct LawParameterEstimate {
@@ -60,6 +62,9 @@ struct ExtendedFit {
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
   std::size_t parameter_count = 0;
   Assessment estimation;
+  // Mean squared error of cross-validation, on one scale for all fits of the problem; NaN where it is
+  // not needed because the noise is known.
+  double cross_validation = std::numeric_limits<double>::quiet_NaN();
 };
 
 // Where a fit by a law of this hypothesis may start.
@@ -133,6 +138,13 @@ class MismatchProblem {
   [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
   // On recordings kept out of the fit; none if there are none.
   [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
+
+  // Where the noise is not known: the share of what a fit leaves that still depends on the motion, 0 to
+  // 1.
+  [[nodiscard]] virtual std::optional<double> remaining_structure(
+      const ExtendedFit& /*fit*/) const {
+    return {};
+  }
 
   // For the report; empty where there is nothing to show. One picture a law of the fit, in its order.
   [[nodiscard]] virtual std::vector<ForcePicture> force_pictures(const ExtendedFit& /*fit*/) const {

@@ -1,0 +1,48 @@
+// Large motions of a rigid robot (graybox-rigid-robot/1), or of any drive whose motion and force are
+// both measured, as the search for missing physics sees them (mismatch_problem.hpp):
+//
+//   N^T u = known(q, q', q'') + W(q, q', q'') p + sum of b_out f(z, z', x; parameters),   z = b_in^T q
+//
+// The force of each place is balanced directly, so a hypothesis is more columns beside W: no
+// simulation, no start values, and the picture of a law is the residual at its place.
+//
+// Fit. Parameters in which the force is linear by weighted least squares (weighted_regression.hpp), the
+// others of the laws by variable projection (torque_refinement.hpp). Standard errors allow for residuals
+// that are correlated in time.
+//
+// Noise is not known: its deviation s_j at each joint is that of the residuals. With n_j effective
+// samples (their number over the autocorrelation time of what the first fit leaves, less what of that
+// depends on the motion: remaining_structure.hpp)
+//   deviance = sum_j n_j ln s_j^2.
+// A law has to pay in a cross-validation, too: five contiguous fifths of the recordings, each predicted
+// by linear parameters from the others.
+//
+// What is left. Noise being unknown, no chi-square can say whether the rest is noise. Instead:
+// does it still depend on the motion? The share of its variance that a cross-validated regression on
+// steps in z and z' of every joint predicts (remaining_structure).
+//
+// Places: the axis of each joint, each motor whose transmission couples joints, and the sum and
+// difference of neighbouring joints.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+namespace graybox {
+
+struct ForceBalanceOptions {
+  int threads = 1;                   // results do not depend on it
+  std::function<bool()> keep_going;  // asked now and then; false: fits end unusable
+};
+
+// Throws InputError of one line for a model or campaign that can't be used (motion_record.hpp), and for
+// fewer than 50 samples.
+[[nodiscard]] std::unique_ptr<MismatchProblem> force_balance_problem(
+    const std::filesystem::path& model, const Campaign& campaign,
+    const ForceBalanceOptions& options = {});
+
+}  // namespace graybox

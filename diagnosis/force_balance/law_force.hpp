@@ -1,0 +1,22 @@
+// The force of a law along a motion that is known: samples of deflection and rate, at even or uneven
+// times.
+//
+// Laws with states start at rest at the first sample. Over one step the state follows its equation
+// linearised at the step's beginning, x+ = x + h phi_1(h J) g(z, z', x) with z and z' in the middle of
+// the step (exponential Euler: Pope 1963): a bristle under constant velocity exactly, whatever its
+// stiffness.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "graybox/problems/elements/law.hpp"
+
+namespace graybox {
+
+struct PlaceMotion {
+  Eigen::VectorXd time, deflection, rate, acceleration;
+};
+
+[[nodiscard]] Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion);
+
+}  // namespace graybox

@@ -1,0 +1,25 @@
+// Does what a fit leaves still depend on the motion? The share of its variance that is predicted, in
+// cross-validation over contiguous fifths, by a regression on steps: for each joint, 16 bins of its
+// position, 16 of its velocity (edges at quantiles of the recorded motion) and the sign of its
+// velocity, with a ridge. About 0 (or less: then 0) for noise and for physics that is no function of
+// one joint's motion; near 1 where a law is missing.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
+
+namespace graybox {
+
+// `residuals`: of the rows.
+[[nodiscard]] double remaining_structure(const ForceBalanceRows& rows,
+                                         const Eigen::VectorXd& residuals);
+// What that regression does not predict, sample by sample.
+[[nodiscard]] Eigen::VectorXd unpredicted(const ForceBalanceRows& rows,
+                                          const Eigen::VectorXd& residuals);
+
+// Contiguous fifths of `samples` consecutive samples: the fold of each.
+[[nodiscard]] Eigen::Index fold_of(Eigen::Index sample, Eigen::Index samples);
+inline constexpr Eigen::Index kFolds = 5;
+
+}  // namespace graybox

@@ -1,0 +1,22 @@
+// CandidatePlace: a place of a model where physics may be missing.
+#pragma once
+
+#include <string>
+
+#include "graybox/problems/elements/element.hpp"
+
+namespace graybox {
+
+struct CandidatePlace {
+  Location location;
+  std::string yaml;  // the value of `location` in physics.yaml, in flow style
+  // The laws of the model that already have free parameters here: what only changes those is no
+  // hypothesis.
+  bool has_free_stiffness = false;
+  bool has_free_damping = false;
+  bool has_free_inertia = false;
+  bool turns = false;        // an axis that comes round: ripple has periods of whole turns
+  bool is_coupling = false;  // b_in differs from b_out
+};
+
+}  // namespace graybox

@@ -1,0 +1,151 @@
+#include "graybox/diagnosis/verdict/extended_model.hpp"
+
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <set>
+#include <string_view>
+
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+// As many digits as a double needs to be read back.
+YAML::Node exact_number(double value) {
+  YAML::Node node(fmt::format("{}", value));
+  return node;
+}
+
+YAML::Node element_node(const FittedLaw& law, std::span<const Hypothesis> hypotheses,
+                        std::set<std::string>& names) {
+  const Hypothesis& hypothesis = hypotheses[law.hypothesis];
+  std::string name = "found " + hypothesis_words(hypothesis);
+  for (int copy = 2; !names.insert(name).second; ++copy) {
+    name = fmt::format("found {} ({})", hypothesis_words(hypothesis), copy);
+  }
+  YAML::Node element;
+  element["name"] = name;
+  element["location"] = YAML::Load(hypothesis.location);
+  element["location"].SetStyle(YAML::EmitterStyle::Flow);
+  element["law"] = hypothesis.law;
+  YAML::Node parameters(YAML::NodeType::Map);
+  for (const LawParameterEstimate& estimate : law.parameters) {
+    YAML::Node entry;
+    entry["value"] = exact_number(estimate.value);
+    entry["unit"] = estimate.unit;
+    entry.SetStyle(YAML::EmitterStyle::Flow);
+    parameters[estimate.name] = entry;
+  }
+  element["parameters"] = parameters;
+  return element;
+}
+
+// The number of this node, which may be {value, ...}.
+void replace_number(YAML::Node node, const LawParameterEstimate& estimate) {
+  YAML::Node number = node.IsMap() ? node["value"] : node;
+  const bool relative = estimate.unit.empty() || estimate.unit == "1";
+  const double value = relative ? estimate.value * number.as<double>() : estimate.value;
+  number = fmt::format("{}", value);
+}
+
+YAML::Node robot_spring(YAML::Node root, std::string_view joint, const std::string& spring) {
+  YAML::Node fields = root["joints"][std::string(joint)];
+  if (!fields) return YAML::Node(YAML::NodeType::Undefined);
+  if (spring == "gearbox") return fields["gearbox"]["stiffness"];
+  for (YAML::Node bearing : fields["bearings"]) {
+    if (bearing["name"].as<std::string>() == spring) return bearing["stiffness"];
+  }
+  return YAML::Node(YAML::NodeType::Undefined);
+}
+
+YAML::Node lumped_value(YAML::Node root, const std::string& owner, const std::string& parameter) {
+  for (YAML::Node element : root["elements"]) {
+    if (element["name"].as<std::string>() == owner && element["parameters"][parameter]) {
+      return element["parameters"][parameter];
+    }
+  }
+  const bool is_mass = parameter == "inertia" || parameter == "mass";
+  if (is_mass && root["masses"][owner]) return root["masses"][owner];
+  return YAML::Node(YAML::NodeType::Undefined);
+}
+
+void set_parameter(YAML::Node root, const LawParameterEstimate& estimate,
+                   const std::filesystem::path& model) {
+  const std::size_t dot = estimate.name.rfind('.');
+  YAML::Node node(YAML::NodeType::Undefined);
+  if (dot != std::string::npos) {
+    const std::string owner = estimate.name.substr(0, dot);
+    const std::string parameter = estimate.name.substr(dot + 1);
+    node = root["joints"] ? robot_spring(root, owner, parameter)
+                          : lumped_value(root, owner, parameter);
+  }
+  if (!node.IsDefined()) {
+    throw InputError(fmt::format("{}: has no parameter '{}' to take the estimate of",
+                                 model.string(), estimate.name));
+  }
+  replace_number(node, estimate);
+}
+
+void redirect(YAML::Node root, const char* key, const std::filesystem::path& model,
+              const std::filesystem::path& target) {
+  if (!root[key]) return;
+  const std::filesystem::path named = root[key].as<std::string>();
+  if (named.is_absolute()) return;
+  const auto folder = [](const std::filesystem::path& file) {
+    return std::filesystem::absolute(file).parent_path();
+  };
+  const std::filesystem::path relative =
+      std::filesystem::relative(folder(model) / named, folder(target));
+  root[key] = (relative.empty() ? folder(model) / named : relative).generic_string();
+}
+
+std::set<std::string> element_names(const YAML::Node& root) {
+  std::set<std::string> names;
+  for (const YAML::Node& element : root["elements"]) {
+    if (element["name"]) names.insert(element["name"].as<std::string>());
+  }
+  return names;
+}
+
+std::string text_of(const YAML::Node& root) {
+  YAML::Emitter emitter;
+  emitter << root;
+  return std::string(emitter.c_str()) + "\n";
+}
+
+}  // namespace
+
+std::string extended_model_text(const std::filesystem::path& model,
+                                const std::filesystem::path& target, const ExtendedFit& fit,
+                                std::span<const Hypothesis> hypotheses) {
+  YAML::Node root = YAML::LoadFile(model.string());
+  // What a rigid robot's file leaves unknown, base parameters, is estimated anew from recordings.
+  const bool is_rigid = root["format"].as<std::string>() == "graybox-rigid-robot/1";
+  for (const LawParameterEstimate& estimate : fit.model_parameters) {
+    if (!is_rigid) set_parameter(root, estimate, model);
+  }
+  redirect(root, "urdf", model, target);
+  std::set<std::string> names = element_names(root);
+  for (const FittedLaw& law : fit.laws) {
+    root["elements"].push_back(element_node(law, hypotheses, names));
+  }
+  return fmt::format("# {} with estimated parameters and the physics that was found missing.\n",
+                     model.filename().string()) +
+         text_of(root);
+}
+
+std::string physics_text(const ExtendedFit& fit, std::span<const Hypothesis> hypotheses) {
+  YAML::Node root;
+  root["format"] = "graybox-physics/1";
+  root["elements"] = YAML::Node(YAML::NodeType::Sequence);
+  std::set<std::string> names;
+  for (const FittedLaw& law : fit.laws) {
+    root["elements"].push_back(element_node(law, hypotheses, names));
+  }
+  return text_of(root);
+}
+
+}  // namespace graybox

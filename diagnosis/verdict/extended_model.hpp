@@ -1,0 +1,31 @@
+// The extended model: the model file with the parameters that were estimated and the elements that were
+// found, a model like any other.
+//
+// The text is the original's as YAML (comments are lost), with
+//   - estimated parameters in place of the model's: "joint_2.gearbox" of a robot (the spring's
+//     stiffness; an estimate without unit multiplies it), "shaft.stiffness" or "motor.inertia" of a
+//     lumped model. Base parameters of a rigid robot have no place in its file and are left out;
+//   - the found elements behind the list `elements`;
+//   - relative paths (urdf) leading to where they did.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+
+namespace graybox {
+
+// The file's text for the place `target`. Throws InputError where an estimate has no place in the
+// model.
+[[nodiscard]] std::string extended_model_text(const std::filesystem::path& model,
+                                              const std::filesystem::path& target,
+                                              const ExtendedFit& fit,
+                                              std::span<const Hypothesis> hypotheses);
+
+// The found elements alone, a graybox-physics/1 file.
+[[nodiscard]] std::string physics_text(const ExtendedFit& fit,
+                                       std::span<const Hypothesis> hypotheses);
+
+}  // namespace graybox

@@ -1,0 +1,281 @@
+#include "graybox/diagnosis/verdict/svg_chart.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace graybox {
+namespace {
+
+constexpr double kWidth = 620, kHeight = 360;
+constexpr double kLeft = 78, kRight = 16, kTop = 54, kBottom = 48;
+
+std::string label_of(double value) {
+  if (value == 0.0) return "0";
+  return fmt::format("{:.4g}", value);
+}
+
+// Maps data to the page along one axis.
+class Scale {
+ public:
+  Scale(const ChartAxis& axis, double from, double to) : log_(axis.logarithmic), a_(from), b_(to) {}
+
+  void include(double value) {
+    if (!shows(value)) return;
+    low_ = std::min(low_, value);
+    high_ = std::max(high_, value);
+  }
+  void settle() {
+    if (!(low_ <= high_)) low_ = log_ ? 0.1 : 0.0, high_ = 1.0;
+    if (log_) {
+      low_ = std::log10(low_), high_ = std::log10(high_);
+      if (high_ - low_ < 0.3) low_ -= 0.3, high_ += 0.3;
+    } else if (high_ - low_ <= 1e-12 * std::max(std::abs(low_), std::abs(high_))) {
+      const double half = low_ == 0.0 ? 1.0 : 0.1 * std::abs(low_);
+      low_ -= half, high_ += half;
+    }
+    const double margin = 0.04 * (high_ - low_);
+    low_ -= margin, high_ += margin;
+  }
+  [[nodiscard]] bool shows(double value) const {
+    return std::isfinite(value) && (!log_ || value > 0.0);
+  }
+  [[nodiscard]] double place(double value) const {
+    const double at = log_ ? std::log10(value) : value;
+    return a_ + (at - low_) / (high_ - low_) * (b_ - a_);
+  }
+  [[nodiscard]] std::vector<double> ticks() const {
+    if (!log_) return round_ticks(low_, high_, 6);
+    std::vector<double> ticks = decades(high_ - low_ < 1.5);
+    if (ticks.size() < 2) {
+      ticks.clear();
+      for (const double tick : round_ticks(std::pow(10, low_), std::pow(10, high_), 4)) {
+        if (tick > 0.0) ticks.push_back(tick);
+      }
+    }
+    return ticks;
+  }
+
+ private:
+  [[nodiscard]] std::vector<double> decades(bool with_steps) const {
+    std::vector<double> ticks;
+    const int stride = std::max(1, static_cast<int>(std::ceil((high_ - low_) / 8.0)));
+    const auto first = static_cast<int>(std::floor(low_));
+    for (int decade = first; decade <= static_cast<int>(std::ceil(high_)); ++decade) {
+      if ((decade - first) % stride != 0) continue;
+      for (const double step : {1.0, 2.0, 5.0}) {
+        if (step > 1.0 && !with_steps) break;
+        const double tick = step * std::pow(10.0, decade);
+        if (std::log10(tick) >= low_ && std::log10(tick) <= high_) ticks.push_back(tick);
+      }
+    }
+    return ticks;
+  }
+
+  bool log_;
+  double a_, b_;
+  double low_ = std::numeric_limits<double>::infinity();
+  double high_ = -std::numeric_limits<double>::infinity();
+};
+
+std::string opening(double width, double height) {
+  return fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:g} {1:g}\" "
+      "width=\"{0:g}\" height=\"{1:g}\" font-family=\"sans-serif\" "
+      "font-size=\"12\">\n",
+      width, height);
+}
+
+std::string text_at(double x, double y, const std::string& text, const char* extra) {
+  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" {}>{}</text>\n", x, y, extra,
+                     html_escaped(text));
+}
+
+std::string grid(const Scale& x, const Scale& y) {
+  std::string svg;
+  for (const double tick : x.ticks()) {
+    const double at = x.place(tick);
+    svg += fmt::format("<path d=\"M{:.1f} {:.1f}V{:.1f}\" stroke=\"#e0e0e0\"/>\n", at, kTop,
+                       kHeight - kBottom);
+    svg += text_at(at, kHeight - kBottom + 16, label_of(tick), "text-anchor=\"middle\"");
+  }
+  for (const double tick : y.ticks()) {
+    const double at = y.place(tick);
+    svg += fmt::format("<path d=\"M{:.1f} {:.1f}H{:.1f}\" stroke=\"#e0e0e0\"/>\n", kLeft, at,
+                       kWidth - kRight);
+    svg += text_at(kLeft - 6, at + 4, label_of(tick), "text-anchor=\"end\"");
+  }
+  return svg + fmt::format(
+                   "<rect x=\"{:g}\" y=\"{:g}\" width=\"{:g}\" height=\"{:g}\" "
+                   "fill=\"none\" stroke=\"#606060\"/>\n",
+                   kLeft, kTop, kWidth - kLeft - kRight, kHeight - kTop - kBottom);
+}
+
+std::string labels(const Chart& chart) {
+  const double middle = 0.5 * (kTop + kHeight - kBottom);
+  return text_at(kLeft, 20, chart.title, "font-weight=\"bold\"") +
+         text_at(0.5 * (kLeft + kWidth - kRight), kHeight - 10, chart.x.label,
+                 "text-anchor=\"middle\"") +
+         text_at(16, middle, chart.y.label,
+                 fmt::format("text-anchor=\"middle\" transform=\"rotate(-90 16 {:.1f})\"", middle)
+                     .c_str());
+}
+
+std::string drawn(const ChartSeries& series, const Scale& x, const Scale& y) {
+  const std::size_t count = std::min(series.x.size(), series.y.size());
+  std::string shape;
+  bool pen_down = false;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!x.shows(series.x[i]) || !y.shows(series.y[i])) {
+      pen_down = false;
+      continue;
+    }
+    const double px = x.place(series.x[i]), py = y.place(series.y[i]);
+    if (series.points) {
+      // Dots as round-capped strokes without length: far shorter than circles.
+      shape += fmt::format("M{:.1f} {:.1f}h0", px, py);
+    } else {
+      shape += fmt::format("{}{:.1f} {:.1f}", pen_down ? "L" : "M", px, py);
+    }
+    pen_down = true;
+  }
+  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" {}/>\n", shape,
+                     series.colour, series.points ? 3.0 : 1.6,
+                     series.points ? "stroke-linecap=\"round\" stroke-opacity=\"0.6\""
+                                   : "stroke-linejoin=\"round\"");
+}
+
+// In a line of its own below the title.
+std::string legend(const std::vector<ChartSeries>& series) {
+  std::string svg;
+  double left = kLeft;
+  for (const ChartSeries& entry : series) {
+    if (entry.name.empty()) continue;
+    svg += fmt::format("<path d=\"M{:.1f} 38h16\" stroke=\"{}\" stroke-width=\"3\"/>\n", left,
+                       entry.colour);
+    svg += text_at(left + 22, 42, entry.name, "");
+    left += 22 + 6.6 * static_cast<double>(entry.name.size()) + 24;
+  }
+  return svg;
+}
+
+std::string shade(double share) {
+  // From near white to dark blue.
+  const double t = std::clamp(share, 0.0, 1.0);
+  const auto mix = [t](double from, double to) { return static_cast<int>(from + t * (to - from)); };
+  return fmt::format("#{:02x}{:02x}{:02x}", mix(247, 8), mix(251, 48), mix(255, 107));
+}
+
+std::string colour_scale(const HeatMap& map, double x, double top, double height) {
+  std::string svg;
+  constexpr int kSteps = 24;
+  for (int step = 0; step < kSteps; ++step) {
+    svg += fmt::format(
+        "<rect x=\"{:.1f}\" y=\"{:.2f}\" width=\"12\" height=\"{:.2f}\" "
+        "fill=\"{}\"/>\n",
+        x, top + height * (kSteps - 1 - step) / kSteps, height / kSteps + 0.3,
+        shade((step + 0.5) / kSteps));
+  }
+  svg += text_at(x + 16, top + 10, label_of(map.highest), "");
+  svg += text_at(x + 16, top + height, label_of(map.lowest), "");
+  return svg;
+}
+
+}  // namespace
+
+std::vector<double> round_ticks(double low, double high, int count) {
+  if (!(high > low) || count < 1) return {};
+  const double raw = (high - low) / count;
+  const double power = std::pow(10.0, std::floor(std::log10(raw)));
+  double step = 10.0 * power;
+  for (const double factor : {1.0, 2.0, 5.0}) {
+    if (factor * power >= raw) {
+      step = factor * power;
+      break;
+    }
+  }
+  std::vector<double> ticks;
+  for (double k = std::ceil(low / step); k * step <= high * (1.0 + 1e-12) + 1e-300; k += 1.0) {
+    ticks.push_back(k * step);
+    if (ticks.size() > 100) break;
+  }
+  return ticks;
+}
+
+std::string html_escaped(const std::string& text) {
+  std::string escaped;
+  for (const char letter : text) {
+    switch (letter) {
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      default:
+        escaped += letter;
+    }
+  }
+  return escaped;
+}
+
+std::string svg_chart(const Chart& chart) {
+  Scale x(chart.x, kLeft, kWidth - kRight), y(chart.y, kHeight - kBottom, kTop);
+  for (const ChartSeries& series : chart.series) {
+    for (const double value : series.x) x.include(value);
+    for (const double value : series.y) y.include(value);
+  }
+  x.settle();
+  y.settle();
+  std::string svg = opening(kWidth, kHeight) + grid(x, y) + labels(chart);
+  for (const ChartSeries& series : chart.series) svg += drawn(series, x, y);
+  return svg + legend(chart.series) + "</svg>\n";
+}
+
+std::string svg_heat_map(const HeatMap& map) {
+  std::size_t longest = 4;
+  for (const std::string& row : map.rows) longest = std::max(longest, row.size());
+  const double left = 12 + 6.6 * static_cast<double>(longest);
+  const double cell = std::clamp(
+      560.0 / static_cast<double>(std::max<std::size_t>(1, map.columns.size())), 12.0, 60.0);
+  const double line = 20, heading = 34;
+  const double right = left + cell * static_cast<double>(map.columns.size());
+  const double bottom = heading + line * static_cast<double>(map.rows.size());
+  std::string svg = opening(std::max(right + 90, 420.0), bottom + 78);
+  svg += text_at(8, 20, map.title, "font-weight=\"bold\"");
+  for (std::size_t r = 0; r < map.rows.size(); ++r) {
+    const double top = heading + line * static_cast<double>(r);
+    svg += text_at(left - 6, top + 14, map.rows[r], "text-anchor=\"end\"");
+    for (std::size_t c = 0; c < map.columns.size(); ++c) {
+      const double value = map.values[r][c];
+      const bool marked = !map.marked.empty() && map.marked[r][c];
+      const std::string fill =
+          std::isfinite(value) ? shade((value - map.lowest) / (map.highest - map.lowest)) : "none";
+      svg += fmt::format(
+          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" "
+          "fill=\"{}\" stroke=\"{}\" stroke-width=\"{}\"/>\n",
+          left + cell * static_cast<double>(c) + 1, top + 1, cell - 2, line - 2, fill,
+          marked ? "#d55e00" : "#d0d0d0", marked ? 2 : 1);
+    }
+  }
+  const std::size_t stride =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(44.0 / cell)));
+  for (std::size_t c = 0; c < map.columns.size(); c += stride) {
+    svg += text_at(left + cell * (static_cast<double>(c) + 0.5), bottom + 16, map.columns[c],
+                   "text-anchor=\"middle\"");
+  }
+  svg += text_at(0.5 * (left + right), bottom + 36, map.column_label, "text-anchor=\"middle\"");
+  svg += text_at(8, bottom + 62, map.value_label, "fill=\"#404040\"");
+  svg += colour_scale(map, right + 14, heading, std::max(40.0, bottom - heading));
+  return svg + "</svg>\n";
+}
+
+}  // namespace graybox

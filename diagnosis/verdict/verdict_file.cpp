@@ -1,0 +1,222 @@
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+
+#include "graybox/diagnosis/responses/distortion.hpp"
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/distributions.hpp"
+
+namespace graybox {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+// The fields of a `location`, as physics.yaml has them: text, or a mapping of texts and numbers.
+Json json_of(const YAML::Node& node) {
+  if (node.IsMap()) {
+    Json object = Json::object();
+    for (const auto& entry : node) object[entry.first.as<std::string>()] = json_of(entry.second);
+    return object;
+  }
+  if (node.IsSequence()) {
+    Json list = Json::array();
+    for (const YAML::Node& item : node) list.push_back(json_of(item));
+    return list;
+  }
+  double value = 0.0;
+  if (YAML::convert<double>::decode(node, value)) return value;
+  return node.as<std::string>();
+}
+
+Json parameters_json(const FittedLaw& law) {
+  Json parameters = Json::object();
+  for (const LawParameterEstimate& estimate : law.parameters) {
+    parameters[estimate.name] = {{"value", number(estimate.value)},
+                                 {"standard_error", number(estimate.standard_error)},
+                                 {"unit", estimate.unit}};
+  }
+  return parameters;
+}
+
+Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const Rival& rival : rivals) {
+    const Hypothesis& hypothesis = hypotheses[rival.law.hypothesis];
+    list.push_back({{"place", hypothesis.place},
+                    {"law", hypothesis.law},
+                    {"parameters", parameters_json(rival.law)},
+                    {"bic_difference", number(rival.bic_difference)}});
+  }
+  return list;
+}
+
+Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
+  return {{"name", element_name(effect, hypotheses)},
+          {"place", hypothesis.place},
+          {"location", json_of(YAML::Load(hypothesis.location))},
+          {"law", hypothesis.law},
+          {"parameters", parameters_json(effect.law)},
+          {"explained_share", number(effect.explained_share)},
+          {"bic_difference", number(effect.bic_difference)},
+          {"alternatives", rivals_json(effect.rivals, hypotheses)},
+          {"excluded", rivals_json(effect.excluded, hypotheses)}};
+}
+
+Json assessment_json(const Assessment& assessment, bool noise_is_known) {
+  return {{"chi_square_per_dof",
+           noise_is_known ? number(assessment.chi_square_per_dof()) : Json(nullptr)},
+          {"nrmse", number(assessment.nrmse)},
+          {"variance_accounted_for", number(assessment.variance_accounted_for)}};
+}
+
+Json fit_json(const ExtendedFit& fit, const std::optional<Assessment>& validation,
+              bool noise_is_known) {
+  if (!fit.usable) return nullptr;
+  return {
+      {"estimation", assessment_json(fit.estimation, noise_is_known)},
+      {"validation", validation ? assessment_json(*validation, noise_is_known) : Json(nullptr)}};
+}
+
+bool is_linear(const std::string& law) {
+  static const std::set<std::string> kLinear = {
+      "stiffness", "viscous", "inertia", "payload", "gain", "lag", "delay", "mode", "offset"};
+  return kLinear.count(law) > 0;
+}
+
+Json nonlinear_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  if (diagnosis.effects.empty()) return nullptr;
+  return std::any_of(
+      diagnosis.effects.begin(), diagnosis.effects.end(),
+      [&](const FoundEffect& effect) { return !is_linear(hypotheses[effect.law.hypothesis].law); });
+}
+
+Json detectable_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const DetectableEffect& effect : diagnosis.detectable) {
+    const Hypothesis& hypothesis = hypotheses[effect.hypothesis];
+    list.push_back({{"place", hypothesis.place},
+                    {"law", hypothesis.law},
+                    {"amplitude", number(effect.amplitude)},
+                    {"unit", effect.unit}});
+  }
+  return list;
+}
+
+Json mismatch_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  const MismatchSummary summary = summarise_mismatch(diagnosis.mismatch_before);
+  Json bands = Json::array();
+  for (const auto& [from, to] : summary.bands) bands.push_back({from, to});
+  const Detection& detection = diagnosis.detection;
+  return {{"detected", detection.detected},
+          {"p_value", std::min(detection.lack_of_fit_p_value, detection.smallest_p_value)},
+          {"lack_of_fit_p_value",
+           diagnosis.noise_is_known ? number(detection.lack_of_fit_p_value) : Json(nullptr)},
+          {"smallest_p_value", detection.smallest_p_value},
+          {"threshold", detection.threshold},
+          {"channels", summary.channels},
+          {"bands_hz", bands},
+          {"positions", summary.positions},
+          {"levels", summary.levels},
+          {"nonlinear", nonlinear_json(diagnosis, hypotheses)},
+          {"smallest_detectable", detectable_json(diagnosis, hypotheses)}};
+}
+
+Json model_parameters_json(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  const auto& before = diagnosis.before.model_parameters;
+  const auto& after = diagnosis.after.model_parameters;
+  for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
+    list.push_back({{"name", after[i].name},
+                    {"before", number(before[i].value)},
+                    {"after", number(after[i].value)},
+                    {"standard_error", number(after[i].standard_error)},
+                    {"unit", after[i].unit}});
+  }
+  return list;
+}
+
+template <typename Value>
+void add_once(std::vector<Value>& list, const Value& value) {
+  if (std::find(list.begin(), list.end(), value) == list.end()) list.push_back(value);
+}
+
+std::vector<std::pair<double, double>> merged(std::vector<std::pair<double, double>> bands) {
+  std::sort(bands.begin(), bands.end());
+  std::vector<std::pair<double, double>> result;
+  for (const auto& band : bands) {
+    if (!result.empty() && band.first <= result.back().second) {
+      result.back().second = std::max(result.back().second, band.second);
+    } else {
+      result.push_back(band);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate) {
+  std::vector<double> p_values;
+  for (const MismatchCell& cell : cells) {
+    p_values.push_back(cell.degrees_of_freedom > 0.0
+                           ? chi_square_tail(cell.statistic, cell.degrees_of_freedom)
+                           : 1.0);
+  }
+  return discoveries(p_values, rate);
+}
+
+MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells, double rate) {
+  MismatchSummary summary;
+  const std::vector<bool> rejected = rejected_cells(cells, rate);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    if (!rejected[i]) continue;
+    add_once(summary.channels, cells[i].channel);
+    add_once(summary.positions, cells[i].position);
+    add_once(summary.levels, cells[i].level);
+    summary.bands.emplace_back(cells[i].from, cells[i].to);
+  }
+  summary.bands = merged(std::move(summary.bands));
+  return summary;
+}
+
+std::string element_name(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  return hypothesis_words(hypotheses[effect.law.hypothesis]);
+}
+
+Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
+                  const DiagnosedFiles& files) {
+  Json physics = Json::array();
+  for (const FoundEffect& effect : diagnosis.effects) {
+    physics.push_back(effect_json(effect, hypotheses));
+  }
+  return {{"format", "graybox-verdict/1"},
+          {"model", files.model},
+          {"campaign", files.campaign},
+          {"verdict", to_string(diagnosis.verdict)},
+          {"interrupted", diagnosis.interrupted},
+          {"noise_is_known", diagnosis.noise_is_known},
+          {"verified", diagnosis.verified},
+          {"remaining_structure",
+           diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
+          {"words", verdict_words(diagnosis, hypotheses)},
+          {"mismatch", mismatch_json(diagnosis, hypotheses)},
+          {"physics", physics},
+          {"fit",
+           {{"before",
+             fit_json(diagnosis.before, diagnosis.validation_before, diagnosis.noise_is_known)},
+            {"after",
+             fit_json(diagnosis.after, diagnosis.validation_after, diagnosis.noise_is_known)}}},
+          {"parameters", model_parameters_json(diagnosis)},
+          {"next_experiment", nullptr}};
+}
+
+}  // namespace graybox

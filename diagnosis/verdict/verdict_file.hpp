@@ -1,0 +1,56 @@
+// verdict.json, format graybox-verdict/1 (design, section 8): a diagnosis for other programs.
+//
+//   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
+//    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
+//    "words": ["...", ...],
+//    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,
+//                 "channels": ["y_3"], "bands_hz": [[5.0, 12.5]], "positions": ["..."],
+//                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
+//                 "amplitude", "unit"}, ...]},
+//    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
+//                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
+//                 "explained_share": 0.99, "alternatives": [{"place", "law", "parameters",
+//                 "bic_difference"}], "excluded": [...]}],
+//    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
+//            "validation": {...}}, "after": {...}},
+//    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
+//    "next_experiment": null}
+//
+// Channels, bands, positions and levels are those where residuals before any extension are too large
+// at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
+// `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
+// are null.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+
+namespace graybox {
+
+struct MismatchSummary {
+  std::vector<std::string> channels, positions;
+  std::vector<double> levels;
+  std::vector<std::pair<double, double>> bands;  // Hz (or s), merged
+};
+// The cells that are too large at this false discovery rate.
+[[nodiscard]] std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate);
+[[nodiscard]] MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells,
+                                                 double rate = 0.05);
+
+struct DiagnosedFiles {
+  std::string model, campaign;
+};
+
+[[nodiscard]] nlohmann::ordered_json verdict_json(const Diagnosis& diagnosis,
+                                                  std::span<const Hypothesis> hypotheses,
+                                                  const DiagnosedFiles& files);
+
+// What a user calls the element of effect i: "cubic spring at joint_3.gearbox".
+[[nodiscard]] std::string element_name(const FoundEffect& effect,
+                                       std::span<const Hypothesis> hypotheses);
+
+}  // namespace graybox

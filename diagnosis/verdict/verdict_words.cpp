@@ -1,0 +1,147 @@
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+namespace {
+
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
+std::string headline(const Diagnosis& diagnosis) {
+  switch (diagnosis.verdict) {
+    case Verdict::kNone:
+      return "Nothing is missing that these recordings could show.";
+    case Verdict::kExplained:
+      return "Physics is missing, and it is explained.";
+    case Verdict::kAmbiguous:
+      return "Physics is missing; the recordings can't tell all explanations apart.";
+    case Verdict::kUnknown:
+      break;
+  }
+  if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
+  if (diagnosis.interrupted) return "Stopped before a verdict; this is what was found until then.";
+  if (diagnosis.effects.empty())
+    return "Physics is missing, and no law of the catalogue explains it.";
+  return "Physics is missing; what was found explains only part of it.";
+}
+
+std::string parameters_words(const FittedLaw& law) {
+  std::string words;
+  for (const LawParameterEstimate& parameter : law.parameters) {
+    words += fmt::format("{}{} {}", words.empty() ? "" : ", ", spaced(parameter.name),
+                         estimate_words(parameter));
+  }
+  return words;
+}
+
+std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  return fmt::format(
+      "Found: {}: {}. It explains {:.1f} % of what was too much; without it BIC is "
+      "{:.3g} higher.",
+      hypothesis_words(hypotheses[effect.law.hypothesis]), parameters_words(effect.law),
+      100.0 * effect.explained_share, effect.bic_difference);
+}
+
+void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                std::vector<std::string>& lines) {
+  for (const Rival& rival : effect.rivals) {
+    lines.push_back(fmt::format("Not excluded in its place: {}: {} (BIC {:+.2g}).",
+                                hypothesis_words(hypotheses[rival.law.hypothesis]),
+                                parameters_words(rival.law), rival.bic_difference));
+  }
+  constexpr std::size_t kNamed = 3;
+  std::string excluded;
+  for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
+    excluded += fmt::format("{}{} (BIC {:+.3g})", excluded.empty() ? "" : "; ",
+                            hypothesis_words(hypotheses[effect.excluded[i].law.hypothesis]),
+                            effect.excluded[i].bic_difference);
+  }
+  if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
+}
+
+void add_fit(const char* data, const std::optional<Assessment>& before,
+             const std::optional<Assessment>& after, bool noise_is_known,
+             std::vector<std::string>& lines) {
+  if (!before || !after) return;
+  std::string line = fmt::format("Error on {}: {:.4g} % before, {:.4g} % after", data,
+                                 before->nrmse, after->nrmse);
+  if (noise_is_known) {
+    line += fmt::format("; chi-square per degree of freedom {:.4g} before, {:.4g} after",
+                        before->chi_square_per_dof(), after->chi_square_per_dof());
+  }
+  lines.push_back(line + ".");
+}
+
+void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
+                    std::vector<std::string>& lines) {
+  std::size_t blind = 0;
+  for (const DetectableEffect& effect : diagnosis.detectable) {
+    blind += std::isinf(effect.amplitude) ? 1U : 0U;
+  }
+  if (diagnosis.detectable.empty()) return;
+  lines.push_back(
+      fmt::format("{} hypotheses were tested; {} of them could not be seen, because the "
+                  "fitted parameters imitate them.",
+                  hypotheses.size(), blind));
+}
+
+}  // namespace
+
+std::string hypothesis_words(const Hypothesis& hypothesis) {
+  return fmt::format("{} at {}", spaced(hypothesis.law), hypothesis.place);
+}
+
+std::string estimate_words(const LawParameterEstimate& estimate) {
+  const std::string unit = estimate.unit.empty() || estimate.unit == "1" ? "" : " " + estimate.unit;
+  if (!(estimate.standard_error > 0.0) || !std::isfinite(estimate.standard_error)) {
+    return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
+  }
+  // Decimals of the value, in units of a common power of ten, so that the error shows two digits.
+  const double largest = std::max(std::abs(estimate.value), estimate.standard_error);
+  const int exponent = static_cast<int>(std::floor(std::log10(largest)));
+  const int error_exponent = static_cast<int>(std::floor(std::log10(estimate.standard_error)));
+  const bool plain = exponent >= -3 && exponent < 5;
+  const int shift = plain ? 0 : exponent;
+  const int decimals = std::clamp(shift - error_exponent + 1, 0, 12);
+  const double scale = std::pow(10.0, -shift);
+  const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
+  return fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals, power,
+                     estimate.standard_error * scale, decimals, power, unit);
+}
+
+std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
+                                       std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines{headline(diagnosis)};
+  if (!diagnosis.trouble.empty()) return lines;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    lines.push_back(effect_words(effect, hypotheses));
+    add_rivals(effect, hypotheses, lines);
+  }
+  add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
+          diagnosis.noise_is_known, lines);
+  add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
+          diagnosis.noise_is_known, lines);
+  if (diagnosis.detection.detected && diagnosis.noise_is_known) {
+    lines.push_back(fmt::format(
+        "What is left {} (p = {:.2g}{}).",
+        diagnosis.verified ? "is no more than noise" : "is more than noise", diagnosis.rest_p_value,
+        diagnosis.validation_after ? ", on recordings kept out of the fit"
+                                   : "; no recordings were kept out of the fit"));
+  }
+  if (diagnosis.remaining_structure) {
+    lines.push_back(
+        fmt::format("The noise is not known. {:.0f} % of what is left still depends on "
+                    "position or velocity of a joint.",
+                    100.0 * *diagnosis.remaining_structure));
+  }
+  add_detectable(diagnosis, hypotheses, lines);
+  return lines;
+}
+
+}  // namespace graybox

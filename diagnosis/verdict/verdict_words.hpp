@@ -1,0 +1,22 @@
+// A diagnosis in words that an engineer would use, from its numbers alone.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+
+namespace graybox {
+
+// "cubic spring at joint_3.gearbox".
+[[nodiscard]] std::string hypothesis_words(const Hypothesis& hypothesis);
+// "1.9e+09 +- 0.1e+09 N m/rad^3": value and standard error to the same digit, two digits of the error.
+[[nodiscard]] std::string estimate_words(const LawParameterEstimate& estimate);
+
+// One sentence a line: the verdict, each effect with its parameters and rivals, the fit before and
+// after, what could not be seen.
+[[nodiscard]] std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
+                                                     std::span<const Hypothesis> hypotheses);
+
+}  // namespace graybox

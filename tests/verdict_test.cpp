@@ -1,0 +1,213 @@
+// What a diagnosis looks like in words, JSON, models and pages.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "graybox/diagnosis/verdict/extended_model.hpp"
+#include "graybox/diagnosis/verdict/report_page.hpp"
+#include "graybox/diagnosis/verdict/svg_chart.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+#include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+const std::vector<Hypothesis> kHypotheses = {
+    {"joint_3.gearbox", "{kind: element, joint: joint_3, axis: gearbox}", "cubic_spring", {}},
+    {"joint_2.motor", "{kind: element, joint: joint_2, axis: motor}", "coulomb", {}},
+    {"joint_3.gearbox", "{kind: element, joint: joint_3, axis: gearbox}", "backlash", {}},
+};
+
+FittedLaw cubic_spring() { return {0, {{"stiffness", "N m/rad^3", 1.9e9, 0.13e9}}}; }
+
+Diagnosis explained() {
+  Diagnosis diagnosis;
+  diagnosis.verdict = Verdict::kExplained;
+  diagnosis.noise_is_known = true;
+  diagnosis.verified = true;
+  diagnosis.rest_p_value = 0.6;
+  diagnosis.detection = {true, 1e-30, 1e-40, 2e-4};
+  diagnosis.before.usable = diagnosis.after.usable = true;
+  diagnosis.before.estimation = {9000.0, 1000.0, 12.0, 98.0};
+  diagnosis.after.estimation = {1010.0, 999.0, 1.5, 99.98};
+  diagnosis.validation_before = Assessment{9100.0, 1000.0, 12.5, 97.9};
+  diagnosis.validation_after = Assessment{995.0, 1000.0, 1.6, 99.97};
+  diagnosis.before.model_parameters = {{"joint_1.gearbox", "1", 0.97, 0.02}};
+  diagnosis.after.model_parameters = {{"joint_1.gearbox", "1", 1.5, 0.001}};
+  diagnosis.after.laws = {cubic_spring()};
+  diagnosis.effects = {{cubic_spring(), 0.998, 7980.0, {}, {{{2, {}}, 54.0}}}};
+  diagnosis.detectable = {{0, 2e8, "N m/rad^3"},
+                          {1, std::numeric_limits<double>::infinity(), "N m"}};
+  diagnosis.mismatch_before = {{"y_3", 5.0, 8.0, "(0, 30, 0)", 3.0, 900.0, 40.0},
+                               {"y_3", 8.0, 12.0, "(0, 30, 0)", 3.0, 700.0, 40.0},
+                               {"y_1", 5.0, 8.0, "(0, 30, 0)", 3.0, 41.0, 40.0},
+                               {"y_1", 30.0, 40.0, "(0, 30, 0)", 1.0, 38.0, 40.0}};
+  diagnosis.mismatch_after = diagnosis.mismatch_before;
+  diagnosis.pictures = {
+      {0, "rad", "rad/s", "N m", {-1e-3, 0, 1e-3}, {0.1, 0.2, 0.3}, {-2, 0, 2}, {-1.9, 0, 1.9}}};
+  return diagnosis;
+}
+
+TEST(VerdictWords, RoundTheValueToTheErrorsTwoDigits) {
+  EXPECT_EQ(estimate_words({"k", "N m/rad^3", 1.93456e9, 0.1312e9}),
+            "1.93e+09 ± 0.13e+09 N m/rad^3");
+  EXPECT_EQ(estimate_words({"d", "N m", 11.96341, 0.0312}), "11.963 ± 0.031 N m");
+  EXPECT_EQ(estimate_words({"x", "1", 0.5, 12.3}), "0 ± 12");
+  EXPECT_EQ(estimate_words({"x", "rad", 0.0, 0.0}), "0 rad (no standard error)");
+  EXPECT_EQ(estimate_words({"x", "rad", 3.0, std::nan("")}), "3 rad (no standard error)");
+}
+
+TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
+  std::string all;
+  for (const std::string& line : verdict_words(explained(), kHypotheses)) all += line + "\n";
+  EXPECT_NE(all.find("cubic spring at joint_3.gearbox"), std::string::npos) << all;
+  EXPECT_NE(all.find("1.90e+09 ± 0.13e+09 N m/rad^3"), std::string::npos) << all;
+  EXPECT_NE(all.find("Excluded: backlash at joint_3.gearbox (BIC +54)"), std::string::npos) << all;
+  EXPECT_NE(all.find("no more than noise"), std::string::npos) << all;
+}
+
+TEST(VerdictFile, HasTheFieldsOfTheFormat) {
+  const auto json = verdict_json(explained(), kHypotheses, {"robot.yaml", "campaign.yaml"});
+  EXPECT_EQ(json["format"], "graybox-verdict/1");
+  EXPECT_EQ(json["verdict"], "explained");
+  EXPECT_EQ(json["physics"][0]["location"]["joint"], "joint_3");
+  EXPECT_EQ(json["physics"][0]["parameters"]["stiffness"]["value"], 1.9e9);
+  EXPECT_EQ(json["mismatch"]["nonlinear"], true);
+  EXPECT_TRUE(json["mismatch"]["smallest_detectable"][1]["amplitude"].is_null());
+  EXPECT_NEAR(json["fit"]["after"]["validation"]["chi_square_per_dof"].get<double>(), 0.995, 1e-12);
+  EXPECT_FALSE(json.dump().empty());
+}
+
+TEST(VerdictFile, NamesTheCellsThatAreMoreThanNoise) {
+  const MismatchSummary summary = summarise_mismatch(explained().mismatch_before);
+  EXPECT_EQ(summary.channels, std::vector<std::string>{"y_3"});
+  EXPECT_EQ(summary.levels, std::vector<double>{3.0});
+  ASSERT_EQ(summary.bands.size(), 1U);  // two that touch
+  EXPECT_EQ(summary.bands[0], (std::pair<double, double>(5.0, 12.0)));
+}
+
+TEST(VerdictFile, WithoutAFitThereIsNoAfter) {
+  Diagnosis diagnosis;
+  diagnosis.trouble = "the model as it is can't be fitted: no equilibrium";
+  const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"});
+  EXPECT_TRUE(json["fit"]["before"].is_null());
+  EXPECT_EQ(json["verdict"], "unknown");
+  EXPECT_NE(report_page(diagnosis, kHypotheses, {"m", "c"}).find("no equilibrium"),
+            std::string::npos);
+}
+
+TEST(ReportPage, IsOneFileWithItsFigures) {
+  const std::string page = report_page(explained(), kHypotheses, {"<robot>.yaml", "campaign.yaml"});
+  EXPECT_EQ(page.rfind("<!doctype html>", 0), 0U);
+  EXPECT_NE(page.find("&lt;robot&gt;.yaml"), std::string::npos);
+  EXPECT_EQ(page.find("href="), std::string::npos);
+  EXPECT_EQ(page.find("src="), std::string::npos);
+  // Two maps before, two after, the law over deflection and rate.
+  EXPECT_EQ(report_figures(explained(), kHypotheses).size(), 6U);
+  if (const char* target = std::getenv("GRAYBOX_KEEP_PAGE")) std::ofstream(target) << page;
+}
+
+TEST(SvgChart, TicksAreRoundAndInside) {
+  EXPECT_EQ(round_ticks(0.0, 10.0, 5), (std::vector<double>{0, 2, 4, 6, 8, 10}));
+  for (const double tick : round_ticks(-3.1e-5, 7.7e-5, 6)) {
+    EXPECT_GE(tick, -3.1e-5);
+    EXPECT_LE(tick, 7.7e-5);
+  }
+  EXPECT_TRUE(round_ticks(1.0, 1.0, 5).empty());
+}
+
+TEST(SvgChart, LeavesOutWhatCanNotBeShown) {
+  Chart chart;
+  chart.x.logarithmic = chart.y.logarithmic = true;
+  chart.series = {{"a & b", {1.0, -2.0, 10.0}, {std::nan(""), 1.0, 3.0}, "#000000", false}};
+  const std::string svg = svg_chart(chart);
+  EXPECT_EQ(svg.find("nan"), std::string::npos);
+  EXPECT_EQ(svg.find("inf"), std::string::npos);
+  EXPECT_NE(svg.find("a &amp; b"), std::string::npos);
+  const std::string empty = svg_chart({"nothing", {"x", false}, {"y", false}, {}});
+  EXPECT_EQ(empty.find("inf"), std::string::npos);
+}
+
+class ExtendedModel : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(testing::TempDir()) /
+              testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(ExtendedModel, OfARobotIsReadAgainWithEstimatesAndElements) {
+  const std::filesystem::path model = default_robot_file();
+  const ExtendedFit fit = explained().after;
+  const std::filesystem::path target = folder_ / "model_extended.yaml";
+  write("model_extended.yaml", extended_model_text(model, target, fit, kHypotheses));
+  const ExtendedRobot before = load_extended_robot(model);
+  const ExtendedRobot after = load_extended_robot(target);
+  ASSERT_EQ(after.elements.size(), before.elements.size() + 1);
+  EXPECT_EQ(after.elements.back().law_name, "cubic_spring");
+  EXPECT_EQ(after.elements.back().parameters, std::vector<double>{1.9e9});
+  EXPECT_EQ(after.elements.back().location.name, "joint_3.gearbox");
+  for (std::size_t i = 0; i < before.robot.springs.size(); ++i) {
+    const double factor = before.robot.springs[i].name == "joint_1.gearbox" ? 1.5 : 1.0;
+    EXPECT_DOUBLE_EQ(after.robot.springs[i].stiffness, factor * before.robot.springs[i].stiffness);
+  }
+}
+
+TEST_F(ExtendedModel, OfALumpedModelIsReadAgain) {
+  const std::filesystem::path model = write("drive.yaml", R"(
+format: graybox-lumped/1
+sample_time: 0.001
+motion: rotation
+masses: {motor: 0.0021, load: 0.035}
+elements:
+  - name: shaft
+    location: {kind: element, between: [motor, load]}
+    law: stiffness
+    parameters: {stiffness: {value: 45, unit: N m/rad}}
+inputs: [{name: torque, mass: motor}]
+outputs: [{name: speed, mass: motor, quantity: velocity}]
+)");
+  const std::vector<Hypothesis> hypotheses = {
+      {"load", "{kind: element, mass: load}", "coulomb", {}}};
+  ExtendedFit fit;
+  fit.model_parameters = {{"shaft.stiffness", "N m/rad", 51.25, 0.1},
+                          {"load.inertia", "kg m^2", 0.0375, 1e-4}};
+  fit.laws = {{0, {{"level", "N m", 0.2, 0.01}, {"transition_velocity", "rad/s", 0.01, 0.001}}}};
+  const std::filesystem::path target = folder_ / "extended.yaml";
+  const std::string text = extended_model_text(model, target, fit, hypotheses);
+  write("extended.yaml", text);
+  LumpedModel extended;
+  ASSERT_NO_THROW(extended = load_lumped_model(target)) << text;
+  EXPECT_DOUBLE_EQ(extended.stiffness(0, 0), 51.25);
+  EXPECT_DOUBLE_EQ(extended.mass(1, 1), 0.0375);
+  ASSERT_EQ(extended.elements.size(), 1U);
+  EXPECT_EQ(extended.elements[0].parameters, (std::vector<double>{0.2, 0.01}));
+  // The found elements alone do the same to the model that they were missing in.
+  const LumpedModel added =
+      load_lumped_model(model, write("physics.yaml", physics_text(fit, hypotheses)));
+  EXPECT_EQ(added.elements[0].parameters, extended.elements[0].parameters);
+}
+
+TEST_F(ExtendedModel, RefusesAnEstimateThatHasNoPlace) {
+  ExtendedFit fit;
+  fit.model_parameters = {{"joint_9.gearbox", "1", 1.0, 0.1}};
+  EXPECT_THROW((void)extended_model_text(default_robot_file(), folder_ / "x.yaml", fit, {}),
+               InputError);
+}
+
+}  // namespace
+}  // namespace graybox
