@@ -13,6 +13,7 @@
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/error.hpp"
 #include "robot_test_support.hpp"
+#include "refusal.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -273,16 +274,6 @@ class ElementFiles : public ::testing::Test {
     testing::write_text(folder_.file("physics.yaml"), text);
     return load_extended_robot(folder_.file("irb6600_like.yaml"), folder_.file("physics.yaml"));
   }
-  template <typename Load>
-  static void expect_refused(const Load& load, const std::string& text) {
-    try {
-      load();
-      ADD_FAILURE() << "not refused: " << text;
-    } catch (const InputError& error) {
-      EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
-      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
-    }
-  }
 
   testing::TemporaryFolder folder_;
 };
@@ -411,7 +402,7 @@ TEST_F(ElementFiles, ActuatorsHoldTheRobotThroughTheirLaws) {
               1e-12);
   const std::string saturation = "saturation\n    parameters: {limit: {value: 2, unit: N m}}";
   EXPECT_NEAR(command(saturation, 1.5), 1.5, 1e-12);
-  expect_refused([&] { (void)command(saturation, 3.0); }, "can't give");
+  testing::expect_refused([&] { (void)command(saturation, 3.0); }, "can't give");
 }
 
 TEST_F(ElementFiles, RefusesWhatIsWrongInOneLine) {
@@ -446,16 +437,16 @@ TEST_F(ElementFiles, RefusesWhatIsWrongInOneLine) {
            {"kind: element, axis: flange", spring, "payloads alone"},
            {"kind: element, joint: joint_2, axis: motor",
             "inertia\n    parameters: {inertia: {value: -1, unit: kg m^2}}", "negative inertia"}}) {
-    expect_refused([&] { (void)robot(physics(location, law_text)); }, message);
+    testing::expect_refused([&] { (void)robot(physics(location, law_text)); }, message);
   }
-  expect_refused([&] { (void)drive(physics("kind: element, mass: wheel", spring)); },
+  testing::expect_refused([&] { (void)drive(physics("kind: element, mass: wheel", spring)); },
                  "no mass 'wheel'");
-  expect_refused([&] { (void)drive(physics("kind: element, between: [motor, motor]", spring)); },
+  testing::expect_refused([&] { (void)drive(physics("kind: element, between: [motor, motor]", spring)); },
                  "two masses");
-  expect_refused([&] { (void)drive(physics("kind: element", spring)); }, "needs one of");
-  expect_refused([&] { (void)drive("format: graybox-physics/2\nelements: []\n"); }, "format");
+  testing::expect_refused([&] { (void)drive(physics("kind: element", spring)); }, "needs one of");
+  testing::expect_refused([&] { (void)drive("format: graybox-physics/2\nelements: []\n"); }, "format");
   const std::string twice = physics("kind: element, mass: load", spring);
-  expect_refused([&] { (void)drive(twice + twice.substr(twice.find("  - name"))); },
+  testing::expect_refused([&] { (void)drive(twice + twice.substr(twice.find("  - name"))); },
                  "name of an earlier element");
 }
 
@@ -466,7 +457,7 @@ TEST_F(ElementFiles, OnlySimulationReadsTheElementsOfARobot) {
               .substr(std::string("format: graybox-physics/1\n").size());
   testing::write_text(folder_.file("extended.yaml"), text);
   EXPECT_EQ(load_extended_robot(folder_.file("extended.yaml")).elements.size(), 1U);
-  expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); }, "elements");
+  testing::expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); }, "elements");
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 #include "graybox/problems/random.hpp"
+#include "refusal.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -110,16 +111,6 @@ class RigidRobot : public ::testing::Test {
           bodies != nullptr ? ", body: " + body_text(*bodies) : std::string());
     }
     return model(text);
-  }
-  template <typename Load>
-  static void expect_refused(const Load& load, const std::string& text) {
-    try {
-      load();
-      ADD_FAILURE() << "not refused: " << text;
-    } catch (const InputError& error) {
-      EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
-      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
-    }
   }
 
   testing::TemporaryFolder folder_;
@@ -417,15 +408,15 @@ experiments:
     EXPECT_NEAR(fit.parameters[p].value, kArmTruth(static_cast<Index>(p)), 1e-8);
   }
   EXPECT_LT(fit.records[0].total.relative, 1e-6);
-  expect_refused([&] { (void)read("rad", "estimation"); }, "channel v_2 is in rad; joint elbow");
-  expect_refused([&] { (void)read("rad/s", "validation"); }, "none has the role estimation");
+  testing::expect_refused([&] { (void)read("rad", "estimation"); }, "channel v_2 is in rad; joint elbow");
+  testing::expect_refused([&] { (void)read("rad/s", "validation"); }, "none has the role estimation");
   RigidRobotModel other = robot;
   other.channels.torque[1] = "u_3";
-  expect_refused(
+  testing::expect_refused(
       [&] { (void)read_motion_records(other, read_campaign(folder_.file("campaign.yaml"))); },
       "no channel 'u_3'");
   other.channels = {};
-  expect_refused(
+  testing::expect_refused(
       [&] { (void)read_motion_records(other, read_campaign(folder_.file("campaign.yaml"))); },
       "has no 'channels'");
 }
@@ -450,7 +441,7 @@ TEST_F(RigidRobot, SaysWhatTheRecordingsDoNotShow) {
   EXPECT_LT(fit.parameters.size(), 8U);
   EXPECT_LT(fit.records[0].total.relative, 1e-6);  // what is regrouped explains them all the same
   motion.torque.setZero();
-  expect_refused(
+  testing::expect_refused(
       [&] {
         (void)fit_inverse_dynamics(robot, {{"run", ExperimentRole::kEstimation, {motion}}});
       },
@@ -510,7 +501,7 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
        "negative principal moment"},
   };
   for (const auto& each : cases) {
-    expect_refused([&] { (void)model(changed(kArm + kFriction, each.from, each.to)); },
+    testing::expect_refused([&] { (void)model(changed(kArm + kFriction, each.from, each.to)); },
                    each.message);
   }
   const std::string good = kArm + kFriction;
@@ -522,13 +513,13 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
            {"transmission: [[50, 0], [0, 30]]", "replaces the gear ratios"},
            {"channels: {torque: [u], torque_of: arm, position: [q], position_of: arm}",
             "must name 2 channels"}}) {
-    expect_refused([&] { (void)model(good + lines + "\n"); }, message);
+    testing::expect_refused([&] { (void)model(good + lines + "\n"); }, message);
   }
   const std::string dahl = R"(elements:
   - {name: stick, location: {kind: element, joint: elbow, axis: arm}, law: dahl,
      parameters: {stiffness: {value: 1, unit: N m/rad}, level: {value: 1, unit: N m}}}
 )";
-  expect_refused([&] { (void)model(kArm + dahl); }, "inner states");
+  testing::expect_refused([&] { (void)model(kArm + dahl); }, "inner states");
 }
 
 // The same robot from a URDF, its bodies known or, for one link, not.
@@ -563,7 +554,7 @@ joints:
   EXPECT_EQ(structural_base_parameters(columns, 2).names, names);
   std::string swapped = text;
   swapped.replace(swapped.find("name: shoulder"), 14, "name: elbow");
-  expect_refused([&] { (void)model(swapped); },
+  testing::expect_refused([&] { (void)model(swapped); },
                  "the joint at this place in arm.urdf is 'shoulder'");
 }
 

@@ -33,11 +33,8 @@ struct PlacedLaw {
                                          std::span<const double> parameters,
                                          const ForceBalanceRows& rows);
 
-// The laws that can be hypotheses at a place of a force balance, and the shapes they are tried in.
+// The laws that can be hypotheses at a place of a force balance.
 [[nodiscard]] std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place);
-[[nodiscard]] std::vector<LawShape> force_balance_shapes(const LawEntry& entry,
-                                                         const CandidatePlace& place,
-                                                         const MotionScale& scale);
 [[nodiscard]] MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& rows);
 
 }  // namespace graybox

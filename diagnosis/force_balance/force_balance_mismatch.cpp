@@ -38,10 +38,6 @@ double effective_samples(const Eigen::VectorXd& residuals) {
   return static_cast<double>(n) / time;
 }
 
-Eigen::VectorXd inverse_noise_rows(const Eigen::VectorXd& noise, Eigen::Index rows) {
-  return noise.cwiseInverse().replicate(rows / noise.size(), 1);
-}
-
 // Columns joined to those of the base parameters.
 TorqueRows joined(const TorqueRows& base, const std::vector<Eigen::MatrixXd>& more) {
   TorqueRows rows = base;
@@ -56,7 +52,7 @@ TorqueRows joined(const TorqueRows& base, const std::vector<Eigen::MatrixXd>& mo
 bool has_full_rank(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   if (rows.columns.cols() == 0) return true;
   Eigen::MatrixXd scaled =
-      inverse_noise_rows(noise, rows.columns.rows()).asDiagonal() * rows.columns;
+      row_weights(noise, rows.columns.rows()).asDiagonal() * rows.columns;
   for (Eigen::Index k = 0; k < scaled.cols(); ++k) {
     const double length = scaled.col(k).norm();
     if (!(length > 0.0) || !std::isfinite(length)) return false;
@@ -188,7 +184,7 @@ class ForceBalanceProblem : public MismatchProblem {
       for (std::size_t k = 0; k < values.size(); ++k)
         *values[k] = theta(static_cast<Eigen::Index>(k));
     };
-    const Eigen::VectorXd weights = inverse_noise_rows(noise_, data_.estimation.base.torque.size());
+    const Eigen::VectorXd weights = row_weights(noise_, data_.estimation.base.torque.size());
     const auto rest = [&](const Eigen::VectorXd& theta) -> Eigen::VectorXd {
       set(theta);
       const TorqueRows rows = joined(data_.estimation.base, all_linear_columns(laws));
@@ -334,7 +330,7 @@ class ForceBalanceProblem : public MismatchProblem {
       if (!has_full_rank(rest, noise_)) return std::numeric_limits<double>::infinity();
       const Eigen::VectorXd p = solve_weighted(rest, noise_);
       const Eigen::VectorXd error = rows.torque(out) - rows.columns(out, Eigen::all) * p;
-      square += inverse_noise_rows(noise_, error.size()).cwiseProduct(error).squaredNorm();
+      square += row_weights(noise_, error.size()).cwiseProduct(error).squaredNorm();
     }
     return square / static_cast<double>(rows.torque.size());
   }
@@ -369,7 +365,7 @@ class ForceBalanceProblem : public MismatchProblem {
       error_variance += (rest.array() - rest.mean()).matrix().squaredNorm() / n;
     }
     Assessment result;
-    result.chi_square = inverse_noise_rows(noise_, error.size()).cwiseProduct(error).squaredNorm();
+    result.chi_square = row_weights(noise_, error.size()).cwiseProduct(error).squaredNorm();
     result.degrees_of_freedom = static_cast<double>(error.size());
     result.nrmse = 100.0 * std::sqrt(error.squaredNorm() / n / variance);
     result.variance_accounted_for = 100.0 * (1.0 - error_variance / variance);
@@ -466,7 +462,7 @@ ScoredRows scored_rows(const Eigen::VectorXd& residuals, const Eigen::VectorXd& 
   for (Eigen::Index sample = 0; sample < residuals.size() / joints; sample += stride) {
     for (Eigen::Index j = 0; j < joints; ++j) rows.kept.push_back(sample * joints + j);
   }
-  rows.weights = inverse_noise_rows(noise, residuals.size())(rows.kept);
+  rows.weights = row_weights(noise, residuals.size())(rows.kept);
   rows.right.resize(rows.weights.size(), 1 + draws);
   rows.right.col(0) = rows.weights.cwiseProduct(residuals(rows.kept));
   Random random(seed);
@@ -511,8 +507,7 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
     const LawEntry& entry = *entries_[hypothesis];
     best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
     best.shapes = 0;
-    for (const LawShape& shape :
-         force_balance_shapes(entry, place, scales_[place_of_[hypothesis]])) {
+    for (const LawShape& shape : law_shapes(entry, place, scales_[place_of_[hypothesis]])) {
       Eigen::MatrixXd columns(data_.estimation.base.torque.size(),
                               static_cast<Eigen::Index>(shape.basis.size()));
       for (std::size_t k = 0; k < shape.basis.size(); ++k) {

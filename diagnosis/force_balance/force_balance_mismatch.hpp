@@ -35,7 +35,6 @@
 namespace graybox {
 
 struct ForceBalanceOptions {
-  int threads = 1;                   // results do not depend on it
   std::function<bool()> keep_going;  // asked now and then; false: fits end unusable
 };
 

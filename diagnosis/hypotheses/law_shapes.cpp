@@ -4,19 +4,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "graybox/problems/quantile.hpp"
+
 namespace graybox {
 namespace {
 
 using Eigen::VectorXd;
-
-double quantile_of(const std::vector<double>& sorted, double quantile) {
-  if (sorted.empty()) return 0.0;
-  const double place = quantile * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  const std::size_t above = std::min(below + 1, sorted.size() - 1);
-  const double share = place - static_cast<double>(below);
-  return (1.0 - share) * sorted[below] + share * sorted[above];
-}
 
 // One amplitude, the parameter at `index`; the others are as given.
 LawShape single(std::vector<double> unit, std::size_t index, bool positive) {
@@ -34,8 +27,8 @@ LawShape single(std::vector<double> unit, std::size_t index, bool positive) {
 // Thresholds that divide the recorded motion: small ones geometrically, large ones by quantiles.
 std::vector<double> thresholds(const MotionScale& scale) {
   std::vector<double> values;
-  for (const double quantile : {0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.995}) {
-    const double value = scale.deflection(quantile);
+  for (const double share : {0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.995}) {
+    const double value = scale.deflection(share);
     if (value > 0.0 && (values.empty() || value > 1.05 * values.back())) values.push_back(value);
   }
   return values;
@@ -43,8 +36,8 @@ std::vector<double> thresholds(const MotionScale& scale) {
 
 std::vector<double> transition_velocities(const MotionScale& scale) {
   std::vector<double> values;
-  for (const double quantile : {0.003, 0.03, 0.15}) {
-    if (scale.rate(quantile) > 0.0) values.push_back(scale.rate(quantile));
+  for (const double share : {0.003, 0.03, 0.15}) {
+    if (scale.rate(share) > 0.0) values.push_back(scale.rate(share));
   }
   return values;
 }
@@ -87,8 +80,8 @@ std::vector<LawShape> asymmetric_coulomb(const MotionScale& scale) {
 std::vector<LawShape> stribeck(const MotionScale& scale) {
   std::vector<LawShape> shapes;
   for (const double v : transition_velocities(scale)) {
-    for (const double quantile : {0.15, 0.4, 0.7}) {
-      const double slow = scale.rate(quantile);
+    for (const double share : {0.15, 0.4, 0.7}) {
+      const double slow = scale.rate(share);
       if (!(slow > 2.0 * v)) continue;
       LawShape shape;
       shape.basis = {{1.0, 0.0, slow, v}, {0.0, 1.0, slow, v}};
@@ -111,26 +104,26 @@ LawShape ripple_of(double period) {
   return shape;
 }
 
+// Whole multiples of a turn where the place turns by at least one period of them; else waves of the
+// recorded range.
 std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& scale) {
+  constexpr int kHarmonics = 64;
   std::vector<LawShape> shapes;
-  if (place.turns) {
-    for (const double waves : {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 24.0, 36.0, 48.0}) {
-      const double period = 2.0 * std::numbers::pi / waves;
-      if (period < 4.0 * scale.range) shapes.push_back(ripple_of(period));
-    }
+  for (int harmonic = 1; place.turns && harmonic <= kHarmonics; ++harmonic) {
+    const double period = 2.0 * std::numbers::pi / harmonic;
+    if (scale.range >= period) shapes.push_back(ripple_of(period));
   }
-  if (!place.turns || shapes.empty()) {
-    for (const double waves : {0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0}) {
-      if (scale.range > 0.0) shapes.push_back(ripple_of(scale.range / waves));
-    }
+  if (!shapes.empty()) return shapes;
+  for (const double waves : {0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0}) {
+    if (scale.range > 0.0) shapes.push_back(ripple_of(scale.range / waves));
   }
   return shapes;
 }
 
 std::vector<LawShape> dahl(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double quantile : {0.02, 0.1, 0.3, 0.6, 0.95}) {
-    const double reach = scale.deflection(quantile);  // F_c / stiffness
+  for (const double share : {0.02, 0.1, 0.3, 0.6, 0.95}) {
+    const double reach = scale.deflection(share);  // F_c / stiffness
     if (!(reach > 0.0)) continue;
     LawShape shape;
     shape.basis = {{1.0 / reach, 1.0}};
@@ -146,8 +139,8 @@ std::vector<LawShape> dahl(const MotionScale& scale) {
 // Bristles without Stribeck effect and damping; the refit finds those.
 std::vector<LawShape> lugre(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double quantile : {0.02, 0.1, 0.3}) {
-    const double reach = scale.deflection(quantile);
+  for (const double share : {0.02, 0.1, 0.3}) {
+    const double reach = scale.deflection(share);
     const double slow = scale.rate(0.2);
     if (!(reach > 0.0) || !(slow > 0.0)) continue;
     const double damping = 0.3 * reach / slow;  // s_1 / F_c
@@ -165,88 +158,77 @@ std::vector<LawShape> lugre(const MotionScale& scale) {
 
 std::vector<LawShape> bouc_wen(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double quantile : {0.1, 0.3, 0.6, 0.95}) {
-    const double yield = scale.deflection(quantile);
+  for (const double share : {0.1, 0.3, 0.6, 0.95}) {
+    const double yield = scale.deflection(share);
     if (yield > 0.0) shapes.push_back(single({1.0, yield, 2.0, 0.5}, 0, true));
   }
   return shapes;
 }
 
-std::vector<LawShape> mode(const MotionScale& scale) {
-  constexpr int kFrequencies = 24;
+// A spring with play behind a slider: force and slip level scale together.
+std::vector<LawShape> play_and_slip(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (int i = 0; i <= kFrequencies; ++i) {
-    const double share = static_cast<double>(i) / kFrequencies;
-    const double frequency = scale.lowest * std::pow(1.5 * scale.highest / scale.lowest, share);
-    shapes.push_back(single({1.0, frequency, 0.03}, 0, true));
-  }
-  return shapes;
-}
-
-std::vector<LawShape> payload() {
-  std::vector<LawShape> shapes;
-  for (const double x : {-0.25, 0.0, 0.25}) {
-    for (const double y : {-0.25, 0.0, 0.25}) {
-      for (const double z : {0.0, 0.25}) {
-        shapes.push_back(single({1.0, x, y, z}, 0, true));
-      }
+  for (const double play : {0.1, 0.3}) {
+    for (const double slip : {0.3, 0.6, 0.95}) {
+      const double gap = scale.deflection(play), reach = scale.deflection(slip);
+      if (!(gap > 0.0) || !(reach > gap)) continue;
+      LawShape shape;
+      shape.basis = {{1.0, 0.1, gap, reach, 2.0}};
+      shape.parameters = [gap, reach](const VectorXd& a) {
+        if (!(a(0) > 0.0)) return std::vector<double>();
+        return std::vector<double>{a(0), 0.1 * a(0), gap, reach * a(0), 2.0};
+      };
+      shapes.push_back(std::move(shape));
     }
   }
   return shapes;
 }
 
-// Laws without amplitude: as they are.
-LawShape as_it_is(std::vector<double> parameters) {
-  LawShape shape;
-  shape.basis = {parameters};
-  shape.parameters = [parameters](const VectorXd& a) {
-    return a(0) > 0.0 ? parameters : std::vector<double>();
-  };
-  return shape;
-}
-
-// First order in a short time, which is its amplitude.
-LawShape short_time() {
-  constexpr double kShort = 1e-6;  // s
-  LawShape shape;
-  shape.basis = {{kShort}};
-  shape.parameters = [](const VectorXd& a) {
-    if (!(a(0) > 0.0)) return std::vector<double>();
-    return std::vector<double>{kShort * a(0)};
-  };
-  return shape;
-}
-
-std::vector<LawShape> signal_shapes(const LawEntry& entry, const MotionScale& scale) {
-  if (entry.name == "gain") return {single({1.0}, 0, false)};
-  if (entry.name == "lag" || entry.name == "delay") return {short_time()};
+// Geometry in units of the anchor's distance; only ratios and the angle shape the torque.
+std::vector<LawShape> balancer() {
+  constexpr int kAngles = 12;
   std::vector<LawShape> shapes;
-  if (entry.name == "saturation") {
-    for (const double quantile : {0.999, 0.98, 0.9, 0.7, 0.5}) {
-      if (scale.deflection(quantile) > 0.0) {
-        shapes.push_back(as_it_is({scale.deflection(quantile)}));
+  for (const double lever : {0.15, 0.3, 0.6}) {
+    for (const double free_length : {0.0, 0.4, 0.8}) {
+      for (int k = 0; k < kAngles; ++k) {
+        const double angle = 2.0 * std::numbers::pi * k / kAngles;
+        shapes.push_back(single({1.0, free_length, 1.0, lever, angle}, 0, true));
       }
     }
-  } else if (entry.name == "dead_zone") {
-    for (const double quantile : {0.01, 0.05, 0.15, 0.4, 0.7}) {
-      if (scale.deflection(quantile) > 0.0) {
-        shapes.push_back(as_it_is({scale.deflection(quantile)}));
-      }
-    }
+  }
+  return shapes;
+}
+
+// One damping each way.
+LawShape asymmetric_viscous() {
+  LawShape shape;
+  shape.basis = {{1.0, 0.0}, {0.0, 1.0}};
+  shape.parameters = [](const VectorXd& a) { return std::vector<double>{a(0), a(1)}; };
+  return shape;
+}
+
+std::vector<LawShape> sublinear_friction(const MotionScale& scale) {
+  std::vector<LawShape> shapes;
+  const double reference = scale.rate(0.9), transition = scale.rate(0.03);
+  if (!(reference > 0.0) || !(transition > 0.0)) return shapes;
+  for (const double exponent : {0.2, 0.4, 0.6, 0.8}) {
+    shapes.push_back(single({1.0, exponent, reference, transition}, 0, true));
   }
   return shapes;
 }
 
 }  // namespace
 
-double MotionScale::deflection(double quantile) const { return quantile_of(deflections, quantile); }
-double MotionScale::rate(double quantile) const { return quantile_of(rates, quantile); }
+double MotionScale::deflection(double share) const {
+  return deflections.empty() ? 0.0 : quantile(deflections, share);
+}
+double MotionScale::rate(double share) const {
+  return rates.empty() ? 0.0 : quantile(rates, share);
+}
 
 std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                  const MotionScale& scale) {
   const std::string& name = entry.name;
-  if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
-  if (name == "payload") return payload();
   if (name == "backlash") return backlash(scale);
   if (name == "dead_zone") return dead_zone(scale);
   if (name == "coulomb") return coulomb(scale);
@@ -256,7 +238,11 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "dahl") return dahl(scale);
   if (name == "lugre") return lugre(scale);
   if (name == "bouc_wen") return bouc_wen(scale);
-  if (name == "mode") return mode(scale);
+  if (name == "play_and_slip") return play_and_slip(scale);
+  if (name == "balancer") return balancer();
+  if (name == "asymmetric_viscous") return {asymmetric_viscous()};
+  if (name == "sublinear_friction") return sublinear_friction(scale);
+  if (entry.parameters.size() > 1) return {};
   const bool is_positive = entry.parameters.front().range != ParameterRange::kAny;
   return {single({1.0}, 0, is_positive)};
 }
@@ -267,7 +253,6 @@ std::vector<std::string> special_cases_of(const LawEntry& entry) {
   if (name == "stribeck") return {"coulomb"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
-  if (name == "mode") return {"inertia", "stiffness", "viscous"};
   if (name == "dead_zone") return {"stiffness"};
   return {};
 }

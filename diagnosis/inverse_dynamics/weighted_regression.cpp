@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/long_run_variance.hpp"
+
 namespace graybox {
 namespace {
 
@@ -14,12 +16,6 @@ using Index = Eigen::Index;
 constexpr int kMaxIterations = 50;
 constexpr double kWeightTolerance = 1e-8;  // relative change of the noise
 constexpr double kNoiseFloor = 1e-9;       // of the torque's root mean square
-constexpr double kLargestCorrelation = 0.97;
-
-// 1/s_j for every row.
-Eigen::VectorXd row_weights(const TorqueRows& rows, const Eigen::VectorXd& noise) {
-  return noise.cwiseInverse().replicate(rows.samples(), 1);
-}
 
 Eigen::VectorXd torque_rms(const TorqueRows& rows) {
   const Eigen::Map<const Eigen::MatrixXd> torque(rows.torque.data(), rows.joints, rows.samples());
@@ -43,43 +39,12 @@ Eigen::VectorXd joint_noise(const TorqueRows& rows, const Eigen::VectorXd& resid
 // Times x parameters.
 Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
                        const Eigen::VectorXd& noise) {
-  const Eigen::VectorXd weights = row_weights(rows, noise);
+  const Eigen::VectorXd weights = row_weights(noise, rows.torque.size());
   const Eigen::VectorXd weighted = residuals.cwiseProduct(weights.cwiseAbs2());
   Eigen::MatrixXd result(rows.samples(), rows.columns.cols());
   for (Index t = 0; t < rows.samples(); ++t) {
     result.row(t) = weighted.segment(t * rows.joints, rows.joints).transpose() *
                     rows.columns.middleRows(t * rows.joints, rows.joints);
-  }
-  return result;
-}
-
-// Of each score's AR(1) model.
-Eigen::VectorXd first_correlations(const Eigen::MatrixXd& g, const std::vector<Index>& pieces) {
-  Eigen::VectorXd products = Eigen::VectorXd::Zero(g.cols()), squares = products;
-  Index first = 0;
-  for (const Index length : pieces) {
-    const auto x = g.middleRows(first, length);
-    products += x.topRows(length - 1).cwiseProduct(x.bottomRows(length - 1)).colwise().sum();
-    squares += x.colwise().squaredNorm();
-    first += length;
-  }
-  return (squares.array() > 0.0)
-      .select(products.array() / squares.array().max(1e-300), 0.0)
-      .cwiseMax(-kLargestCorrelation)
-      .cwiseMin(kLargestCorrelation);
-}
-
-// What the AR(1) models leave; the first sample of each piece goes.
-Eigen::MatrixXd prewhitened(const Eigen::MatrixXd& g, const Eigen::VectorXd& correlations,
-                            std::vector<Index>& pieces) {
-  Eigen::MatrixXd result(g.rows() - static_cast<Index>(pieces.size()), g.cols());
-  Index first = 0, row = 0;
-  for (Index& length : pieces) {
-    const auto x = g.middleRows(first, length);
-    first += length--;
-    result.middleRows(row, length) =
-        x.bottomRows(length) - x.topRows(length) * correlations.asDiagonal();
-    row += length;
   }
   return result;
 }
@@ -97,24 +62,8 @@ Index andrews_lags(const Eigen::VectorXd& correlations, Index samples) {
   return std::min(static_cast<Index>(1.1447 * std::cbrt(ratio)), samples / 4);
 }
 
-Eigen::MatrixXd newey_west(const Eigen::MatrixXd& g, const std::vector<Index>& pieces, Index lags) {
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(g.cols(), g.cols());
-  Index first = 0;
-  for (const Index length : pieces) {
-    const auto x = g.middleRows(first, length);
-    sum.noalias() += x.transpose() * x;
-    for (Index l = 1; l <= std::min(lags, length - 1); ++l) {
-      const double weight = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
-      const Eigen::MatrixXd gamma = x.bottomRows(length - l).transpose() * x.topRows(length - l);
-      sum += weight * (gamma + gamma.transpose());
-    }
-    first += length;
-  }
-  return sum;
-}
-
 double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
-  Eigen::MatrixXd scaled = row_weights(rows, noise).asDiagonal() * rows.columns;
+  Eigen::MatrixXd scaled = row_weights(noise, rows.torque.size()).asDiagonal() * rows.columns;
   scaled.array().rowwise() /= scaled.colwise().norm().array().eval();
   const Eigen::BDCSVD<Eigen::MatrixXd> svd(scaled);
   return svd.singularValues()(0) / svd.singularValues().tail(1)(0);
@@ -132,9 +81,13 @@ WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::Vecto
 
 }  // namespace
 
+Eigen::VectorXd row_weights(const Eigen::VectorXd& noise, Index rows) {
+  return noise.cwiseInverse().replicate(rows / noise.size(), 1);
+}
+
 Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   if (rows.columns.cols() == 0) return {};
-  const Eigen::VectorXd weights = row_weights(rows, noise);
+  const Eigen::VectorXd weights = row_weights(noise, rows.torque.size());
   Eigen::MatrixXd scaled = weights.asDiagonal() * rows.columns;
   const Eigen::RowVectorXd lengths = scaled.colwise().norm();
   scaled.array().rowwise() /= lengths.array();
@@ -145,7 +98,7 @@ Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& no
 
 Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::VectorXd& residuals,
                                       const Eigen::VectorXd& noise, Index& lags) {
-  Eigen::MatrixXd scaled = row_weights(rows, noise).asDiagonal() * rows.columns;
+  Eigen::MatrixXd scaled = row_weights(noise, rows.torque.size()).asDiagonal() * rows.columns;
   const Eigen::VectorXd lengths = scaled.colwise().norm();
   scaled.array().rowwise() /= lengths.transpose().array();
   const Eigen::MatrixXd bread = (scaled.transpose() * scaled)
@@ -153,13 +106,9 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
                                     .solve(Eigen::MatrixXd::Identity(scaled.cols(), scaled.cols()));
   Eigen::MatrixXd g = scores(rows, residuals, noise);
   g.array().rowwise() /= lengths.transpose().array();
-  std::vector<Index> pieces = rows.piece_samples;
-  const Eigen::VectorXd correlations = first_correlations(g, pieces);
-  g = prewhitened(g, correlations, pieces);
-  lags = andrews_lags(first_correlations(g, pieces), g.rows());
-  const Eigen::VectorXd recolouring = (1.0 - correlations.array()).inverse();
-  const Eigen::MatrixXd spectrum =
-      recolouring.asDiagonal() * newey_west(g, pieces, lags) * recolouring.asDiagonal();
+  const PrewhitenedScores whitened(g, rows.piece_samples);
+  lags = andrews_lags(whitened.whitened_correlations(), whitened.samples());
+  const Eigen::MatrixXd spectrum = whitened.long_run_variance(lags);
   const auto count = static_cast<double>(rows.torque.size());
   const double correction = count / (count - static_cast<double>(rows.columns.cols()));
   const Eigen::MatrixXd covariance = correction * bread * spectrum * bread;

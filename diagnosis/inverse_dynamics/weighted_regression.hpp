@@ -8,12 +8,8 @@
 // between joints; the textbook (W^T S^-1 W)^-1, which takes them for white, is then too small. With the
 // scores g_t = sum over j of W_jt^T e_jt / s_j^2 and H = W^T S^-1 W,
 //   cov = H^-1 G H^-1 N/(N - p),   G = sum over all lags of the autocovariances of g.
-// G is estimated by prewhitening (Andrews and Monahan 1992): r_a the first autocorrelation of score a,
-// within +-0.97, h_t = g_t - diag(r) g_{t-1},
-//   G = D (Gamma_0 + sum of (1 - l/(L+1)) (Gamma_l + Gamma_l^T)) D,   D = diag(1/(1 - r)),
-// Gamma_l = sum over t of h_t h_{t-l}^T (Newey and West 1987), with the number of lags L from AR(1)
-// models of h (Andrews 1991, equation 6.4, Bartlett kernel). No lag reaches across a gap between
-// pieces. G is positive semidefinite.
+// G is the long-run variance of long_run_variance.hpp, with the number of lags from AR(1) models
+// weighted by their spectra (Andrews 1991, equation 6.4, Bartlett kernel).
 //
 // Cost O(N p^2) an iteration, O(L N p^2 / n) for the covariance.
 #pragma once
@@ -52,6 +48,9 @@ enum class JointNoise {
 };
 [[nodiscard]] WeightedRegression weighted_regression(const TorqueRows& rows,
                                                      JointNoise kind = JointNoise::kEach);
+
+// 1/s_j for every one of `rows` rows.
+[[nodiscard]] Eigen::VectorXd row_weights(const Eigen::VectorXd& noise, Eigen::Index rows);
 
 // The parameters alone, for known s_j.
 [[nodiscard]] Eigen::VectorXd solve_weighted(const TorqueRows& rows, const Eigen::VectorXd& noise);

@@ -7,11 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/long_run_variance.hpp"
+
 namespace graybox {
 namespace {
-
-// Andrews and Monahan's bound on the whitening of scores.
-constexpr double kMostCorrelated = 0.97;
 
 // One stretch: J less what initial states explain, and r; rows sample by sample.
 struct Whitened {
@@ -45,45 +44,24 @@ Eigen::MatrixXd scores_of(const Whitened& part, Eigen::Index outputs) {
   return scores;
 }
 
-double lag_one(const Eigen::VectorXd& values) {
-  const double square = values.squaredNorm();
-  return square > 0.0 ? values.head(values.size() - 1).dot(values.tail(values.size() - 1)) / square
-                      : 0.0;
-}
-
-// Andrews 1991, (6.2) with (6.4) of one series: 1.1447 (alpha n)^(1/3), alpha = 4 rho^2/(1 - rho^2)^2.
-Eigen::Index lags_for(const Eigen::MatrixXd& scores) {
-  double largest = 0.0;
-  for (Eigen::Index i = 0; i < scores.cols(); ++i) {
-    const double rho = std::min(std::abs(lag_one(scores.col(i))), kMostCorrelated);
-    largest = std::max(largest, 4.0 * rho * rho / std::pow(1.0 - rho * rho, 2));
-  }
-  const auto n = static_cast<double>(scores.rows());
+// Andrews 1991, (6.2) with (6.4) of one series, the most correlated: 1.1447 (alpha n)^(1/3),
+// alpha = 4 rho^2/(1 - rho^2)^2.
+Eigen::Index lags_for(const Eigen::VectorXd& correlations, Eigen::Index samples) {
+  const double rho = correlations.cwiseAbs().maxCoeff();
+  const double alpha = 4.0 * rho * rho / std::pow(1.0 - rho * rho, 2);
   return std::clamp<Eigen::Index>(
-      static_cast<Eigen::Index>(std::ceil(1.1447 * std::cbrt(largest * n))), 0, scores.rows() / 4);
+      static_cast<Eigen::Index>(
+          std::ceil(1.1447 * std::cbrt(alpha * static_cast<double>(samples)))),
+      0, samples / 4);
 }
 
-// sum_t g_t g_t^T + sum_l (1 - l/(L + 1)) sum_t (g_t g_(t+l)^T + its transpose), of the scores
-// whitened by h_t = g_t - R g_(t-1), R the diagonal of their lag-one correlations, and coloured again:
-// (I - R)^-1 V (I - R)^-1 (Andrews and Monahan, Econometrica 60, 1992).
+// Of the sum of all scores; prewhitening loses the first.
 Eigen::MatrixXd long_run_variance(const Eigen::MatrixXd& scores) {
-  const Eigen::Index n = scores.rows() - 1, p = scores.cols();
-  Eigen::VectorXd correlation(p);
-  for (Eigen::Index i = 0; i < p; ++i) {
-    correlation(i) = std::clamp(lag_one(scores.col(i)), -kMostCorrelated, kMostCorrelated);
-  }
-  const Eigen::MatrixXd whitened =
-      scores.bottomRows(n) - scores.topRows(n) * correlation.asDiagonal();
-  const Eigen::Index lags = lags_for(whitened);
-  Eigen::MatrixXd sum = whitened.transpose() * whitened;
-  for (Eigen::Index l = 1; l <= lags; ++l) {
-    const double weight = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
-    const Eigen::MatrixXd cross = whitened.topRows(n - l).transpose() * whitened.bottomRows(n - l);
-    sum += weight * (cross + cross.transpose());
-  }
-  const Eigen::VectorXd colour = (1.0 - correlation.array()).inverse().matrix();
-  const double all_samples = static_cast<double>(n + 1) / static_cast<double>(n);
-  return all_samples * (colour.asDiagonal() * sum * colour.asDiagonal());
+  const PrewhitenedScores whitened(scores, {scores.rows()});
+  const Eigen::Index lags = lags_for(whitened.whitened_correlations(), whitened.samples());
+  const double all_samples =
+      static_cast<double>(scores.rows()) / static_cast<double>(whitened.samples());
+  return all_samples * whitened.long_run_variance(lags);
 }
 
 }  // namespace

@@ -101,6 +101,14 @@ Element read_element(const YamlField& field, const Places& places) {
 
 }  // namespace
 
+Location flange_location() {
+  Location location;
+  location.name = "flange";
+  location.is_flange = true;
+  location.units = {"N", "m", "kg"};
+  return location;
+}
+
 bool read_fixed(const YamlField& parameter) {
   return parameter.has("fixed") && parameter.at("fixed").choice({"true", "false"}) == "true";
 }

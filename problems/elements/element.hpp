@@ -43,6 +43,9 @@ struct Location {
   PlaceUnits units;
 };
 
+// A robot's flange, where payloads are.
+[[nodiscard]] Location flange_location();
+
 struct Element {
   std::string name;
   Location location;

@@ -131,10 +131,7 @@ Location RobotPlaces::resolve(const YamlField& location) const {
   if (kind == "element") {
     if (location.has("axis") && location.at("axis").text() == "flange") {
       location.allow_keys({"kind", "axis"});
-      result.name = "flange";
-      result.is_flange = true;
-      result.units = {"N", "m", "kg"};
-      return result;
+      return flange_location();
     }
     location.allow_keys({"kind", "joint", "axis", "driven_by"});
     result.output = result.input = coordinate(location, result);

@@ -2,16 +2,9 @@
 
 #include <cmath>
 
+#include "graybox/problems/mechanics/cross_matrix.hpp"
+
 namespace graybox {
-namespace {
-
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
-
-}  // namespace
 
 ChainDynamics::Spatial ChainDynamics::Inertia::times(const Spatial& motion) const {
   return {inertia * motion.angular + moment.cross(motion.linear),

@@ -2,18 +2,14 @@
 
 #include <cmath>
 
+#include "graybox/problems/mechanics/cross_matrix.hpp"
+
 namespace graybox {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Index = Eigen::Index;
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  Matrix3d matrix;
-  matrix << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return matrix;
-}
 
 // I v = inertia_columns(v) (XX, XY, XZ, YY, YZ, ZZ).
 Eigen::Matrix<double, 3, 6> inertia_columns(const Vector3d& v) {

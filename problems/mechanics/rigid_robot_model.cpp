@@ -198,10 +198,7 @@ class RigidRobotPlaces : public Places {
     Location result;
     if (location.has("axis") && location.at("axis").text() == "flange") {
       location.allow_keys({"kind", "axis"});
-      result.name = "flange";
-      result.is_flange = true;
-      result.units = {"N", "m", "kg"};
-      return result;
+      return flange_location();
     }
     location.allow_keys({"kind", "joint", "axis", "deflection", "driven_by"});
     result.takes_inertia = true;
