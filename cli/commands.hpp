@@ -25,6 +25,8 @@ void add_simulate_command(CLI::App& app, Invocation& invocation);
 void add_recordings_command(CLI::App& app, Invocation& invocation);
 void add_responses_command(CLI::App& app, Invocation& invocation);
 void add_fit_command(CLI::App& app, Invocation& invocation);
+void add_diagnose_command(CLI::App& app, Invocation& invocation);
+void add_challenge_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);
 void add_paper_command(CLI::App& app, Invocation& invocation);
 void add_design_command(CLI::App& app, Invocation& invocation);  // the group of the designs below

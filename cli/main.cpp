@@ -64,6 +64,8 @@ int main(int argc, char** argv) {
   graybox::cli::add_recordings_command(app, invocation);
   graybox::cli::add_responses_command(app, invocation);
   graybox::cli::add_fit_command(app, invocation);
+  graybox::cli::add_diagnose_command(app, invocation);
+  graybox::cli::add_challenge_command(app, invocation);
   if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
     return complain(line);
   }

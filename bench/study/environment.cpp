@@ -76,16 +76,15 @@ json caches() {
   return list;
 }
 
-// The commit of the working folder; "+" marks changes that are not committed.
-std::string commit() {
+}  // namespace
+
+std::string current_commit() {
   const std::string hash = command_output("git rev-parse HEAD 2>/dev/null");
   if (hash.empty()) return {};
   const std::string changes =
       command_output("git status --porcelain --untracked-files=no -- ':!results' 2>/dev/null");
   return changes.empty() ? hash : hash + "+";
 }
-
-}  // namespace
 
 double load_average() {
   double load = 0.0;
@@ -112,7 +111,7 @@ json describe_environment() {
   uname(&system);
   return {{"kind", "environment"},
           {"date", utc_now()},
-          {"commit", commit()},
+          {"commit", current_commit()},
           {"binary", program_hash()},
           {"processor", field("/proc/cpuinfo", "model name", ':')},
           {"cores", sysconf(_SC_NPROCESSORS_ONLN)},

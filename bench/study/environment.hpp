@@ -13,6 +13,9 @@ namespace graybox::bench {
 // SHA-256 of the running program, shortened: two runs are comparable only if it is the same.
 [[nodiscard]] std::string program_hash();
 
+// The commit of the working folder; a final "+" marks changes that are not committed. Empty outside one.
+[[nodiscard]] std::string current_commit();
+
 [[nodiscard]] double load_average();  // over one minute; 0 where unknown
 [[nodiscard]] std::string utc_now();  // "2026-01-31T12:00:00Z"
 

@@ -11,19 +11,6 @@ namespace {
 
 using Eigen::VectorXd;
 
-// One amplitude, the parameter at `index`; the others are as given.
-LawShape single(std::vector<double> unit, std::size_t index, bool positive) {
-  LawShape shape;
-  shape.basis = {unit};
-  shape.parameters = [unit, index, positive](const VectorXd& amplitudes) {
-    if (positive && !(amplitudes(0) > 0.0)) return std::vector<double>();
-    std::vector<double> parameters = unit;
-    parameters[index] *= amplitudes(0);
-    return parameters;
-  };
-  return shape;
-}
-
 // Thresholds that divide the recorded motion: small ones geometrically, large ones by quantiles.
 std::vector<double> thresholds(const MotionScale& scale) {
   std::vector<double> values;
@@ -44,21 +31,24 @@ std::vector<double> transition_velocities(const MotionScale& scale) {
 
 std::vector<LawShape> backlash(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double gap : thresholds(scale)) shapes.push_back(single({gap, 1.0}, 1, true));
+  for (const double gap : thresholds(scale))
+    shapes.push_back(single_amplitude({gap, 1.0}, 1, true));
   return shapes;
 }
 
 std::vector<LawShape> dead_zone(const MotionScale& scale) {
   std::vector<LawShape> shapes;
   for (const double clearance : thresholds(scale)) {
-    if (clearance < scale.deflection(0.99)) shapes.push_back(single({clearance, 1.0}, 1, false));
+    if (clearance < scale.deflection(0.99))
+      shapes.push_back(single_amplitude({clearance, 1.0}, 1, false));
   }
   return shapes;
 }
 
 std::vector<LawShape> coulomb(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double v : transition_velocities(scale)) shapes.push_back(single({1.0, v}, 0, true));
+  for (const double v : transition_velocities(scale))
+    shapes.push_back(single_amplitude({1.0, v}, 0, true));
   return shapes;
 }
 
@@ -160,7 +150,7 @@ std::vector<LawShape> bouc_wen(const MotionScale& scale) {
   std::vector<LawShape> shapes;
   for (const double share : {0.1, 0.3, 0.6, 0.95}) {
     const double yield = scale.deflection(share);
-    if (yield > 0.0) shapes.push_back(single({1.0, yield, 2.0, 0.5}, 0, true));
+    if (yield > 0.0) shapes.push_back(single_amplitude({1.0, yield, 2.0, 0.5}, 0, true));
   }
   return shapes;
 }
@@ -192,7 +182,7 @@ std::vector<LawShape> balancer() {
     for (const double free_length : {0.0, 0.4, 0.8}) {
       for (int k = 0; k < kAngles; ++k) {
         const double angle = 2.0 * std::numbers::pi * k / kAngles;
-        shapes.push_back(single({1.0, free_length, 1.0, lever, angle}, 0, true));
+        shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
       }
     }
   }
@@ -212,12 +202,24 @@ std::vector<LawShape> sublinear_friction(const MotionScale& scale) {
   const double reference = scale.rate(0.9), transition = scale.rate(0.03);
   if (!(reference > 0.0) || !(transition > 0.0)) return shapes;
   for (const double exponent : {0.2, 0.4, 0.6, 0.8}) {
-    shapes.push_back(single({1.0, exponent, reference, transition}, 0, true));
+    shapes.push_back(single_amplitude({1.0, exponent, reference, transition}, 0, true));
   }
   return shapes;
 }
 
 }  // namespace
+
+LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool positive) {
+  LawShape shape;
+  shape.basis = {unit};
+  shape.parameters = [unit, index, positive](const VectorXd& amplitudes) {
+    if (positive && !(amplitudes(0) > 0.0)) return std::vector<double>();
+    std::vector<double> parameters = unit;
+    parameters[index] *= amplitudes(0);
+    return parameters;
+  };
+  return shape;
+}
 
 double MotionScale::deflection(double share) const {
   return deflections.empty() ? 0.0 : quantile(deflections, share);
@@ -244,7 +246,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "sublinear_friction") return sublinear_friction(scale);
   if (entry.parameters.size() > 1) return {};
   const bool is_positive = entry.parameters.front().range != ParameterRange::kAny;
-  return {single({1.0}, 0, is_positive)};
+  return {single_amplitude({1.0}, 0, is_positive)};
 }
 
 std::vector<std::string> special_cases_of(const LawEntry& entry) {
@@ -253,6 +255,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry) {
   if (name == "stribeck") return {"coulomb"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
+  if (name == "mode") return {"inertia", "stiffness", "viscous"};
   if (name == "dead_zone") return {"stiffness"};
   return {};
 }

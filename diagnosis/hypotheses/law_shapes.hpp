@@ -34,6 +34,9 @@ struct LawShape {
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
 };
 
+// One amplitude, the parameter at `index`, of the law with the parameters `unit`.
+[[nodiscard]] LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool positive);
+
 // Of laws with a force, and inertia. Empty where there was no motion that could show the law, and for
 // laws of several parameters that have no shapes.
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,

@@ -57,7 +57,9 @@ RigidBody with_point_mass(const RigidBody& body, double mass, const Eigen::Vecto
   return joined;
 }
 
-void build_in(RobotModel& robot, const Element& element) {
+}  // namespace
+
+void build_in_inertia(RobotModel& robot, const Element& element) {
   const auto& p = element.parameters;
   const auto& rotations = robot.chain.rotations();
   if (element.use == LawUse::kPayload) {
@@ -79,6 +81,8 @@ void build_in(RobotModel& robot, const Element& element) {
   body.inertia += p[0] * axis * axis.transpose();
   robot.chain = with_body(robot.chain, rotation, body);
 }
+
+namespace {
 
 void check_inertia(const RobotModel& robot, const std::filesystem::path& file) {
   RigidChainEvaluator evaluator(robot.chain);
@@ -168,7 +172,7 @@ ExtendedRobot load_extended_robot(const std::filesystem::path& file,
   }
   for (const Element& element : extended.elements) {
     if (element.use == LawUse::kInertia || element.use == LawUse::kPayload) {
-      build_in(extended.robot, element);
+      build_in_inertia(extended.robot, element);
     }
   }
   check_inertia(extended.robot, physics.value_or(file));

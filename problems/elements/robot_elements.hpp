@@ -37,6 +37,10 @@ class RobotPlaces : public Places {
   const RobotModel* robot_;
 };
 
+// Builds an inertia or payload element into the robot: its parameters are added to a motor's inertia,
+// a link's moment of inertia or the last link.
+void build_in_inertia(RobotModel& robot, const Element& element);
+
 struct ExtendedRobot {
   RobotModel robot;               // with the inertia and payload elements built in
   std::vector<Element> elements;  // all of them

@@ -6,6 +6,7 @@
 import pathlib
 import sys
 
+import challenge
 import continuous
 import criteria
 import exact_designs
@@ -20,7 +21,7 @@ import verify
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
 GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses,
-          verify, real_recordings]
+          verify, real_recordings, challenge]
 
 
 def main():

@@ -1,0 +1,220 @@
+#include "graybox/bench/challenge/detectability.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "graybox/bench/challenge/case_experiment.hpp"
+#include "graybox/diagnosis/real_transform.hpp"
+#include "graybox/problems/distributions.hpp"
+#include "graybox/problems/frequency_response.hpp"
+
+namespace graybox::bench {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+MatrixXcd stiffness_at(const LinearDynamics& dynamics, double w) {
+  return dynamics.stiffness.cast<Complex>() + Complex(0.0, w) * dynamics.damping -
+         w * w * dynamics.mass.cast<Complex>();
+}
+
+MatrixXcd derivative_at(const LinearDynamics::Derivative& derivative, Index size, double w) {
+  MatrixXcd change = MatrixXcd::Zero(size, size);
+  if (derivative.stiffness.size() > 0) change += derivative.stiffness.cast<Complex>();
+  if (derivative.damping.size() > 0) change += Complex(0.0, w) * derivative.damping;
+  if (derivative.mass.size() > 0) change -= w * w * derivative.mass.cast<Complex>();
+  return change;
+}
+
+// Of the last period of each row, at some lines.
+MatrixXcd lines_of(const MatrixXd& signals, std::size_t period, std::size_t first,
+                   std::size_t count) {
+  RealTransform transform(period);
+  MatrixXcd lines(signals.rows(), static_cast<Index>(count));
+  for (Index i = 0; i < signals.rows(); ++i) {
+    const VectorXd last = signals.row(i).tail(static_cast<Index>(period));
+    lines.row(i) = transform.run(last).segment(static_cast<Index>(first), lines.cols()).transpose();
+  }
+  return lines;
+}
+
+}  // namespace
+
+double left_over(const VectorXd& r, const MatrixXd& jacobian) {
+  if (jacobian.cols() == 0) return r.squaredNorm();
+  // Columns of one size, so that the rank is told from directions and not from units.
+  MatrixXd scaled = jacobian;
+  for (Index p = 0; p < scaled.cols(); ++p) {
+    const double norm = scaled.col(p).norm();
+    if (norm > 0.0) scaled.col(p) /= norm;
+  }
+  const VectorXd fitted = scaled * scaled.colPivHouseholderQr().solve(r);
+  return (r - fitted).squaredNorm();
+}
+
+double required_noncentrality(double degrees_of_freedom, double level, double power) {
+  const double threshold = chi_square_quantile(1.0 - level, degrees_of_freedom);
+  double low = 0.0, high = 10.0 + 10.0 * std::sqrt(2.0 * degrees_of_freedom);
+  for (int k = 0; k < 50; ++k) {
+    const double middle = 0.5 * (low + high);
+    const double reached = noncentral_chi_square_tail(threshold, degrees_of_freedom, middle);
+    (reached < power ? low : high) = middle;
+  }
+  return high;
+}
+
+ResponseAt response_at(const LinearDynamics& dynamics, double w, double sample_time) {
+  const Index n = dynamics.mass.rows();
+  const auto factors = stiffness_at(dynamics, w).partialPivLu();
+  const MatrixXcd selector =
+      dynamics.position_output.cast<Complex>() + Complex(0.0, w) * dynamics.velocity_output;
+  const MatrixXcd moved =
+      hold_factor(w, sample_time) * factors.solve(dynamics.input.cast<Complex>());
+  // D is symmetric in all models of a challenge, so D^-T S^T = D^-1 S^T.
+  const MatrixXcd seen = factors.solve(MatrixXcd(selector.transpose()));
+  ResponseAt result{selector * moved, {}};
+  for (const auto& derivative : dynamics.derivatives) {
+    result.derivatives.emplace_back(-seen.transpose() * derivative_at(derivative, n, w) * moved);
+  }
+  return result;
+}
+
+Detectability::Detectability(const CaseSystem& system, std::uint64_t seed)
+    : system_(&system),
+      seed_(seed),
+      first_line_(system.plan().lines.front()),
+      line_count_(system.plan().lines.back() - first_line_ + 1) {
+  for (const ExperimentSet& set : system.plan().sets) {
+    if (set.validation) continue;
+    Record record{set, spectra({}, set), {}};
+    const LinearDynamics dynamics = system.linear(set.position);
+    for (std::size_t k = 0; k < line_count_; ++k) {
+      record.responses.push_back(
+          response_at(dynamics, frequency(first_line_ + k), system.plan().sample_time));
+    }
+    records_.push_back(std::move(record));
+  }
+}
+
+double Detectability::frequency(std::size_t line) const {
+  const ChallengePlan& plan = system_->plan();
+  return 2.0 * std::numbers::pi * static_cast<double>(line) /
+         (static_cast<double>(plan.period) * plan.sample_time);
+}
+
+Detectability::Spectra Detectability::spectra(const std::vector<Element>& elements,
+                                              const ExperimentSet& set) const {
+  const Recording recording = simulate_experiment(*system_, elements, set, 0, false, seed_);
+  const std::size_t period = system_->plan().period;
+  return {lines_of(recording.input, period, first_line_, line_count_),
+          lines_of(recording.output, period, first_line_, line_count_)};
+}
+
+MatrixXd Detectability::noise() const {
+  const ChallengePlan& plan = system_->plan();
+  MatrixXd deviation(system_->output_count(), static_cast<Index>(line_count_));
+  for (Index k = 0; k < deviation.cols(); ++k) {
+    const double w = frequency(first_line_ + static_cast<std::size_t>(k));
+    const double step = 2.0 * std::sin(0.5 * w * plan.sample_time) / plan.sample_time;
+    for (Index i = 0; i < deviation.rows(); ++i) {
+      const double white = system_->white_noise().size() > 0 ? system_->white_noise()(i) : 0.0;
+      deviation(i, k) = std::sqrt((system_->noise_psd_slope() * step * step + white * white) /
+                                  static_cast<double>(plan.periods));
+    }
+  }
+  return deviation;
+}
+
+double Detectability::degrees_of_freedom() const {
+  const auto numbers = 2.0 * static_cast<double>(line_count_ * records_.size()) *
+                       static_cast<double>(system_->output_count() * system_->input_count());
+  return numbers - static_cast<double>(system_->parameter_factors().size());
+}
+
+double Detectability::noncentrality(const std::vector<Element>& elements) const {
+  const MatrixXd deviation = noise();
+  const Index outputs = deviation.rows(), lines = deviation.cols();
+  const auto parameters = static_cast<Index>(system_->parameter_factors().size());
+  const Index numbers = 2 * outputs * lines * static_cast<Index>(records_.size());
+  VectorXd residual(numbers);
+  MatrixXd jacobian(numbers, parameters);
+  Index row = 0;
+  for (const Record& record : records_) {
+    const Spectra with = spectra(elements, record.set);
+    for (Index k = 0; k < lines; ++k) {
+      const ResponseAt& at = record.responses[static_cast<std::size_t>(k)];
+      const Eigen::VectorXcd weight =
+          (std::numbers::sqrt2 * deviation.col(k).cwiseInverse()).cast<Complex>();
+      const Eigen::VectorXcd effect =
+          weight.cwiseProduct(with.output.col(k) - record.without.output.col(k) -
+                              at.response * (with.input.col(k) - record.without.input.col(k)));
+      residual.segment(row, outputs) = effect.real();
+      residual.segment(row + outputs, outputs) = effect.imag();
+      for (Index p = 0; p < parameters; ++p) {
+        const Eigen::VectorXcd change =
+            weight.cwiseProduct(at.derivatives[static_cast<std::size_t>(p)] * with.input.col(k));
+        jacobian.col(p).segment(row, outputs) = change.real();
+        jacobian.col(p).segment(row + outputs, outputs) = change.imag();
+      }
+      row += 2 * outputs;
+    }
+  }
+  return static_cast<double>(system_->input_count()) * left_over(residual, jacobian);
+}
+
+PlaceScale Detectability::scale_at(const ChallengePlace& place) const {
+  PlaceScale scale;
+  scale.turns = place.turns;
+  scale.stiffness = place.spring;
+  if (place.location.is_flange) return scale;
+  const bool is_force = place.location.kind == LocationKind::kElement;
+  double deflection = 0.0, rate = 0.0, acceleration = 0.0, force = 0.0, offset = 0.0;
+  for (const Record& record : records_) {
+    const LinearDynamics dynamics = system_->linear(record.set.position);
+    if (is_force) offset += std::pow(place.location.input.dot(dynamics.rest), 2);
+    for (std::size_t k = 0; k < line_count_; ++k) {
+      const auto column = static_cast<Index>(k);
+      if (!is_force) {
+        const MatrixXcd& signal = place.location.kind == LocationKind::kActuator
+                                      ? record.without.input
+                                      : record.without.output;
+        force += std::norm(signal(place.location.channel, column));
+        continue;
+      }
+      const double w = frequency(first_line_ + k);
+      const auto factors = stiffness_at(dynamics, w).partialPivLu();
+      const Eigen::VectorXcd motion = factors.solve(
+          Eigen::VectorXcd(dynamics.input.cast<Complex>() * record.without.input.col(column)));
+      const Eigen::VectorXcd answer =
+          factors.solve(Eigen::VectorXcd(place.location.output.cast<Complex>()));
+      const double z = std::norm((place.location.input.cast<Complex>().transpose() * motion)(0));
+      const double own = std::norm((place.location.output.cast<Complex>().transpose() * motion)(0));
+      deflection += z;
+      rate += w * w * z;
+      acceleration += w * w * w * w * z;
+      force += own / std::norm((place.location.output.cast<Complex>().transpose() * answer)(0));
+    }
+  }
+  // Parseval: the mean square of a signal is 2/N times the sum over its lines.
+  const double records = static_cast<double>(records_.size());
+  const auto rms = [&](double sum) {
+    return std::sqrt(2.0 * sum / (static_cast<double>(system_->plan().period) * records));
+  };
+  scale.force = rms(force);
+  if (is_force) {
+    scale.deflection = rms(deflection);
+    scale.rate = rms(rate);
+    scale.acceleration = rms(acceleration);
+    scale.offset = std::sqrt(offset / records);
+  }
+  return scale;
+}
+
+}  // namespace graybox::bench

@@ -1,0 +1,197 @@
+#include "graybox/bench/challenge/run_challenge.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "graybox/bench/challenge/seal.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/solvers/child_process.hpp"
+
+namespace graybox::bench {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using Json = nlohmann::ordered_json;
+
+std::vector<std::string> case_names(const fs::path& cases) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(cases)) {
+    if (fs::exists(entry.path() / "campaign" / "campaign.yaml") &&
+        entry.path().filename().string().front() != '.') {
+      names.push_back(entry.path().filename().string());
+    }
+  }
+  std::ranges::sort(names);
+  return names;
+}
+
+void claim_answers(const RunOptions& options, const ChallengeHeader& header) {
+  const Json stamp{{"format", "graybox-answers/1"},
+                   {"truth_sha256", header.truth_sha256},
+                   {"command", options.command},
+                   {"without", options.without},
+                   {"without_named", !options.without_named.empty()}};
+  const fs::path file = options.answers / "run.json";
+  if (std::ifstream stream(file); stream) {
+    if (Json::parse(stream, nullptr, false) == stamp) return;
+    throw InputError(
+        fmt::format("{}: holds the answers of another challenge, command or choice of laws; choose "
+                    "another folder",
+                    options.answers.string()));
+  }
+  if (fs::exists(options.answers) && !fs::is_empty(options.answers)) {
+    throw InputError(
+        fmt::format("{}: is not empty; choose another folder", options.answers.string()));
+  }
+  std::error_code error;
+  fs::create_directories(options.answers, error);
+  if (error) {
+    throw InputError(
+        fmt::format("{}: can't be made: {}", options.answers.string(), error.message()));
+  }
+  write_text_file(file.string(), stamp.dump(2) + "\n");
+}
+
+// One case being diagnosed.
+class CaseRun {
+ public:
+  CaseRun(const RunOptions& options, const std::string& name, std::vector<std::string> without)
+      : folder_(options.answers / name), without_(std::move(without)), start_(Clock::now()) {
+    fs::create_directories(folder_);
+    // `env` clears the environment and enters the case's folder.
+    std::vector<std::string> arguments{"env",
+                                       "-C",
+                                       fs::canonical(options.cases / name).string(),
+                                       "-i",
+                                       "PATH=/usr/local/bin:/usr/bin:/bin",
+                                       "OMP_NUM_THREADS=1",
+                                       "OPENBLAS_NUM_THREADS=1"};
+    arguments.insert(arguments.end(), options.command.begin(), options.command.end());
+    arguments.insert(arguments.end(),
+                     {"model.yaml", "campaign", "-o", fs::canonical(folder_).string(), "--json"});
+    for (const std::string& law : without_) {
+      arguments.insert(arguments.end(), {"--without", law});
+    }
+    process_ = std::make_unique<ChildProcess>(arguments, (folder_ / "log.txt").string());
+  }
+
+  // Whether it is done; kills it beyond the limit.
+  bool finished(double time_limit) {
+    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+    const bool too_long = seconds > time_limit;
+    if (process_->running() && !too_long) return false;
+    const bool out_of_time = process_->running();
+    process_->kill();
+    const bool has_verdict = fs::exists(folder_ / "verdict.json") && !out_of_time;
+    ok_ = has_verdict && (process_->exit_code() == 0 || process_->exit_code() == 1);
+    const Json record{{"format", "graybox-answer/1"},
+                      {"status", out_of_time ? "time_limit"
+                                 : ok_       ? "answered"
+                                             : "failed"},
+                      {"exit_code", process_->exit_code()},
+                      {"seconds", seconds},
+                      {"without", without_}};
+    write_text_file((folder_ / "run.json").string(), record.dump(2) + "\n");
+    return true;
+  }
+  [[nodiscard]] bool ok() const { return ok_; }
+
+ private:
+  fs::path folder_;
+  std::vector<std::string> without_;
+  Clock::time_point start_;
+  std::unique_ptr<ChildProcess> process_;
+  bool ok_ = false;
+};
+
+bool was_answered(const fs::path& record) {
+  std::ifstream stream(record);
+  const Json json = Json::parse(stream, nullptr, false);
+  return json.is_object() && json.value("status", "") == "answered";
+}
+
+struct Task {
+  std::string name;
+  std::vector<std::string> without;
+};
+
+std::vector<Task> tasks_of(const RunOptions& options) {
+  std::vector<Task> tasks;
+  for (const std::string& name : case_names(options.cases)) {
+    Task task{name, options.without};
+    if (!options.without_named.empty()) {
+      const auto named = laws_named(options.without_named / name / "verdict.json");
+      if (named.empty()) continue;
+      task.without.insert(task.without.end(), named.begin(), named.end());
+    }
+    tasks.push_back(std::move(task));
+  }
+  return tasks;
+}
+
+}  // namespace
+
+std::vector<std::string> laws_named(const fs::path& verdict) {
+  std::ifstream stream(verdict);
+  const Json json = Json::parse(stream, nullptr, false);
+  std::vector<std::string> laws;
+  if (!json.is_object() || !json.contains("physics")) return laws;
+  for (const Json& effect : json.at("physics")) {
+    const std::string law = effect.value("law", "");
+    if (!law.empty() && std::ranges::find(laws, law) == laws.end()) laws.push_back(law);
+  }
+  return laws;
+}
+
+RunOutcome run_challenge(const RunOptions& options) {
+  const ChallengeHeader header = read_header(options.cases);
+  if (!options.without_named.empty() && !fs::exists(options.without_named / "run.json")) {
+    throw InputError(fmt::format("{}: is no folder of answers", options.without_named.string()));
+  }
+  const std::vector<Task> tasks = tasks_of(options);
+  if (tasks.empty()) {
+    throw InputError(fmt::format("{}: no case to run", options.cases.string()));
+  }
+  claim_answers(options, header);
+  RunOutcome outcome{.cases = tasks.size()};
+  std::vector<const Task*> waiting;
+  for (const Task& task : tasks) {
+    const fs::path record = options.answers / task.name / "run.json";
+    if (!fs::exists(record)) {
+      waiting.push_back(&task);
+      continue;
+    }
+    ++outcome.already_there;
+    if (!was_answered(record)) ++outcome.failed;
+  }
+  std::ranges::reverse(waiting);  // taken from the back
+  std::vector<std::unique_ptr<CaseRun>> running;
+  std::size_t done = outcome.already_there;
+  while (!waiting.empty() || !running.empty()) {
+    if (options.keep_going && !options.keep_going()) return outcome;
+    while (!waiting.empty() && running.size() < static_cast<std::size_t>(options.threads)) {
+      running.push_back(
+          std::make_unique<CaseRun>(options, waiting.back()->name, waiting.back()->without));
+      waiting.pop_back();
+    }
+    std::erase_if(running, [&](const std::unique_ptr<CaseRun>& run) {
+      if (!run->finished(options.time_limit)) return false;
+      if (!run->ok()) ++outcome.failed;
+      if (options.report) options.report(++done, tasks.size());
+      return true;
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  outcome.complete = true;
+  return outcome;
+}
+
+}  // namespace graybox::bench

@@ -1,0 +1,513 @@
+#include "graybox/bench/challenge/score_challenge.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "graybox/bench/study/environment.hpp"
+#include "graybox/problems/distributions.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+
+namespace graybox::bench {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kLargestClass = 3;
+constexpr double kNoiseFloor = 1.1;  // chi-square over degrees of freedom, held-out
+
+double number_in(const Json& json, const char* key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_number() ? found->get<double>()
+                                                   : std::numeric_limits<double>::quiet_NaN();
+}
+
+AnsweredLaw law_from(const Json& json) {
+  AnsweredLaw law{json.at("place").get<std::string>(), json.at("law").get<std::string>(), {}};
+  const auto parameters = json.find("parameters");
+  if (parameters == json.end()) return law;
+  for (const auto& [name, estimate] : parameters->items()) {
+    law.parameters[name] = {number_in(estimate, "value"), number_in(estimate, "standard_error")};
+  }
+  return law;
+}
+
+// fit.after.validation.chi_square_per_dof, if all of it is there.
+double validation_of(const Json& verdict) {
+  const Json* at = &verdict;
+  for (const char* key : {"fit", "after", "validation"}) {
+    const auto found = at->is_object() ? at->find(key) : at->end();
+    if (found == at->end() || !found->is_object()) return std::numeric_limits<double>::quiet_NaN();
+    at = &*found;
+  }
+  return number_in(*at, "chi_square_per_dof");
+}
+
+bool names(const AnsweredLaw& law, const HiddenEffect& effect) {
+  return law.place == effect.place && law.law == effect.law;
+}
+
+const AnsweredLaw* member_of(const std::vector<AnsweredLaw>& effect_class,
+                             const HiddenEffect& effect) {
+  const auto found = std::ranges::find_if(
+      effect_class, [&](const AnsweredLaw& law) { return names(law, effect); });
+  return found == effect_class.end() ? nullptr : &*found;
+}
+
+// The effects of the answer whose class holds each true effect, the smallest class first; none twice.
+std::vector<const std::vector<AnsweredLaw>*> classes_with(const CaseTruth& truth,
+                                                          const Answer& answer) {
+  std::vector<const std::vector<AnsweredLaw>*> found;
+  std::set<const void*> used;
+  for (const HiddenEffect& effect : truth.effects) {
+    const std::vector<AnsweredLaw>* best = nullptr;
+    for (const auto& candidate : answer.effects) {
+      if (member_of(candidate, effect) == nullptr || used.contains(&candidate)) continue;
+      if (best == nullptr || candidate.size() < best->size()) best = &candidate;
+    }
+    if (best != nullptr) used.insert(best);
+    found.push_back(best);
+  }
+  return found;
+}
+
+void compare_parameters(const HiddenEffect& effect, const AnsweredLaw& law, ScoredCase& scored) {
+  for (const TrueParameter& parameter : effect.parameters) {
+    const auto found = law.parameters.find(parameter.name);
+    if (!parameter.compared || found == law.parameters.end()) continue;
+    const double error = std::abs(found->second.value - parameter.value);
+    ++scored.parameters;
+    if (error <= 3.0 * found->second.standard_error) ++scored.within_three;
+  }
+}
+
+std::string outcome_of_one(const ScoredCase& scored, bool found) {
+  const std::string& verdict = scored.answer.verdict;
+  if (verdict == "none" || verdict == "unknown") return verdict;
+  if (found && scored.class_size > kLargestClass) return "in_large_class";
+  if (found && (verdict == "ambiguous" || scored.extra || scored.class_size > 1)) return "in_class";
+  if (found) return "right";
+  return verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
+}
+
+std::string outcome_of_two(const std::vector<const std::vector<AnsweredLaw>*>& found,
+                           const Answer& answer) {
+  if (answer.verdict == "none") return "none";
+  const auto count = std::ranges::count_if(
+      found, [](const auto* each) { return each != nullptr && each->size() <= kLargestClass; });
+  const bool is_final = answer.verdict == "explained" || answer.verdict == "ambiguous";
+  if (count == 2 && is_final) return "both";
+  if (answer.verdict == "unknown") return "unknown";
+  return count >= 1 ? "one" : answer.verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
+}
+
+std::string outcome_outside(const Answer& answer) {
+  if (answer.verdict == "none" || answer.verdict == "unknown") return answer.verdict;
+  return "nearest_law";
+}
+
+}  // namespace
+
+Interval wilson_interval(const Rate& rate) {
+  if (rate.of == 0) return {};
+  const double z = normal_quantile(0.975), n = static_cast<double>(rate.of), p = rate.value();
+  const double middle = p + z * z / (2.0 * n);
+  const double half = z * std::sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n));
+  const double scale = 1.0 + z * z / n;
+  return {std::max(0.0, (middle - half) / scale), std::min(1.0, (middle + half) / scale)};
+}
+
+Answer read_answer(const fs::path& folder) {
+  Answer answer;
+  answer.validation = std::numeric_limits<double>::quiet_NaN();
+  std::ifstream record_stream(folder / "run.json");
+  const Json record = Json::parse(record_stream, nullptr, false);
+  if (!record.is_object() || record.value("status", "") != "answered") return answer;
+  answer.seconds = record.value("seconds", 0.0);
+  const fs::path file = folder / "verdict.json";
+  std::ifstream stream(file);
+  try {
+    const Json verdict = Json::parse(stream);
+    answer.verdict = verdict.at("verdict").get<std::string>();
+    for (const Json& effect : verdict.at("physics")) {
+      std::vector<AnsweredLaw> members{law_from(effect)};
+      const auto alternatives = effect.find("alternatives");
+      if (alternatives != effect.end()) {
+        for (const Json& other : *alternatives) members.push_back(law_from(other));
+      }
+      answer.effects.push_back(std::move(members));
+    }
+    answer.validation = validation_of(verdict);
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(fmt::format("{}: is no verdict: {}", file.string(), error.what()));
+  }
+  const std::array<std::string, 4> known{"none", "explained", "ambiguous", "unknown"};
+  if (std::ranges::find(known, answer.verdict) == known.end()) {
+    throw InputError(fmt::format("{}: unknown verdict '{}'", file.string(), answer.verdict));
+  }
+  answer.given = true;
+  return answer;
+}
+
+ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
+  ScoredCase scored{truth, answer};
+  if (!answer.given) {
+    scored.outcome = "no_answer";
+    return scored;
+  }
+  scored.extra = answer.effects.size() > truth.effects.size();
+  for (const HiddenEffect& effect : truth.effects) {
+    scored.place_right |= !answer.effects.empty() && !answer.effects[0].empty() &&
+                          answer.effects[0][0].place == effect.place;
+  }
+  const auto found = classes_with(truth, answer);
+  for (std::size_t e = 0; e < found.size(); ++e) {
+    if (found[e] == nullptr) continue;
+    scored.class_size = std::max(scored.class_size, found[e]->size());
+    compare_parameters(truth.effects[e], *member_of(*found[e], truth.effects[e]), scored);
+  }
+  switch (truth.kind) {
+    case CaseKind::kNothing:
+      scored.outcome = answer.verdict == "none" ? "right" : "false_alarm";
+      break;
+    case CaseKind::kOneEffect:
+      scored.outcome = outcome_of_one(scored, found.front() != nullptr);
+      break;
+    case CaseKind::kTwoEffects:
+      scored.outcome = outcome_of_two(found, answer);
+      break;
+    case CaseKind::kOutside:
+      scored.outcome = outcome_outside(answer);
+      break;
+  }
+  return scored;
+}
+
+Score score_challenge(const ScoreOptions& options) {
+  const ChallengeHeader header = read_header(options.cases);
+  UnsealedTruth truth = unseal(options.truth, header);
+  const auto check = [&](const fs::path& answers) {
+    std::ifstream stream(answers / "run.json");
+    const Json stamp = Json::parse(stream, nullptr, false);
+    if (!stamp.is_object() || stamp.value("format", "") != "graybox-answers/1") {
+      throw InputError(fmt::format("{}: is no folder of answers", answers.string()));
+    }
+    if (stamp.value("truth_sha256", "") != header.truth_sha256) {
+      throw InputError(fmt::format("{}: holds answers to another challenge", answers.string()));
+    }
+  };
+  check(options.answers);
+  if (!options.left_out.empty()) check(options.left_out);
+  Score score{truth.origin, {}, {}};
+  for (const CaseTruth& each : truth.cases) {
+    score.cases.push_back(score_case(each, read_answer(options.answers / each.name)));
+    const ScoredCase& scored = score.cases.back();
+    const bool was_named = scored.truth.kind == CaseKind::kOneEffect &&
+                           !scored.answer.effects.empty() &&
+                           names(scored.answer.effects[0][0], scored.truth.effects[0]);
+    if (!options.left_out.empty() && was_named && fs::exists(options.left_out / each.name)) {
+      score.left_out.push_back(score_case(each, read_answer(options.left_out / each.name)));
+    }
+  }
+  return score;
+}
+
+namespace {
+
+template <typename Choose, typename Hit>
+Rate rate_of(const std::vector<ScoredCase>& cases, const Choose& choose, const Hit& hit) {
+  Rate rate;
+  for (const ScoredCase& each : cases) {
+    if (!choose(each)) continue;
+    ++rate.of;
+    if (hit(each)) ++rate.hits;
+  }
+  return rate;
+}
+
+bool is_kind(const ScoredCase& each, CaseKind kind) { return each.truth.kind == kind; }
+bool is_detectable_one(const ScoredCase& each) {
+  return is_kind(each, CaseKind::kOneEffect) && each.truth.detectable();
+}
+bool is_hidden(const ScoredCase& each) {
+  return !is_kind(each, CaseKind::kNothing) && !each.truth.detectable();
+}
+bool is_named(const ScoredCase& each) {
+  return each.outcome == "right" || (each.outcome == "in_class" && !each.extra);
+}
+bool is_detected(const ScoredCase& each) {
+  return each.answer.given && each.answer.verdict != "none";
+}
+bool is_explained(const ScoredCase& each) {
+  return each.answer.given && each.answer.verdict == "explained";
+}
+
+Rate parameter_rate(const std::vector<ScoredCase>& cases) {
+  Rate rate;
+  for (const ScoredCase& each : cases) {
+    if (!is_detectable_one(each) || !is_named(each)) continue;
+    rate.of += each.parameters;
+    rate.hits += each.within_three;
+  }
+  return rate;
+}
+
+std::string percent(const Rate& rate) {
+  if (rate.of == 0) return "no cases";
+  const Interval interval = wilson_interval(rate);
+  return fmt::format("{:>3} of {:>3}  {:5.1f} %  [{:.1f}, {:.1f}]", rate.hits, rate.of,
+                     100.0 * rate.value(), 100.0 * interval.low, 100.0 * interval.high);
+}
+
+Json rate_json(const Rate& rate) {
+  const Interval interval = wilson_interval(rate);
+  return {{"hits", rate.hits},
+          {"of", rate.of},
+          {"rate", rate.value()},
+          {"low", interval.low},
+          {"high", interval.high}};
+}
+
+std::map<std::string, std::map<std::string, std::size_t>> outcomes_of(const Score& score) {
+  std::map<std::string, std::map<std::string, std::size_t>> counts;
+  for (const ScoredCase& each : score.cases) {
+    const std::string kind =
+        is_hidden(each) ? "not_detectable" : std::string(to_string(each.truth.kind));
+    ++counts[kind][each.outcome];
+  }
+  return counts;
+}
+
+std::map<std::size_t, std::size_t> class_sizes_of(const Score& score) {
+  std::map<std::size_t, std::size_t> counts;
+  for (const ScoredCase& each : score.cases) {
+    if (is_detectable_one(each) && each.class_size > 0) ++counts[each.class_size];
+  }
+  return counts;
+}
+
+void write(const fs::path& folder, const char* name, const std::string& text) {
+  write_text_file((folder / name).string(), text);
+}
+
+std::string csv_field(const std::string& text) {
+  return text.find_first_of(",\"") == std::string::npos ? text : '"' + text + '"';
+}
+
+std::string law_label(const HiddenEffect& effect) {
+  return effect.at_signal ? effect.law + " (signal)" : effect.law;
+}
+
+std::string cases_table(const Score& score) {
+  std::string text =
+      "case,family,kind,place,law,relative_size,detectable,verdict,named_place,named_law,outcome,"
+      "class_size,effects_named,parameters,within_three,validation_chi_square_per_dof,seconds\n";
+  for (const ScoredCase& each : score.cases) {
+    std::string places, laws, sizes;
+    for (const HiddenEffect& effect : each.truth.effects) {
+      const char* gap = places.empty() ? "" : " + ";
+      places += gap + effect.place;
+      laws += gap + law_label(effect);
+      sizes += fmt::format("{}{:.3g}", gap, effect.relative_size());
+    }
+    std::string named_place, named_law;
+    for (const auto& members : each.answer.effects) {
+      const char* gap = named_place.empty() ? "" : " + ";
+      named_place += gap + members.front().place;
+      named_law += gap + members.front().law;
+    }
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:.4g},{:.2f}\n",
+                        each.truth.name, to_string(each.truth.family), to_string(each.truth.kind),
+                        csv_field(places), laws, sizes, each.truth.detectable() ? 1 : 0,
+                        each.answer.verdict, csv_field(named_place), named_law, each.outcome,
+                        each.class_size, each.answer.effects.size(), each.parameters,
+                        each.within_three, each.answer.validation, each.answer.seconds);
+  }
+  return text;
+}
+
+std::string rates_table(const Score& score) {
+  std::string text = "rate,target,hits,of,value,low,high\n";
+  for (const NamedRate& each : rates_of(score)) {
+    const Interval interval = wilson_interval(each.rate);
+    text +=
+        fmt::format("{},{},{},{},{:.4f},{:.4f},{:.4f}\n", each.name, csv_field(each.target),
+                    each.rate.hits, each.rate.of, each.rate.value(), interval.low, interval.high);
+  }
+  return text;
+}
+
+// True law against law named, for cases with one detectable effect, and by whether the place is right.
+std::string confusion_table(const Score& score) {
+  std::map<std::array<std::string, 2>, std::array<std::size_t, 2>> counts;
+  for (const ScoredCase& each : score.cases) {
+    const bool is_outside = is_kind(each, CaseKind::kOutside);
+    if (!is_detectable_one(each) && !is_outside) continue;
+    std::string named = each.answer.given ? each.answer.verdict : "no_answer";
+    if ((named == "explained" || named == "ambiguous") && !each.answer.effects.empty()) {
+      const AnsweredLaw& law = each.answer.effects[0][0];
+      const bool at_signal = law.place.starts_with("actuator ") || law.place.starts_with("sensor ");
+      named = at_signal ? law.law + " (signal)" : law.law;
+    }
+    ++counts[{law_label(each.truth.effects[0]), named}][each.place_right ? 1 : 0];
+  }
+  std::string text = "true_law,named,right_place,wrong_place\n";
+  for (const auto& [pair, count] : counts) {
+    text += fmt::format("{},{},{},{}\n", pair[0], pair[1], count[1], count[0]);
+  }
+  return text;
+}
+
+std::string sizes_table(const Score& score) {
+  constexpr std::array<double, 6> kEdges{1.0, 2.0, 4.0, 8.0, 14.0, 21.0};
+  std::string text =
+      "from,to,cases,detected,detected_low,detected_high,named,named_low,named_high\n";
+  for (std::size_t b = 0; b + 1 < kEdges.size(); ++b) {
+    const auto in_bin = [&](const ScoredCase& each) {
+      if (!is_detectable_one(each)) return false;
+      const double size = each.truth.effects[0].relative_size();
+      return size >= kEdges[b] - 1e-9 && size < kEdges[b + 1] - 1e-9;
+    };
+    const Rate detected = rate_of(score.cases, in_bin, is_detected);
+    const Rate named = rate_of(score.cases, in_bin, is_named);
+    const Interval d = wilson_interval(detected), n = wilson_interval(named);
+    text += fmt::format("{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f}\n", kEdges[b],
+                        kEdges[b + 1], detected.of, detected.value(), d.low, d.high, named.value(),
+                        n.low, n.high);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::vector<NamedRate> rates_of(const Score& score) {
+  const auto& cases = score.cases;
+  const auto is_null = [](const ScoredCase& each) { return is_kind(each, CaseKind::kNothing); };
+  const auto is_two = [](const ScoredCase& each) {
+    return is_kind(each, CaseKind::kTwoEffects) && each.truth.detectable();
+  };
+  const auto is_outside = [](const ScoredCase& each) {
+    return is_kind(each, CaseKind::kOutside) && each.truth.detectable();
+  };
+  const auto outcome_is = [](const char* outcome) {
+    return [outcome](const ScoredCase& each) { return each.outcome == outcome; };
+  };
+  const auto at_floor = [](const ScoredCase& each) { return each.answer.validation < kNoiseFloor; };
+  std::vector<NamedRate> rates{
+      {"answered", "100 %",
+       rate_of(
+           cases, [](const ScoredCase&) { return true; },
+           [](const ScoredCase& each) { return each.answer.given; })},
+      {"false_alarms", "5 % within its interval", rate_of(cases, is_null, is_detected)},
+      {"detectable_detected", "90 % at the smallest size",
+       rate_of(cases, is_detectable_one, is_detected)},
+      {"detectable_named", "95 %", rate_of(cases, is_detectable_one, is_named)},
+      {"detectable_right_alone", "-", rate_of(cases, is_detectable_one, outcome_is("right"))},
+      {"wrong_and_confident", "at most 2 %",
+       rate_of(cases, is_detectable_one, outcome_is("wrong_confident"))},
+      {"parameters_within_3", "95 %", parameter_rate(cases)},
+      {"two_effects_both", "80 %", rate_of(cases, is_two, outcome_is("both"))},
+      {"outside_unknown", "90 %", rate_of(cases, is_outside, outcome_is("unknown"))},
+      {"explained_at_noise_floor", "100 %", rate_of(cases, is_explained, at_floor)},
+      {"hidden_no_false_law", "-",
+       rate_of(cases, is_hidden, [](const ScoredCase& each) { return !is_detected(each); })},
+  };
+  if (!score.left_out.empty()) {
+    rates.push_back(
+        {"left_out_unknown", "-",
+         rate_of(
+             score.left_out, [](const ScoredCase&) { return true; }, outcome_is("unknown"))});
+    rates.push_back(
+        {"left_out_honest", "100 %",
+         rate_of(
+             score.left_out, [](const ScoredCase& each) { return each.answer.given; },
+             [&](const ScoredCase& each) { return !is_explained(each) || at_floor(each); })});
+  }
+  return rates;
+}
+
+Json score_json(const Score& score) {
+  Json rates = Json::object();
+  for (const NamedRate& each : rates_of(score)) rates[each.name] = rate_json(each.rate);
+  Json sizes = Json::object();
+  for (const auto& [size, count] : class_sizes_of(score)) sizes[std::to_string(size)] = count;
+  return {{"format", "graybox-challenge-score/1"},
+          {"cases", score.cases.size()},
+          {"seed", score.origin.seed},
+          {"commit", score.origin.commit},
+          {"rates", rates},
+          {"outcomes", outcomes_of(score)},
+          {"class_sizes", sizes}};
+}
+
+std::string score_text(const Score& score) {
+  std::string text = fmt::format("{} cases, seed {}\n\n", score.cases.size(), score.origin.seed);
+  for (const NamedRate& each : rates_of(score)) {
+    text += fmt::format("{:<26} {:<42} target {}\n", each.name, percent(each.rate), each.target);
+  }
+  text += "\noutcomes (rates with Wilson's 95 % intervals above)\n";
+  for (const auto& [kind, outcomes] : outcomes_of(score)) {
+    text += fmt::format("  {:<18}", kind);
+    for (const auto& [outcome, count] : outcomes) text += fmt::format(" {} {},", outcome, count);
+    text.back() = '\n';
+  }
+  text += "\nsize of the class that holds the truth, cases with one detectable effect:";
+  for (const auto& [size, count] : class_sizes_of(score)) {
+    text += fmt::format("  {}: {}", size, count);
+  }
+  return text + "\n";
+}
+
+void write_score_tables(const Score& score, const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
+  }
+  write(folder, "challenge_cases.csv", cases_table(score));
+  write(folder, "challenge_rates.csv", rates_table(score));
+  write(folder, "challenge_confusion.csv", confusion_table(score));
+  write(folder, "challenge_sizes.csv", sizes_table(score));
+}
+
+void append_history(const Score& score, const fs::path& file) {
+  if (score.origin.commit.empty() || !score.origin.family.empty() ||
+      score.origin.seed != seed_of_commit(score.origin.commit)) {
+    throw InputError(
+        "challenge score --history: only challenges made with --seed commit and of all families "
+        "enter the history");
+  }
+  std::string text;
+  if (std::ifstream stream(file, std::ios::binary); stream) {
+    std::ostringstream old;
+    old << stream.rdbuf();
+    text = old.str();
+  }
+  const auto rates = rates_of(score);
+  if (text.empty()) {
+    text = "date,commit,seed,cases";
+    for (const NamedRate& each : rates) {
+      if (each.name.starts_with("left_out")) continue;
+      text += fmt::format(",{0},{0}_of", each.name);
+    }
+    text += "\n";
+  }
+  text += fmt::format("{},{},{},{}", utc_now(), score.origin.commit, score.origin.seed,
+                      score.cases.size());
+  for (const NamedRate& each : rates) {
+    if (each.name.starts_with("left_out")) continue;
+    text += fmt::format(",{},{}", each.rate.hits, each.rate.of);
+  }
+  write_text_file(file.string(), text + "\n");
+}
+
+}  // namespace graybox::bench

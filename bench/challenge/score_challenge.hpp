@@ -1,0 +1,112 @@
+// Scores the answers to a challenge against its unsealed truth.
+//
+// An answer's effect is a class: the law at a place that it names and the alternatives that it says the
+// data can't exclude. For a case with one detectable effect:
+//
+//   right            verdict explained, one effect, its class is the true law at the true place alone
+//   in_class         the truth is in the class of one of the effects named, of at most 3 members
+//   in_large_class   the same, more than 3 members
+//   wrong_confident  explained, and the truth is in no class
+//   wrong_ambiguous  ambiguous, and the truth is in no class
+//   unknown, none    the verdict; `unknown` also where it lists laws found so far
+//   no_answer        the diagnosis crashed, refused or ran out of time
+//
+// An explained case that names the truth and one effect too many is `in_class` with `extra` set: the
+// truth is named, but not alone; it does not count as right. Cases with two effects count as right
+// where both are in classes of at most 3 of different effects of a verdict explained or ambiguous.
+// Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out test fails (such
+// an answer is `unknown` as well; what passed on held-out data is `nearest_law`).
+// Effects that are not detectable are tabulated apart.
+//
+// Rates come with Wilson's 95 % interval (Wilson 1927).
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "graybox/bench/challenge/seal.hpp"
+
+namespace graybox::bench {
+
+struct Rate {
+  std::size_t hits = 0, of = 0;
+  [[nodiscard]] double value() const {
+    return of > 0 ? static_cast<double>(hits) / static_cast<double>(of) : 0.0;
+  }
+};
+struct Interval {
+  double low = 0.0, high = 1.0;
+};
+// (p + z^2/2n +- z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n), z = 1.96 (97.5 %); [0, 1] for n = 0.
+[[nodiscard]] Interval wilson_interval(const Rate& rate);
+
+// ---- answers -------------------------------------------------------------------------------------
+
+struct AnsweredParameter {
+  double value = 0.0, standard_error = 0.0;
+};
+struct AnsweredLaw {
+  std::string place, law;
+  std::map<std::string, AnsweredParameter> parameters;
+};
+struct Answer {
+  bool given = false;
+  std::string verdict;                            // none | explained | ambiguous | unknown
+  std::vector<std::vector<AnsweredLaw>> effects;  // classes, the law named first
+  double validation = 0.0;  // chi-square over degrees of freedom after, held-out; NaN: not given
+  double seconds = 0.0;
+};
+// Of one case's folder of answers. Throws InputError for a verdict.json that is no verdict.
+[[nodiscard]] Answer read_answer(const std::filesystem::path& folder);
+
+// ---- one case ------------------------------------------------------------------------------------
+
+struct ScoredCase {
+  CaseTruth truth;
+  Answer answer;
+  std::string outcome{};         // as above; for two effects also both | one
+  std::size_t class_size = 0;    // of the class that holds the truth
+  bool extra = false;            // more effects than there are
+  bool place_right = false;      // the first effect's place is a true one
+  std::size_t parameters = 0;    // compared
+  std::size_t within_three = 0;  // of them within 3 standard errors
+};
+[[nodiscard]] ScoredCase score_case(const CaseTruth& truth, const Answer& answer);
+
+// ---- all -----------------------------------------------------------------------------------------
+
+struct Score {
+  ChallengeOrigin origin;
+  std::vector<ScoredCase> cases;
+  std::vector<ScoredCase>
+      left_out;  // answers of `run --without-named` where the law named was right
+};
+
+struct ScoreOptions {
+  std::filesystem::path cases, answers, truth;
+  std::filesystem::path left_out;  // answers of `run --without-named`; empty: none
+};
+// Throws InputError for a broken seal, and for answers to another challenge.
+[[nodiscard]] Score score_challenge(const ScoreOptions& options);
+
+struct NamedRate {
+  std::string name;    // "false_alarms", "detectable_named", ...
+  std::string target;  // of the project, in words
+  Rate rate;
+};
+[[nodiscard]] std::vector<NamedRate> rates_of(const Score& score);
+[[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
+[[nodiscard]] std::string score_text(const Score& score);
+
+// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv in `folder`.
+void write_score_tables(const Score& score, const std::filesystem::path& folder);
+
+// Appends one line to a CSV file, with its header where it is new. Throws InputError unless the
+// challenge's seed is that of its commit.
+void append_history(const Score& score, const std::filesystem::path& file);
+
+}  // namespace graybox::bench

@@ -1,0 +1,177 @@
+// `graybox diagnose`: what physics a model lacks, from recordings.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/verdict/extended_model.hpp"
+#include "graybox/diagnosis/verdict/report_page.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "interrupt.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct Arguments {
+  std::string model, campaign, output;
+  int threads = 1;
+  bool json = false;
+  SearchOptions search;
+};
+
+// The steps of the search, on one line of a terminal that is rewritten.
+class StepProgress {
+ public:
+  StepProgress() : terminal_(isatty(fileno(stderr)) != 0) {}
+  ~StepProgress() { show(""); }
+  StepProgress(const StepProgress&) = delete;
+  StepProgress& operator=(const StepProgress&) = delete;
+
+  void show(const std::string& step) const {
+    if (terminal_) fmt::print(stderr, "\r\033[K{}", step);
+    if (terminal_) std::fflush(stderr);
+  }
+
+ private:
+  bool terminal_;
+};
+
+void require_known_laws(const std::vector<std::string>& laws,
+                        std::span<const Hypothesis> hypotheses) {
+  for (const std::string& law : laws) {
+    const auto names_it = [&](const Hypothesis& hypothesis) { return hypothesis.law == law; };
+    if (std::none_of(hypotheses.begin(), hypotheses.end(), names_it)) {
+      throw InputError(
+          fmt::format("--without {}: no hypothesis has such a law; 'graybox simulate --laws' lists "
+                      "the laws",
+                      law));
+    }
+  }
+}
+
+// Checked before the work, which may take minutes.
+void prepare_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(std::filesystem::path(folder) / "figures", error);
+  if (error) throw InputError(fmt::format("{}: can't be made: {}", folder, error.message()));
+}
+
+// A report of an earlier run with more figures must not lend its pages to this one.
+void remove_old_figures(const std::filesystem::path& figures) {
+  for (const auto& entry : std::filesystem::directory_iterator(figures)) {
+    if (entry.path().extension() == ".svg") std::filesystem::remove(entry.path());
+  }
+}
+
+void write_report(const Arguments& arguments, const Diagnosis& diagnosis,
+                  std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files) {
+  const std::filesystem::path folder = arguments.output;
+  remove_old_figures(folder / "figures");
+  for (const ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
+    write_text_file((folder / "figures" / (figure.name + ".svg")).string(), figure.svg);
+  }
+  const std::filesystem::path extended = folder / "model_extended.yaml";
+  if (diagnosis.after.usable) {
+    write_text_file(extended.string(),
+                    extended_model_text(arguments.model, extended, diagnosis.after, hypotheses));
+    write_text_file((folder / "physics.yaml").string(), physics_text(diagnosis.after, hypotheses));
+  }
+  write_text_file((folder / "report.html").string(), report_page(diagnosis, hypotheses, files));
+  write_text_file((folder / "verdict.json").string(),
+                  verdict_json(diagnosis, hypotheses, files).dump(2) + "\n");
+}
+
+int exit_code_of(const Diagnosis& diagnosis) {
+  return diagnosis.verdict == Verdict::kUnknown ? kShort : kDone;
+}
+
+int execute(Arguments& arguments) {
+  const Campaign campaign = read_campaign(arguments.campaign);
+  if (!arguments.output.empty()) prepare_folder(arguments.output);
+  const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
+      arguments.model, campaign,
+      {.threads = arguments.threads, .keep_going = [] { return !interrupted(); }});
+  require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
+  catch_interrupts();
+  Diagnosis diagnosis;
+  {
+    const StepProgress progress;
+    arguments.search.proceed = [&progress](const std::string& step) {
+      progress.show(step);
+      return !interrupted();
+    };
+    diagnosis = diagnose(*problem, arguments.search);
+  }
+  const DiagnosedFiles files{arguments.model, campaign.file.string()};
+  if (!arguments.output.empty()) {
+    write_report(arguments, diagnosis, problem->hypotheses(), files);
+  }
+  if (arguments.json) {
+    fmt::print("{}\n", verdict_json(diagnosis, problem->hypotheses(), files).dump());
+  } else {
+    fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
+    for (const std::string& line : verdict_words(diagnosis, problem->hypotheses())) {
+      fmt::print("{}\n", line);
+    }
+    if (!arguments.output.empty()) {
+      fmt::print("wrote {}/report.html, verdict.json, model_extended.yaml, physics.yaml, figures\n",
+                 arguments.output);
+    }
+  }
+  return exit_code_of(diagnosis);
+}
+
+}  // namespace
+
+void add_diagnose_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand(
+      "diagnose",
+      "Find the physics that a model lacks, from recordings: where, what, and how sure");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("model", arguments->model, "model file (YAML)")->required();
+  command
+      ->add_option("campaign", arguments->campaign,
+                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
+      ->required();
+  command->add_option("-o,--output", arguments->output,
+                      "write report.html, verdict.json, model_extended.yaml, physics.yaml and "
+                      "figures into this folder");
+  command->add_option("--threads", arguments->threads, "threads")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command
+      ->add_option("--level", arguments->search.level,
+                   "false alarms where nothing is missing, all hypotheses together")
+      ->check(CLI::Range(0.0005, 0.5))
+      ->capture_default_str();
+  command
+      ->add_option("--effects", arguments->search.effect_limit,
+                   "effects to look for, at most (default: 4, or 12 where the noise is not known)")
+      ->check(CLI::Range(1, 50));
+  command->add_option("--without", arguments->search.excluded_laws,
+                      "leave these laws out of the catalogue");
+  command->add_option("--seed", arguments->search.seed, "of the draws that calibrate the tests")
+      ->capture_default_str();
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Exit codes: 0 nothing missing, explained or ambiguous; 1 unknown; 2 bad input.\n"
+      "Examples:\n"
+      "  graybox diagnose robot.yaml campaign/ -o report --threads 2\n"
+      "  graybox diagnose drive.yaml campaign/ --without coulomb --json");
+  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+}
+
+}  // namespace graybox::cli

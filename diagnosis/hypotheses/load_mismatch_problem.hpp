@@ -1,0 +1,24 @@
+// The MismatchProblem of a model file and a campaign, by the model's format and what was recorded.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+namespace graybox {
+
+struct MismatchProblemOptions {
+  int threads = 1;                        // results do not depend on it
+  std::function<bool()> keep_going = {};  // asked now and then; false: fits end unusable
+};
+
+// Throws InputError for files that are missing, wrong or do not belong together, for a format that
+// can't be diagnosed, and for recordings that are not sound.
+[[nodiscard]] std::unique_ptr<MismatchProblem> load_mismatch_problem(
+    const std::filesystem::path& model, const Campaign& campaign,
+    const MismatchProblemOptions& options = {});
+
+}  // namespace graybox

@@ -1,0 +1,433 @@
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <exception>
+#include <mutex>
+#include <numbers>
+#include <optional>
+
+#include "graybox/diagnosis/recordings/experiment_recording.hpp"
+#include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/diagnosis/responses/estimate_responses.hpp"
+#include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+struct ReadRecord {
+  MeasuredRecord record;
+  std::vector<std::string> outputs;
+  std::vector<MatrixXcd> samples;  // of the noise, of lines 0 ... K, outputs then inputs
+  std::vector<std::vector<std::size_t>> bins;
+};
+
+[[noreturn]] void refuse(const Campaign& campaign, const std::string& message) {
+  throw InputError(fmt::format("{}: {}", campaign.file.string(), message));
+}
+
+// What all experiments of the campaign must share.
+PeriodicExcitation common_excitation(const Campaign& campaign) {
+  const Experiment* first = nullptr;
+  std::size_t periods = 0;
+  for (const Experiment& experiment : campaign.experiments) {
+    if (!experiment.excitation) {
+      refuse(campaign, fmt::format("experiments: {} states no excitation (period, periods, lines), "
+                                   "which a diagnosis of periodic recordings needs",
+                                   experiment.name));
+    }
+    if (first == nullptr) first = &experiment;
+    if (experiment.excitation->period != first->excitation->period) {
+      refuse(campaign, fmt::format("experiments: {} has another period than {}; diagnose them in "
+                                   "campaigns of their own",
+                                   experiment.name, first->name));
+    }
+    periods = std::max(periods, experiment.excitation->periods);
+  }
+  if (first == nullptr) refuse(campaign, "experiments: there are none");
+  PeriodicExcitation common = *first->excitation;
+  common.periods = periods;
+  for (const Experiment& experiment : campaign.experiments) {
+    common.lines.insert(common.lines.end(), experiment.excitation->lines.begin(),
+                        experiment.excitation->lines.end());
+  }
+  std::ranges::sort(common.lines);
+  const auto repeated = std::ranges::unique(common.lines);
+  common.lines.erase(repeated.begin(), repeated.end());
+  if (common.lines.empty()) refuse(campaign, "experiments: excitation: lines: none are excited");
+  return common;
+}
+
+std::vector<Index> columns_of(const std::vector<Signal>& signals, ChannelRole role) {
+  std::vector<Index> columns;
+  for (std::size_t c = 0; c < signals.size(); ++c) {
+    if (signals[c].role == role) columns.push_back(static_cast<Index>(c));
+  }
+  return columns;
+}
+
+class Reader {
+ public:
+  Reader(const Campaign& campaign, const PlantFamily& family, const PeriodicDataOptions& options)
+      : campaign_(campaign), family_(family), options_(options) {}
+
+  PeriodicData read() {
+    lay_out();
+    read_records();
+    if (data_.estimation.empty()) refuse(campaign_, "experiments: none is for estimation");
+    whiten();
+    return std::move(data_);
+  }
+
+ private:
+  void lay_out() {
+    if (campaign_.hold != InputHold::kZero) {
+      refuse(campaign_,
+             "hold: a diagnosis of periodic recordings needs inputs that are held "
+             "between samples (zero)");
+    }
+    const PeriodicExcitation common = common_excitation(campaign_);
+    data_.period = common.period;
+    data_.excited = common.lines;
+    std::erase_if(data_.excited, [&](std::size_t line) { return 2 * line >= common.period; });
+    if (data_.excited.empty()) refuse(campaign_, "experiments: no line below half the sample rate");
+    data_.first_line = static_cast<Index>(data_.excited.front());
+    const double wanted = options_.line_factor * static_cast<double>(data_.excited.back());
+    data_.last_line =
+        std::min(static_cast<Index>(wanted), (static_cast<Index>(common.period) - 1) / 2);
+    data_.sample_time = family_.sample_time();
+    if (campaign_.sample_time &&
+        std::abs(*campaign_.sample_time / data_.sample_time - 1.0) > 1e-6) {
+      refuse(campaign_, fmt::format("sample_time: {} s is not the model's {} s",
+                                    *campaign_.sample_time, data_.sample_time));
+    }
+    for (Index k = 0; k <= data_.last_line; ++k) {
+      data_.frequencies.push_back(2.0 * std::numbers::pi * static_cast<double>(k) /
+                                  (static_cast<double>(data_.period) * data_.sample_time));
+    }
+  }
+
+  void read_records() {
+    std::vector<ReadRecord> read(campaign_.experiments.size());
+    std::mutex guard;
+    std::exception_ptr failure;
+    std::size_t failed = read.size();
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t k = 0; k < read.size(); ++k) {
+      try {
+        if (options_.keep_going && !options_.keep_going()) continue;
+        read[k] = read_record(k);
+      } catch (...) {
+        const std::scoped_lock lock(guard);
+        if (k < failed) {
+          failed = k;
+          failure = std::current_exception();
+        }
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+    data_.outputs = read.front().outputs;
+    for (std::size_t k = 0; k < read.size(); ++k) keep(read[k], campaign_.experiments[k]);
+    read_ = std::move(read);
+  }
+
+  [[nodiscard]] ReadRecord read_record(std::size_t index) const {
+    const Experiment& experiment = campaign_.experiments[index];
+    const ExperimentRecording recording = load_experiment(campaign_, index);
+    const std::string where = "experiments: " + experiment.name;
+    if (recording.data.pieces.size() != 1) {
+      refuse(campaign_, where + ": periods in several segments; name one segment");
+    }
+    const auto outputs = columns_of(recording.data.signals, ChannelRole::kOutput);
+    const auto inputs = columns_of(recording.data.signals, ChannelRole::kInput);
+    if (static_cast<Index>(outputs.size()) != family_.output_count() ||
+        static_cast<Index>(inputs.size()) != family_.input_count()) {
+      refuse(campaign_,
+             fmt::format("channels: {} inputs and {} outputs, but the model has {} and {}",
+                         inputs.size(), outputs.size(), family_.input_count(),
+                         family_.output_count()));
+    }
+    std::vector<Index> order = outputs;
+    order.insert(order.end(), inputs.begin(), inputs.end());
+    const MatrixXd signals = recording.data.pieces.front().values(Eigen::all, order);
+    const PeriodicExcitation& excitation = *recording.data.excitation;
+    PeriodicLayout layout{excitation.period, excitation.periods, {}};
+    for (Index k = 1; k <= data_.last_line; ++k)
+      layout.lines.push_back(static_cast<std::size_t>(k));
+    RealTransform transform(layout.period * layout.periods);
+    LineSpectra spectra = line_spectra(record_spectra(signals, transform), layout, {});
+    ReadRecord result;
+    for (const Index c : outputs) result.outputs.push_back(recording.data.signals[at(c)].name);
+    result.record.name = experiment.name;
+    result.record.level = experiment.level;
+    split(spectra, signals, excitation, result);
+    const auto references = columns_of(recording.data.signals, ChannelRole::kReference);
+    if (references.size() == outputs.size()) {
+      const MatrixXd reference =
+          recording.data.pieces.front().values(Eigen::all, references).topRows(signals.rows());
+      find_mean_offset(signals, reference, static_cast<Index>(excitation.period), result.record);
+    }
+    return result;
+  }
+
+  // Outputs, inputs and noise of lines 0 ... K, and the mean period of the inputs.
+  void split(LineSpectra& spectra, const MatrixXd& signals, const PeriodicExcitation& excitation,
+             ReadRecord& result) const {
+    const Index outputs = family_.output_count(), inputs = family_.input_count();
+    const Index lines = data_.last_line;
+    result.record.output = MatrixXcd::Zero(outputs, lines + 1);
+    result.record.output.rightCols(lines) = spectra.values.topRows(outputs);
+    result.record.input = MatrixXcd::Zero(inputs, lines + 1);
+    result.record.input.rightCols(lines) = spectra.values.bottomRows(inputs);
+    const auto period = static_cast<Index>(excitation.period);
+    result.record.input_period = MatrixXd::Zero(inputs, period);
+    for (std::size_t p = 0; p < excitation.periods; ++p) {
+      result.record.input_period +=
+          signals.block(static_cast<Index>(p) * period, outputs, period, inputs).transpose() /
+          static_cast<double>(excitation.periods);
+    }
+    result.record.input.col(0) =
+        std::sqrt(static_cast<double>(period)) *
+        result.record.input_period.rowwise().mean().cast<std::complex<double>>();
+    result.samples.resize(1);
+    result.samples.insert(result.samples.end(), std::make_move_iterator(spectra.samples.begin()),
+                          std::make_move_iterator(spectra.samples.end()));
+    result.bins.resize(1);
+    result.bins.insert(result.bins.end(), spectra.bins.begin(), spectra.bins.end());
+  }
+
+  void find_mean_offset(const MatrixXd& signals, const MatrixXd& reference, Index period,
+                        MeasuredRecord& record) const {
+    const Index outputs = family_.output_count(), last = period - 1;
+    PeriodEnd end;
+    end.input = signals.row(last).tail(family_.input_count()).transpose();
+    end.error = (reference.row(last) - signals.row(last).head(outputs)).transpose();
+    end.output = signals.row(0).head(outputs).transpose();
+    end.output_integral = VectorXd::Zero(outputs);
+    for (Index k = 1; k <= data_.last_line; ++k) {
+      const std::complex<double> rate(0.0, data_.frequencies[at(k)]);
+      end.output_integral +=
+          2.0 / std::sqrt(static_cast<double>(period)) * (record.output.col(k) / rate).real();
+    }
+    record.mean_offset = family_.mean_offset(end);
+  }
+
+  void keep(ReadRecord& read, const Experiment& experiment) {
+    read.record.position = position_index(experiment.position);
+    read.record.group = group_index(experiment);
+    (experiment.role == ExperimentRole::kEstimation ? data_.estimation : data_.validation)
+        .push_back(read.record);
+  }
+
+  std::size_t position_index(const std::vector<double>& degrees) {
+    const auto found = std::ranges::find(degrees_, degrees);
+    if (found != degrees_.end()) return static_cast<std::size_t>(found - degrees_.begin());
+    degrees_.push_back(degrees);
+    VectorXd radians(static_cast<Index>(degrees.size()));
+    for (std::size_t j = 0; j < degrees.size(); ++j) {
+      radians(static_cast<Index>(j)) = degrees[j] * std::numbers::pi / 180.0;
+    }
+    data_.positions.push_back(radians);
+    data_.position_names.push_back(
+        degrees.empty() ? "" : fmt::format("[{:g}] deg", fmt::join(degrees, ", ")));
+    return degrees_.size() - 1;
+  }
+
+  std::size_t group_index(const Experiment& experiment) {
+    const auto found = std::ranges::find(levels_, experiment.level);
+    if (found != levels_.end()) return static_cast<std::size_t>(found - levels_.begin());
+    levels_.push_back(experiment.level);
+    return levels_.size() - 1;
+  }
+
+  // ---- noise -----------------------------------------------------------------------------------
+
+  void whiten() {
+    const bool is_repeated = std::ranges::any_of(
+        read_, [](const ReadRecord& read) { return read.samples.back().cols() > 0; });
+    if (is_repeated) estimate_responses_if_complete();
+    for (std::size_t group = 0; group < levels_.size(); ++group) {
+      data_.whitening.push_back(is_repeated ? estimated_whitening(group) : stated_whitening(group));
+    }
+  }
+
+  void estimate_responses_if_complete() {
+    ResponseOptions options;
+    options.threads = options_.threads;
+    try {
+      data_.responses = estimate_responses(campaign_, options);
+    } catch (const InputError&) {
+      data_.responses.clear();  // sub-experiments are missing: the model's responses serve
+    }
+  }
+
+  // Rms of the outputs of a group at each line.
+  [[nodiscard]] MatrixXd output_level(std::size_t group) const {
+    MatrixXd power = MatrixXd::Zero(family_.output_count(), data_.last_line + 1);
+    double count = 0.0;
+    for (const auto* records : {&data_.estimation, &data_.validation}) {
+      for (const MeasuredRecord& record : *records) {
+        if (record.group != group) continue;
+        power += record.output.cwiseAbs2();
+        count += 1.0;
+      }
+    }
+    return (power / std::max(count, 1.0)).cwiseSqrt();
+  }
+
+  [[nodiscard]] MatrixXcd whitening_of(MatrixXcd covariance, const VectorXd& level) const {
+    covariance.diagonal().real() += (options_.model_accuracy * level).cwiseAbs2();
+    const Eigen::LLT<MatrixXcd> factor(covariance);
+    if (factor.info() != Eigen::Success || !(covariance.diagonal().real().minCoeff() > 0.0)) {
+      refuse(campaign_, "an output has neither noise nor signal at some lines");
+    }
+    const Index n = covariance.rows();
+    return std::sqrt(2.0) * factor.matrixL().solve(MatrixXcd::Identity(n, n));
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> stated_whitening(std::size_t group) const {
+    VectorXd variance(family_.output_count());
+    Index at = 0;
+    for (const Channel& channel : campaign_.channels) {
+      if (channel.role != ChannelRole::kOutput) continue;
+      if (!(channel.noise > 0.0)) {
+        refuse(campaign_, fmt::format("channels: {}: with one period recorded the noise must be "
+                                      "stated (noise: standard deviation)",
+                                      channel.name));
+      }
+      variance(at++) = channel.noise * channel.noise;
+    }
+    const MatrixXd level = output_level(group);
+    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      result[static_cast<std::size_t>(k)] =
+          whitening_of(variance.cast<std::complex<double>>().asDiagonal(), level.col(k));
+    }
+    return result;
+  }
+
+  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last two.
+  [[nodiscard]] std::vector<Index> noise_lines() const {
+    std::vector<Index> lines(data_.excited.begin(), data_.excited.end());
+    const Index step = std::max<Index>(1, data_.last_line / 40);
+    for (Index k = lines.back() + step; k <= data_.last_line; k += step) lines.push_back(k);
+    if (lines.back() != data_.last_line) lines.push_back(data_.last_line);
+    return lines;
+  }
+
+  // From recorded inputs to outputs: measured at excited lines, else the model's.
+  [[nodiscard]] MatrixXcd response_at(Index line, const MeasuredRecord& record,
+                                      std::vector<std::optional<LinearPlant>>& plants) const {
+    for (const FrequencyResponseEstimate& estimate : data_.responses) {
+      if (estimate.level != record.level || estimate.position != degrees_[record.position])
+        continue;
+      const auto at = std::ranges::find(estimate.lines, static_cast<std::size_t>(line));
+      if (at != estimate.lines.end()) {
+        return estimate.responses[static_cast<std::size_t>(at - estimate.lines.begin())];
+      }
+    }
+    std::optional<LinearPlant>& plant = plants[record.position];
+    if (!plant) {
+      VectorXd start(static_cast<Index>(family_.parameters().size()));
+      for (Index p = 0; p < start.size(); ++p) {
+        start(p) = family_.parameters()[static_cast<std::size_t>(p)].start;
+      }
+      plant = family_.plant(data_.positions[record.position], start, {});
+    }
+    return sampled_response(*plant, data_.frequencies[static_cast<std::size_t>(line)],
+                            data_.sample_time);
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> estimated_whitening(std::size_t group) {
+    const std::vector<Index> lines = noise_lines();
+    const Index outputs = family_.output_count();
+    std::vector<LineScatter> scatter(lines.size());
+    std::vector<double> frequencies;
+    std::vector<std::optional<LinearPlant>> plants(data_.positions.size());
+    for (std::size_t at = 0; at < lines.size(); ++at) {
+      const auto line = static_cast<std::size_t>(lines[at]);
+      frequencies.push_back(data_.frequencies[line]);
+      scatter[at].scatter = MatrixXcd::Zero(outputs, outputs);
+      for (const ReadRecord& read : read_) {
+        const MatrixXcd& samples = read.samples[line];
+        if (read.record.group != group || samples.cols() == 0) continue;
+        const MatrixXcd noise =
+            samples.topRows(outputs) -
+            response_at(lines[at], read.record, plants) * samples.bottomRows(family_.input_count());
+        scatter[at].scatter += noise * noise.adjoint();
+        scatter[at].degrees_of_freedom += static_cast<double>(noise.cols());
+        scatter[at].bins = read.bins[line];
+      }
+      data_.noise_degrees_of_freedom +=
+          2.0 * static_cast<double>(outputs) * scatter[at].degrees_of_freedom;
+    }
+    return interpolated(pool_covariances(scatter, frequencies, wanted_samples()), lines,
+                        frequencies, output_level(group));
+  }
+
+  [[nodiscard]] double wanted_samples() const {
+    return std::max(options_.noise_samples, 8.0 * static_cast<double>(family_.output_count()));
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> interpolated(const std::vector<OutputCovariance>& pooled,
+                                                    const std::vector<Index>& lines,
+                                                    const std::vector<double>& frequencies,
+                                                    const MatrixXd& level) const {
+    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
+    std::size_t right = 1;
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      while (right + 1 < lines.size() && lines[right] < k) ++right;
+      const std::size_t left = lines.size() > 1 ? right - 1 : 0;
+      const std::size_t other = std::min(right, lines.size() - 1);
+      const double w = data_.frequencies[static_cast<std::size_t>(k)];
+      const double span = std::log(frequencies[other] / frequencies[left]);
+      const double share =
+          span > 0.0 ? std::clamp(std::log(w / frequencies[left]) / span, 0.0, 1.0) : 0.0;
+      result[static_cast<std::size_t>(k)] =
+          whitening_of(between(pooled[left], pooled[other], share), level.col(k));
+    }
+    return result;
+  }
+
+  // Powers interpolate geometrically, as powers of frequency do; their shapes linearly.
+  [[nodiscard]] static MatrixXcd between(const OutputCovariance& a, const OutputCovariance& b,
+                                         double share) {
+    const double power_a = a.covariance.trace().real(), power_b = b.covariance.trace().real();
+    if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
+    const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
+    const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
+    const double size = static_cast<double>(shape.rows());
+    const double correction = samples > size ? samples / (samples - size) : 1.0;
+    return correction * std::pow(power_a, 1.0 - share) * std::pow(power_b, share) * shape;
+  }
+
+  const Campaign& campaign_;
+  const PlantFamily& family_;
+  const PeriodicDataOptions& options_;
+  PeriodicData data_;
+  std::vector<ReadRecord> read_;
+  std::vector<std::vector<double>> degrees_;
+  std::vector<double> levels_;
+};
+
+}  // namespace
+
+PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,
+                                const PeriodicDataOptions& options) {
+  return Reader(campaign, family, options).read();
+}
+
+}  // namespace graybox

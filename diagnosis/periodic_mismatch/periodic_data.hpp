@@ -1,0 +1,73 @@
+// PeriodicData: the recordings of a periodic campaign as spectra of one period, freed of leakage, with
+// the covariance of the noise V = Y - G U of each line.
+//
+// Lines: all up to `line_factor` times the highest excited one. Lines that are not excited say which
+// non-linear physics is at work. Only lines from the lowest excited one on count.
+//
+// Noise, by level: samples between the lines of the period (line_spectra.hpp), y - G u with the
+// measured response at excited lines and the model's above them, pooled over positions, recordings
+// and neighbouring lines until there are `noise_samples` degrees of freedom q; between those lines
+// interpolated. Whitening uses Phi_hat^-1 (q - n_y) / q, which has the mean Phi^-1. With one period
+// the noise stated in the campaign is taken. `model_accuracy` times the output's own size is added,
+// for equations are solved to finite accuracy only.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+
+namespace graybox {
+
+struct PeriodicDataOptions {
+  double line_factor = 2.5;
+  double noise_samples = 100.0;
+  double model_accuracy = 1e-6;
+  int threads = 1;
+  std::function<bool()> keep_going;
+};
+
+struct MeasuredRecord {
+  std::string name;
+  std::size_t position = 0;  // of PeriodicData::positions
+  std::size_t group = 0;     // of noise
+  double level = 0.0;
+  Eigen::MatrixXcd output;       // n_y x (K + 1), line 0 not used
+  Eigen::MatrixXcd input;        // n_u x (K + 1)
+  Eigen::MatrixXd input_period;  // n_u x N, mean of the periods
+  Eigen::VectorXd mean_offset;   // of the held coordinates (PlantFamily); empty: none known
+};
+
+struct PeriodicData {
+  std::size_t period = 0;
+  double sample_time = 0.0;
+  Eigen::Index first_line = 1;             // that counts
+  Eigen::Index last_line = 0;              // K
+  std::vector<double> frequencies;         // rad/s, of lines 0 ... K
+  std::vector<std::size_t> excited;        // lines
+  std::vector<Eigen::VectorXd> positions;  // rad; one of size 0 for lumped models
+  std::vector<std::string> position_names;
+  std::vector<std::string> outputs;  // channels
+  std::vector<MeasuredRecord> estimation, validation;
+  // [group][line]: L with E |(L V)_c|^2 = 2, so that real and imaginary parts have variance one.
+  std::vector<std::vector<Eigen::MatrixXcd>> whitening;
+  double noise_degrees_of_freedom = 0.0;             // real, of all covariances together; 0: stated
+  std::vector<FrequencyResponseEstimate> responses;  // of the estimation records, where complete
+
+  [[nodiscard]] Eigen::Index line_count() const { return last_line - first_line + 1; }
+  [[nodiscard]] double numbers_in(const std::vector<MeasuredRecord>& records) const {
+    return 2.0 * static_cast<double>(static_cast<Eigen::Index>(outputs.size()) * line_count()) *
+           static_cast<double>(records.size());
+  }
+};
+
+// Throws InputError of one line for what the periodic route can't use.
+[[nodiscard]] PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,
+                                              const PeriodicDataOptions& options);
+
+}  // namespace graybox

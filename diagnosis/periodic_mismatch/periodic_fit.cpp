@@ -1,0 +1,276 @@
+#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+// How a parameter moves.
+struct Unknown {
+  enum class Kind : std::int8_t { kFree, kPositive, kNonNegative, kUnitInterval };
+  Kind kind = Kind::kFree;
+};
+
+Unknown unknown_of(ParameterRange range) {
+  switch (range) {
+    case ParameterRange::kPositive:
+      return {Unknown::Kind::kPositive};
+    case ParameterRange::kNonNegative:
+      return {Unknown::Kind::kNonNegative};
+    case ParameterRange::kUnitInterval:
+      return {Unknown::Kind::kUnitInterval};
+    case ParameterRange::kAny:
+      break;
+  }
+  return {};
+}
+
+// Everything at one value of the unknowns.
+struct Evaluation {
+  VectorXd values;
+  double chi_square = std::numeric_limits<double>::infinity();
+  MatrixXd information;
+  VectorXd gradient;              // J^T r
+  std::vector<MatrixXcd> forces;  // of each record, to start the next from
+  double unsettled = 0.0;
+};
+
+class PeriodicFitter {
+ public:
+  PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
+                 const std::vector<ActingLaw>& laws, const PeriodicFitOptions& options)
+      : family_(family), data_(data), laws_(laws), options_(options) {
+    for (const ModelParameter& parameter : family.parameters()) {
+      unknowns_.push_back({parameter.positive ? Unknown::Kind::kPositive : Unknown::Kind::kFree});
+    }
+    for (const ActingLaw& law : laws) {
+      for (const LawParameter& parameter : law.entry->parameters) {
+        unknowns_.push_back(unknown_of(parameter.range));
+      }
+    }
+  }
+
+  PeriodicFit run(const VectorXd& parameters) {
+    // Derivatives by mean slopes at first; exact ones once they no longer lead on.
+    bool exact = false;
+    Evaluation now = evaluate(start_values(parameters), nullptr, exact);
+    PeriodicFit result;
+    if (!std::isfinite(now.chi_square)) {
+      result.trouble = "no steady state of the model at the start";
+      return result;
+    }
+    double damping = 1e-3;
+    while (result.iterations < options_.iteration_limit && !result.converged) {
+      if (options_.keep_going && !options_.keep_going()) {
+        result.trouble = "stopped";
+        break;
+      }
+      ++result.iterations;
+      const VectorXd step = step_of(now, damping);
+      const double worthwhile = 0.01 + 1e-5 * now.chi_square;
+      Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
+      const double gain = now.chi_square - next.chi_square;
+      const bool leads_on = gain > worthwhile;
+      const bool promises = predicted_gain(now, step) > worthwhile && damping < 1e6;
+      if (gain >= 0.0) {
+        now = std::move(next);
+        damping = std::max(0.2 * damping, 1e-9);
+      } else {
+        damping *= damping < 1e-4 ? 100.0 : 6.0;
+      }
+      if (leads_on) continue;
+      if (!exact && !laws_.empty()) {
+        exact = true;
+        now = evaluate(now.values, &now.forces, exact);
+        damping = 1e-3;
+      } else {
+        result.converged = !promises || (gain >= 0.0 && damping < 1e-2);
+      }
+    }
+    if (!result.converged && result.trouble.empty()) result.trouble = "the fit did not settle";
+    store(now, result);
+    return result;
+  }
+
+ private:
+  [[nodiscard]] VectorXd start_values(const VectorXd& parameters) const {
+    VectorXd values(static_cast<Index>(unknowns_.size()));
+    values.head(parameters.size()) = parameters;
+    Index k = parameters.size();
+    for (const ActingLaw& law : laws_) {
+      for (const double value : law.parameters) values(k++) = value;
+    }
+    return values;
+  }
+
+  [[nodiscard]] std::vector<ActingLaw> laws_at(const VectorXd& values) const {
+    std::vector<ActingLaw> laws = laws_;
+    auto k = static_cast<Index>(family_.parameters().size());
+    for (ActingLaw& law : laws) {
+      for (double& value : law.parameters) value = values(k++);
+    }
+    return laws;
+  }
+
+  // dvalue / dunknown
+  [[nodiscard]] double scale(Index k, const VectorXd& values) const {
+    return unknowns_[at(k)].kind == Unknown::Kind::kPositive ? values(k) : 1.0;
+  }
+
+  [[nodiscard]] VectorXd moved(const VectorXd& values, const VectorXd& step) const {
+    VectorXd result = values;
+    for (Index k = 0; k < values.size(); ++k) {
+      switch (unknowns_[at(k)].kind) {
+        case Unknown::Kind::kPositive:
+          result(k) = values(k) * std::exp(std::clamp(step(k), -0.7, 0.7));
+          break;
+        case Unknown::Kind::kNonNegative:
+          result(k) = std::max(values(k) + step(k), 0.1 * values(k));
+          break;
+        case Unknown::Kind::kUnitInterval:
+          result(k) = std::clamp(values(k) + step(k), 0.0, 1.0);
+          break;
+        case Unknown::Kind::kFree:
+          result(k) = values(k) + step(k);
+          break;
+      }
+    }
+    return result;
+  }
+
+  [[nodiscard]] VectorXd step_of(const Evaluation& now, double damping) const {
+    VectorXd unit(now.values.size());
+    for (Index k = 0; k < unit.size(); ++k) {
+      const double diagonal = now.information(k, k);
+      unit(k) = diagonal > 0.0 ? 1.0 / std::sqrt(diagonal) : 0.0;
+    }
+    MatrixXd matrix = unit.asDiagonal() * now.information * unit.asDiagonal();
+    matrix.diagonal().array() += damping + 1e-12;
+    return unit.cwiseProduct(matrix.ldlt().solve(unit.cwiseProduct(now.gradient)));
+  }
+
+  [[nodiscard]] static double predicted_gain(const Evaluation& now, const VectorXd& step) {
+    return 2.0 * step.dot(now.gradient) - step.dot(now.information * step);
+  }
+
+  [[nodiscard]] Evaluation evaluate(const VectorXd& values, const std::vector<MatrixXcd>* starts,
+                                    bool exact) {
+    Evaluation result;
+    result.values = values;
+    std::optional<ModelState> model;
+    try {
+      const auto own = static_cast<Index>(family_.parameters().size());
+      model.emplace(evaluate_model(family_, data_, values.head(own), laws_at(values), true,
+                                   options_.threads));
+    } catch (const InputError&) {
+      return result;  // no rest there
+    }
+    const std::size_t records = data_.estimation.size();
+    const auto size = static_cast<Index>(unknowns_.size());
+    std::vector<MatrixXd> information(records);
+    std::vector<VectorXd> gradient(records);
+    std::vector<double> chi_square(records), unsettled(records);
+    result.forces.resize(records);
+    VectorXd scales(size);
+    for (Index k = 0; k < size; ++k) scales(k) = scale(k, values);
+#pragma omp parallel num_threads(options_.threads)
+    {
+      SteadyStateSolver solver(family_, data_, {});
+      MatrixXcd jacobian;
+#pragma omp for schedule(dynamic)
+      for (std::size_t i = 0; i < records; ++i) {
+        const MeasuredRecord& record = data_.estimation[i];
+        const SteadyState& state =
+            solver.solve(*model, record, starts != nullptr ? &(*starts)[i] : nullptr);
+        solver.differentiate(*model, record, exact, jacobian);
+        const Eigen::Map<const Eigen::VectorXcd> residual(state.residual.data(),
+                                                          state.residual.size());
+        information[i] = (jacobian.adjoint() * jacobian).real();
+        gradient[i] = (jacobian.adjoint() * residual).real();
+        chi_square[i] = state.chi_square;
+        unsettled[i] = state.unsettled;
+        result.forces[i] = state.forces;
+      }
+    }
+    result.chi_square = 0.0;
+    result.information = MatrixXd::Zero(size, size);
+    result.gradient = VectorXd::Zero(size);
+    for (std::size_t i = 0; i < records; ++i) {
+      result.chi_square += chi_square[i];
+      result.unsettled = std::max(result.unsettled, unsettled[i]);
+      result.information += scales.asDiagonal() * information[i] * scales.asDiagonal();
+      result.gradient += scales.cwiseProduct(gradient[i]);
+    }
+    if (!std::isfinite(result.chi_square)) {
+      result.chi_square = std::numeric_limits<double>::infinity();
+    }
+    return result;
+  }
+
+  void store(const Evaluation& now, PeriodicFit& result) const {
+    result.parameters = now.values.head(static_cast<Index>(family_.parameters().size()));
+    result.laws = laws_at(now.values);
+    result.chi_square = now.chi_square;
+    result.unsettled = now.unsettled;
+    VectorXd inverse(now.values.size());
+    for (Index k = 0; k < inverse.size(); ++k) inverse(k) = 1.0 / scale(k, now.values);
+    result.information = inverse.asDiagonal() * now.information * inverse.asDiagonal();
+  }
+
+  const PlantFamily& family_;
+  const PeriodicData& data_;
+  const std::vector<ActingLaw>& laws_;
+  const PeriodicFitOptions& options_;
+  std::vector<Unknown> unknowns_;
+};
+
+}  // namespace
+
+PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
+                         const VectorXd& parameters, const std::vector<ActingLaw>& laws,
+                         const PeriodicFitOptions& options) {
+  return PeriodicFitter(family, data, laws, options).run(parameters);
+}
+
+VectorXd standard_errors(const MatrixXd& information) {
+  constexpr double kUnseen = 1e-10;  // eigenvalue of the information scaled to a unit diagonal
+  const Index n = information.rows();
+  VectorXd errors(n);
+  if (n == 0) return errors;
+  const VectorXd unit = information.diagonal().unaryExpr(
+      [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(unit.asDiagonal() * information *
+                                                      unit.asDiagonal());
+  for (Index k = 0; k < n; ++k) {
+    double variance = 0.0;
+    bool is_seen = unit(k) > 0.0;
+    for (Index e = 0; e < n; ++e) {
+      const double share = eigen.eigenvectors()(k, e);
+      if (eigen.eigenvalues()(e) > kUnseen) {
+        variance += share * share / eigen.eigenvalues()(e);
+      } else if (std::abs(share) > 1e-3) {
+        is_seen = false;
+      }
+    }
+    errors(k) = is_seen ? unit(k) * std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN();
+  }
+  return errors;
+}
+
+}  // namespace graybox

@@ -1,0 +1,42 @@
+// The parameters of a model and of laws that fit periodic recordings best, by Levenberg and
+// Marquardt's method on the whitened residuals of steady_state.hpp.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+
+namespace graybox {
+
+struct PeriodicFitOptions {
+  int iteration_limit = 60;
+  int threads = 1;
+  std::function<bool()> keep_going;
+};
+
+struct PeriodicFit {
+  bool converged = false;
+  std::string trouble;
+  Eigen::VectorXd parameters;   // of the model
+  std::vector<ActingLaw> laws;  // with their estimates
+  double chi_square = 0.0;
+  Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
+  double unsettled = 0.0;       // largest of all recordings (steady_state.hpp)
+  int iterations = 0;
+};
+
+[[nodiscard]] PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
+                                       const Eigen::VectorXd& parameters,
+                                       const std::vector<ActingLaw>& laws,
+                                       const PeriodicFitOptions& options);
+
+// Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
+// part of a combination the data do not see.
+[[nodiscard]] Eigen::VectorXd standard_errors(const Eigen::MatrixXd& information);
+
+}  // namespace graybox

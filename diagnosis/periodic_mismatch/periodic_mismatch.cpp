@@ -1,0 +1,743 @@
+#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/random.hpp"
+
+namespace graybox {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+// One law at one place, with the shapes that are tried.
+struct Candidate {
+  std::size_t hypothesis = 0;
+  const CandidatePlace* place = nullptr;
+  const LawEntry* entry = nullptr;
+  std::vector<LawShape> shapes;
+  std::size_t first_column = 0;  // of its basis functions among all
+};
+
+// Products of all candidates' columns, summed over recordings.
+struct CandidateSums {
+  MatrixXd scores;                       // columns x (1 + draws)
+  MatrixXd nuisance;                     // columns x parameters
+  std::vector<MatrixXd> information;     // of each shape
+  MatrixXd own_information, own_scores;  // of the parameters
+
+  void add(const CandidateSums& other) {
+    scores += other.scores;
+    nuisance += other.nuisance;
+    own_information += other.own_information;
+    own_scores += other.own_scores;
+    for (std::size_t s = 0; s < information.size(); ++s) information[s] += other.information[s];
+  }
+};
+
+// The virtual force and the motion at a place, in one recording.
+struct PlaceMotion {
+  VectorXcd deflection;  // or the signal
+  VectorXcd force;       // virtual; empty at signals
+};
+
+class PlaceObserver {
+ public:
+  PlaceObserver(SteadyStateSolver& solver, const ModelState& model, const PeriodicData& data)
+      : solver_(solver), model_(model), data_(data) {}
+
+  // `answer`: whitened, of a force at the place (not used at signals).
+  [[nodiscard]] PlaceMotion observe(const MeasuredRecord& record, const Location& place,
+                                    const MatrixXcd& answer) const {
+    PlaceMotion motion;
+    const Index lines = data_.last_line;
+    if (place.kind == LocationKind::kActuator) {
+      motion.deflection = record.input.row(place.channel).transpose();
+      return motion;
+    }
+    if (place.kind == LocationKind::kSensor) {
+      motion.deflection = record.output.row(place.channel).transpose();
+      return motion;
+    }
+    const SteadyState& state = solver_.state();
+    motion.force = virtual_force(state.residual, answer);
+    motion.deflection = state.coordinates.transpose() * place.input.cast<Complex>();
+    const LinearPlant& plant = model_.positions[record.position].plant;
+    const auto& receptances =
+        state.changed.empty() ? model_.positions[record.position].receptance : state.changed;
+    for (Index k = data_.first_line; k <= lines; ++k) {
+      motion.deflection(k) -= motion.force(k) * between(receptances[at(k)], place);
+    }
+    take_measured(record, plant, place, motion.deflection);
+    motion.deflection(0) += solver_.static_scale() * place.input.dot(plant.rest);
+    return motion;
+  }
+
+ private:
+  // b_in^T X b_out
+  static Complex between(const MatrixXcd& receptance, const Location& place) {
+    Complex sum = 0.0;
+    for (Index i = 0; i < place.input.size(); ++i) {
+      if (place.input(i) == 0.0) continue;
+      for (Index j = 0; j < place.output.size(); ++j) {
+        if (place.output(j) != 0.0) sum += place.input(i) * receptance(i, j) * place.output(j);
+      }
+    }
+    return sum;
+  }
+
+  // Shrunk where it is not larger than its noise.
+  [[nodiscard]] VectorXcd virtual_force(const MatrixXcd& residual, const MatrixXcd& answer) const {
+    VectorXcd force = VectorXcd::Zero(data_.last_line + 1);
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      const double gain = answer.col(k).squaredNorm();
+      if (!(gain > 0.0)) continue;
+      const Complex estimate = -answer.col(k).dot(residual.col(k)) / gain;
+      const double power = std::norm(estimate), noise = 2.0 / gain;
+      if (power > noise) force(k) = estimate * (1.0 - noise / power);
+    }
+    return force;
+  }
+
+  // z from a sensor's own signal, where one measures this deflection or its rate.
+  void take_measured(const MeasuredRecord& record, const LinearPlant& plant, const Location& place,
+                     VectorXcd& deflection) const {
+    for (Index c = 0; c < plant.velocity_output.rows(); ++c) {
+      for (const bool is_rate : {true, false}) {
+        const VectorXd row =
+            (is_rate ? plant.velocity_output : plant.position_output).row(c).transpose();
+        const VectorXd other =
+            (is_rate ? plant.position_output : plant.velocity_output).row(c).transpose();
+        const double ratio = row.dot(place.input) / place.input.squaredNorm();
+        if (ratio == 0.0 || !other.isZero(0.0) || !row.isApprox(ratio * place.input, 1e-12)) {
+          continue;
+        }
+        for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+          const Complex rate = is_rate ? Complex(0.0, data_.frequencies[at(k)]) : Complex(1.0);
+          deflection(k) = record.output(c, k) / (ratio * rate);
+        }
+        return;
+      }
+    }
+  }
+
+  SteadyStateSolver& solver_;
+  const ModelState& model_;
+  const PeriodicData& data_;
+};
+
+class Problem : public MismatchProblem {
+ public:
+  Problem(std::unique_ptr<PlantFamily> family, PeriodicData data,
+          const PeriodicMismatchOptions& options)
+      : family_(std::move(family)), data_(std::move(data)), options_(options) {
+    list_base_laws();
+    list_hypotheses();
+    start_.resize(static_cast<Index>(family_->parameters().size()));
+    for (Index p = 0; p < start_.size(); ++p) start_(p) = family_->parameters()[at(p)].start;
+  }
+
+  [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
+  [[nodiscard]] double sample_count() const override { return data_.numbers_in(data_.estimation); }
+  [[nodiscard]] bool noise_is_known() const override { return true; }
+
+  [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
+                                const ExtendedFit* nearby) const override {
+    VectorXd start = start_;
+    std::vector<ActingLaw> acting = base_laws_;
+    if (nearby != nullptr && nearby->model_parameters.size() == model_parameter_count()) {
+      take_model_parameters(*nearby, start, acting);
+    }
+    for (const LawStart& law : laws) {
+      acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
+    }
+    const PeriodicFitOptions settings{options_.iteration_limit, options_.threads,
+                                      options_.keep_going};
+    PeriodicFit fitted = fit_periodic(*family_, data_, start, acting, settings);
+    // The first fit may have started too far off.
+    if (nearby == nullptr && fitted.chi_square > kDoubtful * sample_count()) {
+      if (const auto other = response_start(*family_, data_, options_.threads)) {
+        PeriodicFit again = fit_periodic(*family_, data_, *other, acting, settings);
+        if (again.converged && (!fitted.converged || again.chi_square < fitted.chi_square)) {
+          fitted = std::move(again);
+        }
+      }
+    }
+    return report(fitted, laws);
+  }
+
+  [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
+                                  int null_draws, std::uint64_t seed) const override;
+
+  [[nodiscard]] std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const override;
+
+  [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
+    if (data_.validation.empty()) return {};
+    const ModelState model = state_of(fit);
+    return assess(model, data_.validation, 0);
+  }
+
+  [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
+
+ private:
+  static constexpr double kDoubtful = 1.5;  // chi-square over the numbers measured
+  static constexpr int kChunks = 8;         // of recordings, whose sums are added in order
+
+  void list_base_laws() {
+    const std::vector<Element>& elements = family_->elements();
+    base_places_.resize(elements.size());
+    for (std::size_t e = 0; e < elements.size(); ++e) {
+      base_places_[e].location = elements[e].location;
+      const bool is_signal = elements[e].location.kind != LocationKind::kElement;
+      base_laws_.push_back(
+          {&base_places_[e], find_law(elements[e].law_name, is_signal), elements[e].parameters});
+      base_names_.push_back(elements[e].name);
+    }
+  }
+
+  void list_hypotheses() {
+    for (const CandidatePlace& place : family_->places()) {
+      for (const LawEntry* entry : hypothetical_laws(place)) {
+        hypotheses_.push_back(
+            {place.location.name, place.yaml, entry->name, special_cases_of(*entry)});
+        places_.push_back(&place);
+        entries_.push_back(entry);
+      }
+    }
+  }
+
+  [[nodiscard]] std::size_t model_parameter_count() const {
+    std::size_t count = family_->parameters().size();
+    for (const ActingLaw& law : base_laws_) count += law.parameters.size();
+    return count;
+  }
+
+  void take_model_parameters(const ExtendedFit& fit, VectorXd& parameters,
+                             std::vector<ActingLaw>& laws) const {
+    std::size_t k = 0;
+    for (double& value : parameters) value = fit.model_parameters[k++].value;
+    for (std::size_t l = 0; l < base_laws_.size(); ++l) {
+      for (double& value : laws[l].parameters) value = fit.model_parameters[k++].value;
+    }
+  }
+
+  [[nodiscard]] ModelState state_of(const ExtendedFit& fit) const {
+    VectorXd parameters = start_;
+    std::vector<ActingLaw> laws = base_laws_;
+    take_model_parameters(fit, parameters, laws);
+    for (const FittedLaw& law : fit.laws) {
+      ActingLaw& acting =
+          laws.emplace_back(ActingLaw{places_[law.hypothesis], entries_[law.hypothesis], {}, {}});
+      for (const LawParameterEstimate& estimate : law.parameters) {
+        acting.parameters.push_back(estimate.value);
+      }
+    }
+    return evaluate_model(*family_, data_, parameters, std::move(laws), true, options_.threads);
+  }
+
+  // Works through recordings in chunks that do not depend on the number of threads.
+  template <typename Work>
+  void for_each_record(const std::vector<MeasuredRecord>& records, const Work& work) const {
+#pragma omp parallel num_threads(options_.threads)
+    {
+      SteadyStateSolver solver(*family_, data_, {});
+#pragma omp for schedule(dynamic)
+      for (int chunk = 0; chunk < kChunks; ++chunk) {
+        const std::size_t first = records.size() * at(chunk) / kChunks;
+        const std::size_t last = records.size() * (at(chunk) + 1) / kChunks;
+        for (std::size_t i = first; i < last; ++i) work(solver, records[i], i, at(chunk));
+      }
+    }
+  }
+
+  // Scaled so that the chi-square test holds although the noise is an estimate itself: chi^2/dof then
+  // is Fisher's F with the noise's degrees of freedom, which is about a chi-square over its degrees
+  // of freedom with 1/dof = 1/dof_data + 1/dof_noise.
+  [[nodiscard]] Assessment judged(double chi_square, double degrees_of_freedom) const {
+    Assessment result;
+    result.chi_square = chi_square;
+    result.degrees_of_freedom = degrees_of_freedom;
+    if (data_.noise_degrees_of_freedom > 0.0) {
+      result.degrees_of_freedom =
+          1.0 / (1.0 / degrees_of_freedom + 1.0 / data_.noise_degrees_of_freedom);
+      result.chi_square *= result.degrees_of_freedom / degrees_of_freedom;
+    }
+    return result;
+  }
+
+  [[nodiscard]] Assessment assess(const ModelState& model,
+                                  const std::vector<MeasuredRecord>& records,
+                                  std::size_t parameters) const {
+    const auto outputs = static_cast<Index>(data_.outputs.size());
+    std::vector<double> chi_square(records.size());
+    std::vector<VectorXd> error(records.size()), signal(records.size());
+    for_each_record(records, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
+                                 std::size_t i, std::size_t) {
+      const SteadyState& state = solver.solve(model, record, nullptr);
+      chi_square[i] = state.chi_square;
+      const Index count = data_.line_count();
+      error[i] = (record.output - state.output).rightCols(count).rowwise().squaredNorm();
+      signal[i] = record.output.rightCols(count).rowwise().squaredNorm();
+    });
+    double sum = 0.0;
+    VectorXd errors = VectorXd::Zero(outputs), signals = VectorXd::Zero(outputs);
+    for (std::size_t i = 0; i < records.size(); ++i) {
+      sum += chi_square[i];
+      errors += error[i];
+      signals += signal[i];
+    }
+    Assessment result = judged(sum, data_.numbers_in(records) - static_cast<double>(parameters));
+    const double share = errors.cwiseQuotient(signals).mean();
+    result.nrmse = 100.0 * std::sqrt(share);
+    result.variance_accounted_for = 100.0 * (1.0 - share);
+    return result;
+  }
+
+  [[nodiscard]] ExtendedFit report(const PeriodicFit& fitted,
+                                   std::span<const LawStart> laws) const {
+    ExtendedFit result;
+    result.usable = fitted.converged;
+    result.trouble = fitted.trouble;
+    if (fitted.parameters.size() == 0) return result;
+    const VectorXd errors = standard_errors(fitted.information);
+    Index k = 0;
+    for (const ModelParameter& parameter : family_->parameters()) {
+      result.model_parameters.push_back(
+          {parameter.name, parameter.unit, fitted.parameters(k), errors(k)});
+      ++k;
+    }
+    for (std::size_t l = 0; l < fitted.laws.size(); ++l) {
+      const ActingLaw& law = fitted.laws[l];
+      const bool is_base = l < base_laws_.size();
+      if (!is_base) result.laws.push_back({laws[l - base_laws_.size()].hypothesis, {}});
+      for (std::size_t p = 0; p < law.parameters.size(); ++p, ++k) {
+        const LawParameter& parameter = law.entry->parameters[p];
+        LawParameterEstimate estimate{parameter.name,
+                                      unit_at(parameter.unit, law.place->location.units),
+                                      law.parameters[p], errors(k)};
+        if (is_base) estimate.name = base_names_[l] + "." + parameter.name;
+        (is_base ? result.model_parameters : result.laws.back().parameters).push_back(estimate);
+      }
+    }
+    result.deviance = fitted.chi_square;
+    result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
+    for (const ActingLaw& law : base_laws_) {
+      result.parameter_count -= static_cast<std::size_t>(std::ranges::count(law.fixed, true));
+    }
+    result.estimation = assess(
+        evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
+        data_.estimation, result.parameter_count);
+    return result;
+  }
+
+  // ---- scores --------------------------------------------------------------------------------------
+
+  [[nodiscard]] std::map<const CandidatePlace*, MotionScale> motion_scales(
+      const ModelState& model, std::span<const std::size_t> asked) const;
+  [[nodiscard]] std::vector<Candidate> candidates(
+      std::span<const std::size_t> asked,
+      const std::map<const CandidatePlace*, MotionScale>& scales) const;
+  void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
+                  const std::vector<Candidate>& list,
+                  const std::vector<std::vector<PlantDerivative>>& body_changes,
+                  const MatrixXcd& right, CandidateSums& sums) const;
+  [[nodiscard]] MatrixXcd right_sides(const MatrixXcd& residual, int draws,
+                                      std::uint64_t seed) const;
+  [[nodiscard]] std::vector<std::vector<PlantDerivative>> body_changes(
+      const ModelState& model, const std::vector<Candidate>& list) const;
+  void place_answer(SteadyStateSolver& solver, const ModelState& model,
+                    const MeasuredRecord& record, const Location& place, MatrixXcd& answer) const;
+
+  std::unique_ptr<PlantFamily> family_;
+  PeriodicData data_;
+  PeriodicMismatchOptions options_;
+  VectorXd start_;
+  std::vector<CandidatePlace> base_places_;
+  std::vector<ActingLaw> base_laws_;
+  std::vector<std::string> base_names_;
+  std::vector<Hypothesis> hypotheses_;
+  std::vector<const CandidatePlace*> places_;  // of each hypothesis
+  std::vector<const LawEntry*> entries_;
+};
+
+void Problem::place_answer(SteadyStateSolver& solver, const ModelState& model,
+                           const MeasuredRecord& record, const Location& place,
+                           MatrixXcd& answer) const {
+  if (place.kind == LocationKind::kElement) {
+    solver.answer(model, record, place.output, answer);
+  } else if (place.kind == LocationKind::kActuator) {
+    solver.answer_of_input(model, record, place.channel, answer);
+  } else {
+    solver.answer_of_output(record, place.channel, answer);
+  }
+}
+
+std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
+    const ModelState& model, std::span<const std::size_t> asked) const {
+  constexpr Index kSamples = 48;  // of each recording
+  std::map<const CandidatePlace*, MotionScale> scales;
+  for (const std::size_t hypothesis : asked) scales[places_[hypothesis]];
+  std::vector<const CandidatePlace*> list;
+  for (const auto& [place, scale] : scales) {
+    if (!place->location.is_flange) list.push_back(place);
+  }
+  // Values of each recording and place: deflections, rates.
+  const std::size_t records = data_.estimation.size();
+  std::vector<std::vector<std::pair<VectorXd, VectorXd>>> values(records);
+  std::vector<std::vector<double>> ranges(records);
+  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
+                                        std::size_t i, std::size_t) {
+    solver.solve(model, record, nullptr);
+    const PlaceObserver observer(solver, model, data_);
+    MatrixXcd answer;
+    PeriodicMotion motion;
+    for (const CandidatePlace* place : list) {
+      place_answer(solver, model, record, place->location, answer);
+      VectorXcd deflection = observer.observe(record, place->location, answer).deflection;
+      if (place->location.kind == LocationKind::kActuator) {
+        deflection(0) +=
+            solver.static_scale() *
+            model.positions[record.position].plant.holding_input(place->location.channel);
+      }
+      solver.motion_of(deflection, motion);
+      const Index step = std::max<Index>(1, motion.deflection.size() / kSamples);
+      const auto samples = Eigen::seq(0, motion.deflection.size() - 1, step);
+      values[i].emplace_back(motion.deflection(samples).cwiseAbs(),
+                             motion.rate(samples).cwiseAbs());
+      ranges[i].push_back(motion.deflection.maxCoeff() - motion.deflection.minCoeff());
+    }
+  });
+  for (std::size_t p = 0; p < list.size(); ++p) {
+    MotionScale& scale = scales[list[p]];
+    for (std::size_t i = 0; i < records; ++i) {
+      const auto& [deflections, rates] = values[i][p];
+      scale.deflections.insert(scale.deflections.end(), deflections.begin(), deflections.end());
+      scale.rates.insert(scale.rates.end(), rates.begin(), rates.end());
+      scale.range = std::max(scale.range, ranges[i][p]);
+    }
+    std::ranges::sort(scale.deflections);
+    std::ranges::sort(scale.rates);
+  }
+  return scales;
+}
+
+std::vector<Candidate> Problem::candidates(
+    std::span<const std::size_t> asked,
+    const std::map<const CandidatePlace*, MotionScale>& scales) const {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const FrequencyBand band{data_.frequencies[data_.excited.front()] / kTurn,
+                           data_.frequencies[data_.excited.back()] / kTurn};
+  std::vector<Candidate> list;
+  std::size_t column = 0;
+  for (const std::size_t hypothesis : asked) {
+    Candidate candidate{hypothesis, places_[hypothesis], entries_[hypothesis], {}, column};
+    candidate.shapes =
+        periodic_shapes(*candidate.entry, *candidate.place, scales.at(candidate.place), band);
+    for (const LawShape& shape : candidate.shapes) column += shape.basis.size();
+    list.push_back(std::move(candidate));
+  }
+  return list;
+}
+
+// [position][column of body laws, in the candidates' order]
+std::vector<std::vector<PlantDerivative>> Problem::body_changes(
+    const ModelState& model, const std::vector<Candidate>& list) const {
+  constexpr double kSmall = 1e-3;  // of a unit amplitude: the change is linear in it
+  std::vector<std::vector<PlantDerivative>> changes(data_.positions.size());
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    const LinearPlant& plain = model.positions[i].plant;
+    for (const Candidate& candidate : list) {
+      if (!is_body(*candidate.place, *candidate.entry)) continue;
+      for (const LawShape& shape : candidate.shapes) {
+        std::vector<Element> bodies = model.bodies;
+        Element& body = bodies.emplace_back();
+        body.location = candidate.place->location;
+        body.use = candidate.entry->use;
+        body.parameters = shape.basis.front();
+        body.parameters.front() *= kSmall;
+        const LinearPlant changed = family_->plant(data_.positions[i], model.parameters, bodies);
+        changes[i].push_back({(changed.mass - plain.mass) / kSmall,
+                              {},
+                              (changed.stiffness - plain.stiffness) / kSmall});
+      }
+    }
+  }
+  return changes;
+}
+
+// Whitened residuals and draws of pure noise, [n_y (K + 1)] x (1 + draws), zero where lines do not
+// count.
+MatrixXcd Problem::right_sides(const MatrixXcd& residual, int draws, std::uint64_t seed) const {
+  MatrixXcd right = MatrixXcd::Zero(residual.size(), 1 + draws);
+  right.col(0) = Eigen::Map<const VectorXcd>(residual.data(), residual.size());
+  const Index first = data_.first_line * residual.rows();
+  Random random(seed);
+  for (Index d = 1; d <= draws; ++d) {
+    for (Index i = first; i < residual.size(); ++i) {
+      const double real = random.normal();
+      right(i, d) = Complex(real, random.normal());
+    }
+  }
+  return right;
+}
+
+void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
+                         const MeasuredRecord& record, const std::vector<Candidate>& list,
+                         const std::vector<std::vector<PlantDerivative>>& bodies,
+                         const MatrixXcd& right, CandidateSums& sums) const {
+  const Index lines = data_.last_line + 1;
+  const auto outputs = static_cast<Index>(data_.outputs.size());
+  MatrixXcd jacobian;
+  solver.differentiate(model, record, false, jacobian);
+  sums.own_information += (jacobian.adjoint() * jacobian).real();
+  sums.own_scores += (jacobian.adjoint() * right).real();
+  const PlaceObserver observer(solver, model, data_);
+  const CandidatePlace* here = nullptr;
+  MatrixXcd answer, seen_right(lines, right.cols()), seen_jacobian(lines, jacobian.cols());
+  VectorXd gain(lines);
+  VectorXcd force;
+  PlaceMotion place_motion;
+  PeriodicMotion motion;
+  std::size_t shape_index = 0, body = 0;
+  for (const Candidate& candidate : list) {
+    const Location& place = candidate.place->location;
+    auto column = static_cast<Index>(candidate.first_column);
+    if (is_body(*candidate.place, *candidate.entry)) {
+      MatrixXcd change(outputs, lines);
+      for (std::size_t s = 0; s < candidate.shapes.size(); ++s, ++column, ++shape_index, ++body) {
+        solver.answer_of_plant(model, record, bodies[record.position][body], false, change);
+        const Eigen::Map<const VectorXcd> own(change.data(), change.size());
+        sums.information[shape_index](0, 0) += own.squaredNorm();
+        sums.nuisance.row(column) += (own.adjoint() * jacobian).real();
+        sums.scores.row(column) += (own.adjoint() * right).real();
+      }
+      continue;
+    }
+    if (candidate.place != here) {
+      here = candidate.place;
+      place_answer(solver, model, record, place, answer);
+      if (place.kind == LocationKind::kElement) answer = -answer;
+      place_motion = observer.observe(
+          record, place, place.kind == LocationKind::kElement ? MatrixXcd(-answer) : answer);
+      solver.motion_of(place_motion.deflection, motion);
+      gain = answer.colwise().squaredNorm().transpose();
+      for (Index k = 0; k < lines; ++k) {
+        seen_right.row(k).noalias() =
+            answer.col(k).adjoint() * right.middleRows(k * outputs, outputs);
+        seen_jacobian.row(k).noalias() =
+            answer.col(k).adjoint() * jacobian.middleRows(k * outputs, outputs);
+      }
+    }
+    for (const LawShape& shape : candidate.shapes) {
+      const auto size = static_cast<Index>(shape.basis.size());
+      MatrixXcd columns(lines, size);
+      for (Index j = 0; j < size; ++j) {
+        const PeriodicLaw law(*candidate.entry, shape.basis[at(j)]);
+        if (place.kind == LocationKind::kActuator) {
+          solver.signal_lines(law, record, model.positions[record.position].plant, place.channel,
+                              force);
+        } else {
+          solver.force_lines(law, place_motion.deflection, motion, force);
+        }
+        columns.col(j) = force;
+      }
+      sums.information[shape_index] += (columns.adjoint() * gain.asDiagonal() * columns).real();
+      sums.nuisance.middleRows(column, size) += (columns.adjoint() * seen_jacobian).real();
+      sums.scores.middleRows(column, size) += (columns.adjoint() * seen_right).real();
+      column += size;
+      ++shape_index;
+    }
+  }
+}
+
+ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
+                           int null_draws, std::uint64_t seed) const {
+  const ModelState model = state_of(fit);
+  const std::vector<Candidate> list = candidates(asked, motion_scales(model, asked));
+  const auto bodies = body_changes(model, list);
+  CandidateSums empty;
+  Index columns = 0;
+  for (const Candidate& candidate : list) {
+    for (const LawShape& shape : candidate.shapes) {
+      const auto size = static_cast<Index>(shape.basis.size());
+      empty.information.push_back(MatrixXd::Zero(size, size));
+      columns += size;
+    }
+  }
+  auto parameters = static_cast<Index>(family_->parameters().size());
+  for (const ActingLaw& law : model.laws) parameters += static_cast<Index>(law.parameters.size());
+  empty.scores = MatrixXd::Zero(columns, 1 + null_draws);
+  empty.nuisance = MatrixXd::Zero(columns, parameters);
+  empty.own_information = MatrixXd::Zero(parameters, parameters);
+  empty.own_scores = MatrixXd::Zero(parameters, 1 + null_draws);
+  std::vector<CandidateSums> sums(kChunks, empty);
+  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
+                                        std::size_t i, std::size_t chunk) {
+    const MatrixXcd residual = solver.solve(model, record, nullptr).residual;
+    const MatrixXcd right =
+        right_sides(residual, null_draws, seed + 0x9e3779b97f4a7c15ULL * (i + 1));
+    add_record(solver, model, record, list, bodies, right, sums[chunk]);
+  });
+  for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
+  const CandidateSums& total = sums.front();
+  const ScoreTest test({total.own_information, total.own_scores});
+  ScoreTable table;
+  table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
+  std::size_t shape_index = 0;
+  for (const Candidate& candidate : list) {
+    HypothesisScore& best = table.scores.emplace_back();
+    best.start.hypothesis = candidate.hypothesis;
+    best.shapes = candidate.shapes.size();
+    const LawParameter& leading = candidate.entry->parameters.front();
+    best.amplitude_unit = unit_at(leading.unit, candidate.place->location.units);
+    auto column = static_cast<Index>(candidate.first_column);
+    for (const LawShape& shape : candidate.shapes) {
+      const auto size = static_cast<Index>(shape.basis.size());
+      const CandidateProducts products{total.information[shape_index++],
+                                       total.nuisance.middleRows(column, size),
+                                       total.scores.middleRows(column, size)};
+      column += size;
+      if (null_draws > 0) test.lower_minimum_p_values(products, table.null_minima);
+      const CandidateScore score = test.score(products);
+      if (score.degrees_of_freedom == 0.0) continue;
+      const std::vector<double> start = shape.parameters(score.amplitudes);
+      if (best.start.parameters.empty() ||
+          (!start.empty() && score.statistic > best.score.statistic)) {
+        best.amplitude = score.amplitudes(0);
+        best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0));
+        if (start.empty()) continue;  // the sign that it found is impossible
+        best.score = score;
+        best.start.parameters = start;
+      }
+    }
+    best.explained_share =
+        fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
+  }
+  return table;
+}
+
+std::vector<MismatchCell> Problem::mismatch(const ExtendedFit& fit) const {
+  constexpr int kBands = 5;
+  const ModelState model = state_of(fit);
+  std::vector<MatrixXd> power(data_.estimation.size());
+  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
+                                        std::size_t i, std::size_t) {
+    power[i] = solver.solve(model, record, nullptr).residual.cwiseAbs2();
+  });
+  const double from = std::log(static_cast<double>(data_.first_line));
+  const double to = std::log(static_cast<double>(data_.last_line) + 1.0);
+  const auto band_of = [&](Index k) {
+    const double share = (std::log(static_cast<double>(k)) - from) / (to - from);
+    return std::min(kBands - 1, static_cast<int>(share * kBands));
+  };
+  std::map<std::tuple<std::size_t, double, Index, int>, MismatchCell> cells;
+  for (std::size_t i = 0; i < power.size(); ++i) {
+    const MeasuredRecord& record = data_.estimation[i];
+    for (Index c = 0; c < power[i].rows(); ++c) {
+      for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+        MismatchCell& cell = cells[{record.position, record.level, c, band_of(k)}];
+        const double frequency = data_.frequencies[at(k)] / (2.0 * std::numbers::pi);
+        if (cell.degrees_of_freedom == 0.0) {
+          cell.channel = data_.outputs[at(c)];
+          cell.position = data_.position_names[record.position];
+          cell.level = record.level;
+          cell.from = frequency;
+        }
+        cell.to = std::max(cell.to, frequency);
+        cell.statistic += power[i](c, k);
+        cell.degrees_of_freedom += 2.0;
+      }
+    }
+  }
+  std::vector<MismatchCell> result;
+  for (auto& [key, cell] : cells) result.push_back(std::move(cell));
+  return result;
+}
+
+// At the level where the laws of the fit move most: the recording of the largest force.
+std::vector<ForcePicture> Problem::force_pictures(const ExtendedFit& fit) const {
+  constexpr Index kPoints = 1500;
+  const ModelState model = state_of(fit);
+  std::vector<ForcePicture> pictures(fit.laws.size());
+  std::vector<double> largest(fit.laws.size(), -1.0);
+  SteadyStateSolver solver(*family_, data_, {});
+  MatrixXcd answer;
+  PeriodicMotion motion, left;
+  VectorXd law_force;
+  for (const MeasuredRecord& record : data_.estimation) {
+    solver.solve(model, record, nullptr);
+    for (std::size_t l = 0; l < fit.laws.size(); ++l) {
+      const ActingLaw& law = model.laws[base_laws_.size() + l];
+      const Location& place = law.place->location;
+      ForcePicture& picture = pictures[l];
+      picture.hypothesis = fit.laws[l].hypothesis;
+      const PeriodicLaw periodic(*law.entry, law.parameters);
+      if (place.kind != LocationKind::kElement || is_body(*law.place, *law.entry) ||
+          periodic.is_linear()) {
+        continue;
+      }
+      place_answer(solver, model, record, place, answer);
+      const PlaceMotion seen = PlaceObserver(solver, model, data_).observe(record, place, answer);
+      solver.motion_of(seen.deflection, motion);
+      solver.motion_of(seen.force, left);
+      periodic.force(motion, law_force);
+      if (law_force.norm() <= largest[l]) continue;
+      largest[l] = law_force.norm();
+      picture.deflection_unit = place.units.deflection;
+      picture.rate_unit = place.units.deflection + "/s";
+      picture.force_unit = place.units.force;
+      const Index step = std::max<Index>(1, law_force.size() / kPoints);
+      for (auto* values :
+           {&picture.deflection, &picture.rate, &picture.force, &picture.law_force}) {
+        values->clear();
+      }
+      for (Index t = 0; t < law_force.size(); t += step) {
+        picture.deflection.push_back(motion.deflection(t));
+        picture.rate.push_back(motion.rate(t));
+        picture.force.push_back(law_force(t) + left.deflection(t));
+        picture.law_force.push_back(law_force(t));
+      }
+    }
+  }
+  return pictures;
+}
+
+}  // namespace
+
+std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem::path& model,
+                                                           const Campaign& campaign,
+                                                           const PeriodicMismatchOptions& options) {
+  std::unique_ptr<PlantFamily> family = plant_family(model);
+  PeriodicDataOptions reading;
+  reading.line_factor = options.line_factor;
+  reading.model_accuracy = options.model_accuracy;
+  reading.threads = options.threads;
+  reading.keep_going = options.keep_going;
+  PeriodicData data = read_periodic_data(campaign, *family, reading);
+  return std::make_unique<Problem>(std::move(family), std::move(data), options);
+}
+
+}  // namespace graybox

@@ -1,0 +1,31 @@
+// The laws that periodic recordings can show at a place, and the shapes they are tried in: those of
+// law_shapes.hpp, and of what only such recordings tell: payloads, extra modes, laws of signals.
+//
+// Frequencies are spread over the band. Laws without an amplitude (a saturation) have themselves for
+// a basis, and are expected with amplitude one.
+#pragma once
+
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
+#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
+
+namespace graybox {
+
+struct FrequencyBand {
+  double lowest = 0.0, highest = 0.0;  // Hz, of the excitation
+};
+
+// Empty where there was no motion that could show the law.
+[[nodiscard]] std::vector<LawShape> periodic_shapes(const LawEntry& entry,
+                                                    const CandidatePlace& place,
+                                                    const MotionScale& scale,
+                                                    const FrequencyBand& band);
+
+// The laws of the catalogue that are hypotheses at a place: those that it can take and that do not
+// only change a parameter that is estimated anyway. The balancer is left out: over small motions it
+// is a spring. So are constant forces, which lines do not show.
+[[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place);
+
+}  // namespace graybox

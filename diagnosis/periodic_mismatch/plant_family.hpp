@@ -1,0 +1,79 @@
+// PlantFamily: a model as the periodic route sees it, robot or lumped: one linear plant for each
+// position and each value of its parameters, and what of the model is not linear.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
+#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "graybox/problems/elements/element.hpp"
+
+namespace graybox {
+
+struct ModelParameter {
+  std::string name;
+  std::string unit;
+  double start = 0.0;
+  bool positive = false;  // estimated by its logarithm
+};
+
+// The forces that the model itself has beyond its linear plant: for a robot, in deviations from rest,
+//   f = -[(M(q) - M) q'' + c(q, q') + g(q) - g(q*) - K_g (q - q*)]   on the arm.
+class OwnForce {
+ public:
+  virtual ~OwnForce() = default;
+  // Each n x times; q counts from rest.
+  virtual void evaluate(const Eigen::MatrixXd& q, const Eigen::MatrixXd& velocity,
+                        const Eigen::MatrixXd& acceleration, Eigen::MatrixXd& force) = 0;
+};
+
+struct PeriodEnd {
+  Eigen::VectorXd input, error;     // u and r - y at the last sample of a period
+  Eigen::VectorXd output;           // y at the first
+  Eigen::VectorXd output_integral;  // of the periodic part of y, of mean zero, there
+};
+
+class PlantFamily {
+ public:
+  virtual ~PlantFamily() = default;
+
+  [[nodiscard]] const std::vector<ModelParameter>& parameters() const { return parameters_; }
+  [[nodiscard]] double sample_time() const { return sample_time_; }
+  [[nodiscard]] Eigen::Index input_count() const { return inputs_; }
+  [[nodiscard]] Eigen::Index output_count() const { return outputs_; }
+  // Laws of the model that are not part of the linear plant; their parameters are free as well.
+  [[nodiscard]] const std::vector<Element>& elements() const { return elements_; }
+  [[nodiscard]] const std::vector<CandidatePlace>& places() const { return places_; }
+
+  // `bodies`: inertia and payload elements that change the mass matrix itself (arm axes and flange of
+  // robots). Throws InputError where there is no rest.
+  [[nodiscard]] virtual LinearPlant plant(const Eigen::VectorXd& joint_angles,
+                                          const Eigen::VectorXd& parameters,
+                                          std::span<const Element> bodies) const = 0;
+  // Null where the model is linear. The plant must outlive it.
+  [[nodiscard]] virtual std::unique_ptr<OwnForce> own_force(
+      const LinearPlant& plant, std::span<const Element> bodies) const = 0;
+  // F^-1 of the model's controller at w, empty without one.
+  [[nodiscard]] virtual Eigen::MatrixXcd inverse_controller(double w) const = 0;
+  // How far the coordinates that the control holds (LinearPlant::held) stand from rest on average over
+  // the period, from what the controller knows at the period's end; empty where they do not move away
+  // or it can't be told. The controller is taken to have started at rest.
+  [[nodiscard]] virtual Eigen::VectorXd mean_offset(const PeriodEnd& end) const = 0;
+
+ protected:
+  std::vector<ModelParameter> parameters_;
+  std::vector<Element> elements_;
+  std::vector<CandidatePlace> places_;
+  double sample_time_ = 0.0;
+  Eigen::Index inputs_ = 0, outputs_ = 0;
+};
+
+// A graybox-robot/1 or graybox-lumped/1 file. Throws InputError of one line.
+[[nodiscard]] std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model);
+
+}  // namespace graybox

@@ -1,0 +1,58 @@
+// What a plant of linear equations of motion does at the lines of a period, its input held between
+// samples:
+//
+//   D(w) q = h(w) B u + f,   D = K + j w C - w^2 M,   y = (S_0 + j w S_1) q + A(w) u.
+//
+// Images. A held input has the spectrum h(w_m) u at all w_m = w + m w_s, w_s the sample rate, and
+// sampling folds them back: A = sum over m != 0 of h(w_m) (S_0 + j w_m S_1) D(w_m)^-1 B. Above all
+// modes, with (j w)^-1 = s,
+//
+//   D^-1 = s^2 (a_1 + a_2 s + a_3 s^2 + ...),   M a_1 = I,   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
+//
+// of which three terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m T_s), so that only sums of
+// 1/w_m^p, p = 2 ... 6, are needed: p = 2 in closed form, (pi/w_s)^2 / sin^2(pi w/w_s) - 1/w^2, the
+// others directly. Without A (three parts in a thousand of G at 3 % of the sample rate) recordings
+// with little noise would reject the true model.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <functional>
+#include <vector>
+
+namespace graybox {
+
+// The change of M, C and K with one parameter; empty where there is none.
+struct PlantDerivative {
+  Eigen::MatrixXd mass, damping, stiffness;
+};
+
+struct LinearPlant {
+  Eigen::MatrixXd mass, damping, stiffness;          // M, C, K
+  Eigen::MatrixXd input;                             // B
+  Eigen::MatrixXd position_output, velocity_output;  // S_0, S_1
+  Eigen::VectorXd rest;                              // q at rest; the equations count from it
+  Eigen::VectorXd holding_input;  // at rest, beyond the recorded one: u of an actuator's law
+  // Coordinates whose mean the control holds whatever forces act on them (motors of a robot).
+  std::vector<bool> held;
+  std::vector<PlantDerivative> derivatives;  // by each parameter of the model
+};
+
+// D(w)^-1; at w = 0 that of K without the held coordinates, the pseudo-inverse where K is singular.
+[[nodiscard]] Eigen::MatrixXcd receptance(const LinearPlant& plant, double w);
+
+// A(w), n_y x n_u.
+[[nodiscard]] Eigen::MatrixXcd image_response(const LinearPlant& plant, double w,
+                                              double sample_time);
+
+// The column of A of one input that passes through H(w) between its hold and the plant (a delay, a lag):
+// the sum of the images with H(w_m) at each.
+[[nodiscard]] Eigen::VectorXcd filtered_image_response(
+    const LinearPlant& plant, Eigen::Index input, double w, double sample_time,
+    const std::function<std::complex<double>(double)>& filter);
+
+// (S_0 + j w S_1) D^-1 B h + A: the response from recorded inputs to recorded outputs.
+[[nodiscard]] Eigen::MatrixXcd sampled_response(const LinearPlant& plant, double w,
+                                                double sample_time);
+
+}  // namespace graybox

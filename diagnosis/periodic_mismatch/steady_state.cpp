@@ -1,0 +1,760 @@
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <limits>
+#include <mutex>
+#include <tuple>
+
+#include "graybox/problems/frequency_response.hpp"
+
+namespace graybox {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+Element as_element(const ActingLaw& law) {
+  Element element;
+  element.location = law.place->location;
+  element.law_name = law.entry->name;
+  element.use = law.entry->use;
+  element.parameters = law.parameters;
+  return element;
+}
+
+// M and K of the plant by each parameter of each body law, by central differences.
+void differentiate_bodies(const PlantFamily& family, const VectorXd& angles,
+                          const VectorXd& parameters, const std::vector<Element>& bodies,
+                          PositionResponse& response) {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    for (std::size_t p = 0; p < bodies[b].parameters.size(); ++p) {
+      const double step = 1e-4 * std::max(std::abs(bodies[b].parameters[p]), 0.1);
+      std::vector<Element> shifted = bodies;
+      shifted[b].parameters[p] += step;
+      const LinearPlant above = family.plant(angles, parameters, shifted);
+      shifted[b].parameters[p] -= 2.0 * step;
+      const LinearPlant below = family.plant(angles, parameters, shifted);
+      response.body_mass.emplace_back((above.mass - below.mass) / (2.0 * step));
+      response.body_stiffness.emplace_back((above.stiffness - below.stiffness) / (2.0 * step));
+    }
+  }
+}
+
+std::size_t grid_of(const SteadyStateOptions& options, Index lines) {
+  const double least = options.oversampling * static_cast<double>(lines + 1);
+  return fast_grid(
+      static_cast<std::size_t>(std::max(least, std::min(4.0 * least, options.grid_points))));
+}
+
+}  // namespace
+
+bool is_body(const CandidatePlace& place, const LawEntry& entry) {
+  if (entry.use == LawUse::kPayload) return true;
+  return entry.use == LawUse::kInertia && place.location.name.ends_with(".arm");
+}
+
+ModelState evaluate_model(const PlantFamily& family, const PeriodicData& data,
+                          const VectorXd& parameters, std::vector<ActingLaw> laws,
+                          bool with_derivatives, int threads) {
+  static std::atomic<std::uint64_t> versions{0};
+  ModelState state;
+  state.version = ++versions;
+  state.parameters = parameters;
+  state.laws = std::move(laws);
+  for (const ActingLaw& law : state.laws) {
+    if (is_body(*law.place, *law.entry)) state.bodies.push_back(as_element(law));
+  }
+  state.positions.resize(data.positions.size());
+  std::exception_ptr failure;
+  std::mutex guard;
+#pragma omp parallel for num_threads(threads) schedule(dynamic)
+  for (std::size_t i = 0; i < state.positions.size(); ++i) {
+    try {
+      PositionResponse& response = state.positions[i];
+      response.plant = family.plant(data.positions[i], parameters, state.bodies);
+      if (with_derivatives) {
+        differentiate_bodies(family, data.positions[i], parameters, state.bodies, response);
+      }
+      for (Index k = 0; k <= data.last_line; ++k) {
+        const double w = data.frequencies[at(k)];
+        response.receptance.push_back(receptance(response.plant, w));
+        response.images.push_back(k == 0 ? MatrixXcd()
+                                         : image_response(response.plant, w, data.sample_time));
+      }
+    } catch (...) {
+      const std::scoped_lock lock(guard);
+      failure = std::current_exception();
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+  return state;
+}
+
+SteadyStateSolver::SteadyStateSolver(const PlantFamily& family, const PeriodicData& data,
+                                     const SteadyStateOptions& options)
+    : family_(family),
+      data_(data),
+      options_(options),
+      lines_(data.last_line),
+      static_scale_(std::sqrt(static_cast<double>(data.period))),
+      transform_(data.period, lines_, grid_of(options, lines_)),
+      samples_(data.period),
+      own_transform_(data.period, lines_, fast_grid(2 * at(lines_) + 2)) {
+  motion_.step =
+      static_cast<double>(data.period) * data.sample_time / static_cast<double>(transform_.grid());
+}
+
+// ---- the equation --------------------------------------------------------------------------------
+
+void SteadyStateSolver::list_laws(const ModelState& model) {
+  force_laws_.clear();
+  for (std::size_t l = 0; l < model.laws.size(); ++l) {
+    const ActingLaw& law = model.laws[l];
+    if (law.place->location.kind != LocationKind::kElement || is_body(*law.place, *law.entry)) {
+      continue;
+    }
+    force_laws_.push_back(
+        {l, &law.place->location, PeriodicLaw(*law.entry, law.parameters), {}, {}});
+  }
+}
+
+const SteadyState& SteadyStateSolver::solve(const ModelState& model, const MeasuredRecord& record,
+                                            const MatrixXcd* start) {
+  model_ = &model;
+  position_ = &model.positions[record.position];
+  list_laws(model);
+  drive(model, record);
+  const Index n = position_->plant.mass.rows();
+  const auto laws = static_cast<Index>(force_laws_.size());
+  own_ = MatrixXcd::Zero(n, lines_ + 1);
+  state_.forces = MatrixXcd::Zero(lines_ + 1, laws);
+  state_.changed.clear();
+  state_.unsettled = 0.0;
+  assemble();
+  add_own_force(model, record.position);
+  assemble();
+  couple_laws();
+  if (laws == 0) {
+    add_own_force(model, record.position);
+    assemble();
+    measure(record);
+    return state_;
+  }
+  measure(record);
+  if (start != nullptr && start->cols() == laws) {
+    state_.forces = *start;
+  } else {
+    virtual_forces();
+  }
+  iterate(record);
+  change_receptance();
+  measure(record);
+  return state_;
+}
+
+// Inputs behind the actuators' laws, and what they alone do.
+void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& record) {
+  const LinearPlant& plant = position_->plant;
+  input_ = record.input;
+  VectorXcd added;
+  std::map<Index, std::vector<PeriodicLaw>> filters;  // of each channel
+  for (const ActingLaw& law : model.laws) {
+    const Location& place = law.place->location;
+    if (place.kind != LocationKind::kActuator) continue;
+    const PeriodicLaw periodic(*law.entry, law.parameters);
+    if (periodic.is_linear()) filters[place.channel].push_back(periodic);
+    signal_lines(periodic, record, plant, place.channel, added);
+    input_.row(place.channel) += added.transpose();
+  }
+  imaged_.setZero(plant.velocity_output.rows(), lines_ + 1);
+  for (Index k = 1; k <= lines_; ++k) {
+    imaged_.col(k).noalias() = position_->images[at(k)] * input_.col(k);
+  }
+  for (const auto& [channel, laws] : filters) {
+    const auto filter = [&laws = laws](double w) {
+      Complex factor = 1.0;
+      for (const PeriodicLaw& law : laws) factor *= 1.0 + *law.response(w);
+      return factor;
+    };
+    for (Index k = 1; k <= lines_; ++k) {
+      const double w = data_.frequencies[at(k)];
+      imaged_.col(k) += filtered_image_response(plant, channel, w, data_.sample_time, filter) *
+                            (input_(channel, k) / filter(w)) -
+                        position_->images[at(k)].col(channel) * input_(channel, k);
+    }
+  }
+  driven_.resize(plant.mass.rows(), lines_ + 1);
+  for (Index k = 0; k <= lines_; ++k) {
+    const Complex hold = k == 0 ? 1.0 : hold_factor(data_.frequencies[at(k)], data_.sample_time);
+    const VectorXcd force = plant.input * (hold * input_.col(k));
+    driven_.col(k).noalias() = position_->receptance[at(k)] * force;
+  }
+  // On average the held coordinates stand off, and the others follow.
+  if (record.mean_offset.size() > 0) {
+    VectorXcd offset = VectorXcd::Zero(plant.mass.rows());
+    Index next = 0;
+    for (Index i = 0; i < offset.size(); ++i) {
+      if (plant.held[at(i)]) offset(i) = static_scale_ * record.mean_offset(next++);
+    }
+    driven_.col(0) += offset - position_->receptance[0] * (plant.stiffness * offset);
+  }
+  // D^-1 b_out of each law, and what the sensors see of it.
+  carried_.resize(force_laws_.size());
+  seen_.resize(force_laws_.size());
+  for (std::size_t l = 0; l < force_laws_.size(); ++l) {
+    carried_[l].setZero(plant.mass.rows(), lines_ + 1);
+    seen_[l].setZero(plant.velocity_output.rows(), lines_ + 1);
+    const VectorXd& b = force_laws_[l].place->output;
+    for (Index k = 0; k <= lines_; ++k) {
+      for (Index i = 0; i < b.size(); ++i) {
+        if (b(i) != 0.0) carried_[l].col(k) += b(i) * position_->receptance[at(k)].col(i);
+      }
+      if (k < data_.first_line) continue;
+      const Complex rate(0.0, data_.frequencies[at(k)]);
+      seen_[l].col(k).noalias() = data_.whitening[record.group][at(k)] *
+                                  (plant.position_output * carried_[l].col(k) +
+                                   rate * (plant.velocity_output * carried_[l].col(k)));
+    }
+  }
+}
+
+// r of each line, and what forces weigh.
+void SteadyStateSolver::couple_laws() {
+  const auto laws = static_cast<Index>(force_laws_.size());
+  between_.resize(at(lines_ + 1));
+  weight_.resize(lines_ + 1, laws);
+  for (Index k = 0; k <= lines_; ++k) {
+    between_[at(k)].resize(laws, laws);
+    for (Index l = 0; l < laws; ++l) {
+      const VectorXd& input = force_laws_[at(l)].place->input;
+      for (Index m = 0; m < laws; ++m) {
+        between_[at(k)](l, m) = input.cast<Complex>().dot(carried_[at(m)].col(k));
+      }
+      weight_(k, l) = seen_[at(l)].col(k).norm();
+    }
+  }
+  // Lines that do not count, the mean among them, weigh as the next that does.
+  for (Index k = data_.first_line - 1; k >= 0; --k) weight_.row(k) = weight_.row(k + 1);
+}
+
+void SteadyStateSolver::add_own_force(const ModelState& model, std::size_t position) {
+  if (own_forces_of_ != model.version) {
+    own_forces_.clear();
+    own_forces_of_ = model.version;
+  }
+  auto found = own_forces_.find(position);
+  if (found == own_forces_.end()) {
+    found = own_forces_.emplace(position, family_.own_force(position_->plant, model.bodies)).first;
+  }
+  if (found->second == nullptr) return;
+  const Index n = position_->plant.mass.rows(), grid = own_transform_.grid();
+  MatrixXd q(n, grid), velocity(n, grid), acceleration(n, grid), force;
+  VectorXcd spectrum(lines_ + 1);
+  VectorXd times(grid);
+  for (Index i = 0; i < n; ++i) {
+    spectrum = state_.coordinates.row(i).transpose();
+    for (MatrixXd* target : {&q, &velocity, &acceleration}) {
+      own_transform_.to_times(spectrum, times);
+      target->row(i) = times.transpose();
+      for (Index k = 0; k <= lines_; ++k) spectrum(k) *= Complex(0.0, data_.frequencies[at(k)]);
+    }
+  }
+  found->second->evaluate(q, velocity, acceleration, force);
+  own_force_.resize(n, lines_ + 1);
+  for (Index i = 0; i < n; ++i) {
+    times = force.row(i).transpose();
+    own_transform_.to_lines(times, spectrum);
+    own_force_.row(i) = spectrum.transpose();
+  }
+  for (Index k = 0; k <= lines_; ++k) {
+    own_.col(k).noalias() = position_->receptance[at(k)] * own_force_.col(k);
+  }
+}
+
+void SteadyStateSolver::assemble() {
+  state_.coordinates = driven_ + own_;
+  for (std::size_t l = 0; l < force_laws_.size(); ++l) {
+    state_.coordinates -= carried_[l] * state_.forces.col(static_cast<Index>(l)).asDiagonal();
+  }
+}
+
+VectorXcd SteadyStateSolver::deflection_of(const Location& place) const {
+  VectorXcd z = state_.coordinates.transpose() * place.input.cast<Complex>();
+  z(0) += static_scale_ * place.input.dot(position_->plant.rest);
+  return z;
+}
+
+// Forces that explain the residuals, from which measure() has just been left without them.
+void SteadyStateSolver::virtual_forces() {
+  const auto laws = static_cast<Index>(force_laws_.size());
+  MatrixXcd seen(state_.residual.rows(), laws);
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    for (Index l = 0; l < laws; ++l) seen.col(l) = seen_[at(l)].col(k);
+    MatrixXcd gram = seen.adjoint() * seen;
+    const double ridge = 1e-9 * gram.diagonal().real().maxCoeff() + 1e-300;
+    gram.diagonal().array() += ridge;
+    const MatrixXcd covariance = 2.0 * gram.inverse();
+    const VectorXcd estimate = -0.5 * covariance * (seen.adjoint() * state_.residual.col(k));
+    for (Index l = 0; l < laws; ++l) {
+      const double power = std::norm(estimate(l));
+      const double noise = covariance(l, l).real();
+      state_.forces(k, l) = power > noise ? estimate(l) * (1.0 - noise / power) : 0.0;
+    }
+  }
+}
+
+// law(z) of each law, with its slopes.
+void SteadyStateSolver::renew_forces(MatrixXcd& renewed) {
+  renewed.resize(lines_ + 1, static_cast<Index>(force_laws_.size()));
+  state_.slopes.resize(renewed.rows(), renewed.cols());
+  VectorXcd force;
+  for (std::size_t l = 0; l < force_laws_.size(); ++l) {
+    const auto column = static_cast<Index>(l);
+    ForceLaw& law = force_laws_[l];
+    const VectorXcd z = deflection_of(*law.place);
+    double stiffness = 0.0, damping = 0.0;
+    if (!law.periodic.is_linear()) {
+      motion_of(z, motion_);
+      if (law.periodic.has_states()) {
+        std::tie(stiffness, damping) = law.periodic.describing_slopes(motion_);
+      } else {
+        law.periodic.slopes(motion_, law.by_deflection, law.by_rate);
+        stiffness = law.by_deflection.mean();
+        damping = law.by_rate.mean();
+      }
+    }
+    force_lines(law.periodic, z, motion_, force);
+    renewed.col(column) = force;
+    for (Index k = 0; k <= lines_; ++k) {
+      const double w = data_.frequencies[at(k)];
+      state_.slopes(k, column) =
+          law.periodic.is_linear() ? *law.periodic.response(w) : Complex(stiffness, w * damping);
+    }
+  }
+  factor_mean_slopes();
+}
+
+void SteadyStateSolver::factor_mean_slopes() {
+  const Index laws = state_.slopes.cols();
+  mean_solution_.resize(at(lines_ + 1));
+  for (Index k = 0; k <= lines_; ++k) {
+    MatrixXcd matrix = state_.slopes.row(k).transpose().asDiagonal() * between_[at(k)];
+    matrix.diagonal().array() += 1.0;
+    mean_solution_[at(k)] =
+        laws == 1 ? MatrixXcd(matrix.cwiseInverse()) : MatrixXcd(matrix.inverse());
+  }
+}
+
+void SteadyStateSolver::precondition(MatrixXcd& change) const {
+  for (Index k = 0; k <= lines_; ++k) {
+    change.row(k) = (mean_solution_[at(k)] * change.row(k).transpose()).transpose().eval();
+  }
+}
+
+void SteadyStateSolver::apply_slopes(const MatrixXcd& deflections, MatrixXcd& forces) {
+  forces.resize(deflections.rows(), deflections.cols());
+  VectorXcd force(lines_ + 1);
+  for (std::size_t l = 0; l < force_laws_.size(); ++l) {
+    const auto column = static_cast<Index>(l);
+    const ForceLaw& law = force_laws_[l];
+    if (law.by_deflection.size() == 0) {
+      forces.col(column) = state_.slopes.col(column).cwiseProduct(deflections.col(column));
+      continue;
+    }
+    motion_of(deflections.col(column), motion_);
+    times_ =
+        law.by_deflection.cwiseProduct(motion_.deflection) + law.by_rate.cwiseProduct(motion_.rate);
+    transform_.to_lines(times_, force);
+    forces.col(column) = force;
+  }
+}
+
+void SteadyStateSolver::apply_equation(const MatrixXcd& forces, MatrixXcd& result) {
+  MatrixXcd deflections(forces.rows(), forces.cols());
+  for (Index k = 0; k <= lines_; ++k) {
+    deflections.row(k) = (between_[at(k)] * forces.row(k).transpose()).transpose();
+  }
+  apply_slopes(deflections, result);
+  result += forces;
+}
+
+double SteadyStateSolver::product(const MatrixXcd& a, const MatrixXcd& b) const {
+  return (weight_.array().square() *
+          (a.real().array() * b.real().array() + a.imag().array() * b.imag().array()))
+      .sum();
+}
+
+// GMRES, preconditioned from the right, in the real inner product of noise units: the equation is
+// linear over real numbers only.
+void SteadyStateSolver::solve_equation(MatrixXcd& forces, bool exact) {
+  const bool is_line_by_line = std::ranges::all_of(
+      force_laws_, [](const ForceLaw& law) { return law.by_deflection.size() == 0; });
+  if (!exact || is_line_by_line) {
+    precondition(forces);
+    return;
+  }
+  constexpr double kAccuracy = 1e-3;
+  const Index limit = options_.subspace;
+  const double size = std::sqrt(product(forces, forces));
+  if (!(size > 0.0)) return;
+  std::vector<MatrixXcd> basis{forces / size};
+  MatrixXd hessenberg = MatrixXd::Zero(limit + 1, limit);
+  VectorXd mix;
+  MatrixXcd next;
+  Index used = 0;
+  for (; used < limit;) {
+    MatrixXcd direction = basis[at(used)];
+    precondition(direction);
+    apply_equation(direction, next);
+    for (int pass = 0; pass < 2; ++pass) {
+      for (Index i = 0; i <= used; ++i) {
+        const double share = product(basis[at(i)], next);
+        hessenberg(i, used) += share;
+        next -= share * basis[at(i)];
+      }
+    }
+    const double rest = std::sqrt(product(next, next));
+    hessenberg(used + 1, used) = rest;
+    ++used;
+    VectorXd right = VectorXd::Zero(used + 1);
+    right(0) = size;
+    const MatrixXd top = hessenberg.topLeftCorner(used + 1, used);
+    mix = top.colPivHouseholderQr().solve(right);
+    if ((top * mix - right).norm() < kAccuracy * size || !(rest > 1e-14 * size)) break;
+    basis.push_back(next / rest);
+  }
+  forces.setZero();
+  for (Index i = 0; i < used; ++i) forces += mix(i) * basis[at(i)];
+  precondition(forces);
+}
+
+// Rms of what a change of forces does to the whitened outputs.
+double SteadyStateSolver::size_in_noise(const MatrixXcd& change) const {
+  MatrixXcd moved = MatrixXcd::Zero(seen_.front().rows(), lines_ + 1);
+  for (std::size_t l = 0; l < seen_.size(); ++l) {
+    moved += seen_[l] * change.col(static_cast<Index>(l)).asDiagonal();
+  }
+  const auto numbers = static_cast<double>(2 * moved.rows() * data_.line_count());
+  return moved.norm() / std::sqrt(numbers);
+}
+
+void SteadyStateSolver::iterate(const MeasuredRecord& record) {
+  MatrixXcd error, best = state_.forces, step;
+  double best_size = std::numeric_limits<double>::infinity();
+  double share = 1.0;
+  for (int iteration = 0; iteration < options_.iteration_limit; ++iteration) {
+    assemble();
+    if (iteration < 3) {
+      add_own_force(*model_, record.position);
+      assemble();
+    }
+    renew_forces(error);
+    error -= state_.forces;
+    MatrixXcd moved = error;
+    precondition(moved);
+    const double size = size_in_noise(moved);
+    if (!(size < best_size)) {
+      // Less of the step that did not help.
+      share *= 0.3;
+      if (share < 0.05 || iteration == 0) break;
+      state_.forces = best + share * step;
+      continue;
+    }
+    best_size = size;
+    best = state_.forces;
+    if (size < options_.tolerance) break;
+    share = 1.0;
+    step = error;
+    solve_equation(step, true);
+    if (!step.allFinite()) break;
+    state_.forces = best + step;
+  }
+  state_.forces = best;
+  state_.unsettled = best_size;
+  assemble();
+  renew_forces(error);
+}
+
+// X of every line.
+void SteadyStateSolver::change_receptance() {
+  const Index laws = state_.forces.cols();
+  const Index n = position_->plant.mass.rows();
+  MatrixXcd inputs(laws, n), carried(n, laws);
+  state_.changed.resize(at(lines_ + 1));
+  for (Index k = 0; k <= lines_; ++k) {
+    const MatrixXcd& receptance = position_->receptance[at(k)];
+    for (Index l = 0; l < laws; ++l) {
+      carried.col(l) = carried_[at(l)].col(k);
+      inputs.row(l).setZero();
+      const VectorXd& b = force_laws_[at(l)].place->input;
+      for (Index i = 0; i < n; ++i) {
+        if (b(i) != 0.0) inputs.row(l) += state_.slopes(k, l) * b(i) * receptance.row(i);
+      }
+    }
+    state_.changed[at(k)] = receptance;
+    state_.changed[at(k)].noalias() -= carried * (mean_solution_[at(k)] * inputs);
+  }
+}
+
+// Outputs of the present coordinates, and the residuals.
+void SteadyStateSolver::measure(const MeasuredRecord& record) {
+  const LinearPlant& plant = position_->plant;
+  const Index outputs = plant.velocity_output.rows();
+  state_.output.setZero(outputs, lines_ + 1);
+  for (Index k = 1; k <= lines_; ++k) {
+    const Complex rate(0.0, data_.frequencies[at(k)]);
+    state_.output.col(k) = plant.position_output * state_.coordinates.col(k) +
+                           rate * (plant.velocity_output * state_.coordinates.col(k)) +
+                           imaged_.col(k);
+  }
+  VectorXcd force;
+  for (const ActingLaw& law : model_->laws) {
+    const Location& place = law.place->location;
+    if (place.kind != LocationKind::kSensor) continue;
+    const PeriodicLaw periodic(*law.entry, law.parameters);
+    const VectorXcd signal = state_.output.row(place.channel).transpose();
+    if (!periodic.is_linear()) motion_of(signal, motion_);
+    force_lines(periodic, signal, motion_, force);
+    state_.output.row(place.channel) += force.transpose();
+  }
+  state_.residual.setZero(outputs, lines_ + 1);
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    state_.residual.col(k).noalias() =
+        data_.whitening[record.group][at(k)] * (record.output.col(k) - state_.output.col(k));
+  }
+  state_.chi_square = state_.residual.squaredNorm();
+}
+
+// ---- laws ------------------------------------------------------------------------------------------
+
+void SteadyStateSolver::motion_of(const VectorXcd& deflection, PeriodicMotion& motion) {
+  motion.step = static_cast<double>(data_.period) * data_.sample_time /
+                static_cast<double>(transform_.grid());
+  motion.deflection.resize(transform_.grid());
+  motion.rate.resize(transform_.grid());
+  transform_.to_times(deflection, motion.deflection);
+  VectorXcd rate(lines_ + 1);
+  for (Index k = 0; k <= lines_; ++k) {
+    rate(k) = Complex(0.0, data_.frequencies[at(k)]) * deflection(k);
+  }
+  transform_.to_times(rate, motion.rate);
+}
+
+void SteadyStateSolver::force_lines(const PeriodicLaw& law, const VectorXcd& deflection,
+                                    const PeriodicMotion& motion, VectorXcd& force) {
+  force.resize(lines_ + 1);
+  if (law.is_linear()) {
+    for (Index k = 0; k <= lines_; ++k) {
+      force(k) = *law.response(data_.frequencies[at(k)]) * deflection(k);
+    }
+    return;
+  }
+  law.force(motion, times_);
+  transform_.to_lines(times_, force);
+}
+
+void SteadyStateSolver::signal_lines(const PeriodicLaw& law, const MeasuredRecord& record,
+                                     const LinearPlant& plant, Index channel, VectorXcd& added) {
+  added.resize(lines_ + 1);
+  if (law.is_linear()) {
+    for (Index k = 0; k <= lines_; ++k) {
+      added(k) = *law.response(data_.frequencies[at(k)]) * record.input(channel, k);
+    }
+    return;
+  }
+  // The recorded samples themselves: between them the command is held.
+  PeriodicMotion motion;
+  motion.deflection =
+      record.input_period.row(channel).transpose().array() + plant.holding_input(channel);
+  motion.rate = VectorXd::Zero(motion.deflection.size());
+  motion.step = data_.sample_time;
+  law.force(motion, times_);
+  added = samples_.run(times_).head(lines_ + 1);
+}
+
+// ---- derivatives -------------------------------------------------------------------------------------
+
+void SteadyStateSolver::answer(const ModelState&, const MeasuredRecord& record, const VectorXd& b,
+                               MatrixXcd& whitened) const {
+  const LinearPlant& plant = position_->plant;
+  const auto& receptances = state_.changed.empty() ? position_->receptance : state_.changed;
+  whitened.setZero(plant.velocity_output.rows(), lines_ + 1);
+  VectorXcd moved(b.size());
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    moved.setZero();
+    for (Index i = 0; i < b.size(); ++i) {
+      if (b(i) != 0.0) moved += b(i) * receptances[at(k)].col(i);
+    }
+    const Complex rate(0.0, data_.frequencies[at(k)]);
+    whitened.col(k).noalias() =
+        data_.whitening[record.group][at(k)] *
+        (plant.position_output * moved + rate * (plant.velocity_output * moved));
+  }
+}
+
+void SteadyStateSolver::answer_of_input(const ModelState& model, const MeasuredRecord& record,
+                                        Index channel, MatrixXcd& whitened) const {
+  answer(model, record, position_->plant.input.col(channel), whitened);
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    whitened.col(k) *= hold_factor(data_.frequencies[at(k)], data_.sample_time);
+    whitened.col(k) += data_.whitening[record.group][at(k)] * position_->images[at(k)].col(channel);
+  }
+}
+
+void SteadyStateSolver::answer_of_output(const MeasuredRecord& record, Index channel,
+                                         MatrixXcd& whitened) const {
+  whitened.setZero(position_->plant.velocity_output.rows(), lines_ + 1);
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    whitened.col(k) = data_.whitening[record.group][at(k)].col(channel);
+  }
+}
+
+void SteadyStateSolver::respond(const MeasuredRecord& record, const MatrixXcd& force, bool exact,
+                                Eigen::Ref<MatrixXcd> whitened) {
+  const LinearPlant& plant = position_->plant;
+  const auto laws = static_cast<Index>(force_laws_.size());
+  MatrixXcd moved(force.rows(), lines_ + 1);
+  for (Index k = 0; k <= lines_; ++k) {
+    moved.col(k).noalias() = position_->receptance[at(k)] * force.col(k);
+  }
+  if (laws > 0) {
+    MatrixXcd deflections(lines_ + 1, laws), answer;
+    for (Index l = 0; l < laws; ++l) {
+      deflections.col(l) = moved.transpose() * force_laws_[at(l)].place->input.cast<Complex>();
+    }
+    if (exact) {
+      apply_slopes(deflections, answer);
+    } else {
+      answer = state_.slopes.cwiseProduct(deflections);
+    }
+    solve_equation(answer, exact);
+    for (Index l = 0; l < laws; ++l) moved -= carried_[at(l)] * answer.col(l).asDiagonal();
+  }
+  whitened.setZero();
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    const Complex rate(0.0, data_.frequencies[at(k)]);
+    whitened.col(k).noalias() =
+        data_.whitening[record.group][at(k)] *
+        (plant.position_output * moved.col(k) + rate * (plant.velocity_output * moved.col(k)));
+  }
+}
+
+void SteadyStateSolver::answer_of_plant(const ModelState&, const MeasuredRecord& record,
+                                        const PlantDerivative& change, bool exact,
+                                        Eigen::Ref<MatrixXcd> whitened) {
+  MatrixXcd force = MatrixXcd::Zero(position_->plant.mass.rows(), lines_ + 1);
+  if (change.stiffness.size() > 0) force = -change.stiffness * state_.coordinates;
+  for (Index k = 0; k <= lines_; ++k) {
+    const double w = data_.frequencies[at(k)];
+    if (change.mass.size() > 0) force.col(k) += w * w * (change.mass * state_.coordinates.col(k));
+    if (change.damping.size() > 0) {
+      force.col(k) -= Complex(0.0, w) * (change.damping * state_.coordinates.col(k));
+    }
+  }
+  respond(record, force, exact, whitened);
+}
+
+void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRecord& record,
+                                      bool exact, MatrixXcd& jacobian) {
+  const LinearPlant& plant = position_->plant;
+  const Index outputs = plant.velocity_output.rows();
+  auto count = static_cast<Index>(plant.derivatives.size());
+  for (const ActingLaw& law : model.laws) count += static_cast<Index>(law.parameters.size());
+  jacobian.resize(outputs * (lines_ + 1), count);
+  const auto column_of = [&](Index p) {
+    return Eigen::Map<MatrixXcd>(jacobian.col(p).data(), outputs, lines_ + 1);
+  };
+  Index p = 0, force_law = 0;
+  std::size_t body = 0;
+  for (const PlantDerivative& derivative : plant.derivatives) {
+    answer_of_plant(model, record, derivative, exact, column_of(p++));
+  }
+  for (const ActingLaw& law : model.laws) {
+    if (is_body(*law.place, *law.entry)) {
+      for (std::size_t i = 0; i < law.parameters.size(); ++i, ++body) {
+        answer_of_plant(model, record,
+                        {position_->body_mass[body], {}, position_->body_stiffness[body]}, exact,
+                        column_of(p++));
+      }
+      continue;
+    }
+    for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+      if (!law.fixed.empty() && law.fixed[i]) {
+        column_of(p++).setZero();
+        continue;
+      }
+      const VectorXcd change = law_derivative(law, record, i);
+      differentiate_law(law, record, change, force_law, exact, column_of(p++));
+    }
+    force_law += law.place->location.kind == LocationKind::kElement ? 1 : 0;
+  }
+}
+
+// The lines of d law / d parameter i at the present motion, by central differences.
+VectorXcd SteadyStateSolver::law_derivative(const ActingLaw& law, const MeasuredRecord& record,
+                                            std::size_t i) {
+  const Location& place = law.place->location;
+  const double step = 1e-4 * std::max(std::abs(law.parameters[i]), 1e-9);
+  VectorXcd signal;
+  if (place.kind == LocationKind::kElement) signal = deflection_of(place);
+  if (place.kind == LocationKind::kSensor) signal = state_.output.row(place.channel).transpose();
+  if (signal.size() > 0) motion_of(signal, motion_);
+  VectorXcd sides[2];
+  for (const int side : {0, 1}) {
+    std::vector<double> shifted = law.parameters;
+    shifted[i] += side == 0 ? step : -step;
+    const PeriodicLaw periodic(*law.entry, shifted);
+    if (place.kind == LocationKind::kActuator) {
+      signal_lines(periodic, record, position_->plant, place.channel, sides[side]);
+    } else {
+      force_lines(periodic, signal, motion_, sides[side]);
+    }
+  }
+  return (sides[0] - sides[1]) / (2.0 * step);
+}
+
+// The whitened output of a change of one law's force or signal.
+void SteadyStateSolver::differentiate_law(const ActingLaw& law, const MeasuredRecord& record,
+                                          const VectorXcd& change, Index force_law, bool exact,
+                                          Eigen::Ref<MatrixXcd> whitened) {
+  const LinearPlant& plant = position_->plant;
+  const Location& place = law.place->location;
+  const auto& whitening = data_.whitening[record.group];
+  whitened.setZero();
+  if (place.kind == LocationKind::kElement) {
+    MatrixXcd forces = MatrixXcd::Zero(lines_ + 1, static_cast<Index>(force_laws_.size()));
+    forces.col(force_law) = change;
+    solve_equation(forces, exact);
+    for (std::size_t l = 0; l < force_laws_.size(); ++l) {
+      whitened -= seen_[l] * forces.col(static_cast<Index>(l)).asDiagonal();
+    }
+  } else if (place.kind == LocationKind::kActuator) {
+    MatrixXcd force(plant.mass.rows(), lines_ + 1);
+    for (Index k = 0; k <= lines_; ++k) {
+      const Complex hold = k == 0 ? 1.0 : hold_factor(data_.frequencies[at(k)], data_.sample_time);
+      force.col(k) = plant.input.col(place.channel) * (hold * change(k));
+    }
+    respond(record, force, exact, whitened);
+    for (Index k = data_.first_line; k <= lines_; ++k) {
+      whitened.col(k) += whitening[at(k)] * position_->images[at(k)].col(place.channel) * change(k);
+    }
+  } else {
+    for (Index k = data_.first_line; k <= lines_; ++k) {
+      whitened.col(k) = whitening[at(k)].col(place.channel) * change(k);
+    }
+  }
+}
+
+}  // namespace graybox
