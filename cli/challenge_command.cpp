@@ -154,15 +154,18 @@ int run(RunArguments& arguments) {
     outcome = bench::run_challenge(options);
   }
   if (arguments.json) {
-    const nlohmann::ordered_json line{{"answers", arguments.answers},
-                                      {"cases", outcome.cases},
-                                      {"already_there", outcome.already_there},
-                                      {"failed", outcome.failed},
-                                      {"complete", outcome.complete}};
+    const nlohmann::ordered_json line{
+        {"answers", arguments.answers},           {"cases", outcome.cases},
+        {"already_there", outcome.already_there}, {"failed", outcome.failed},
+        {"confined", outcome.confined},           {"complete", outcome.complete}};
     fmt::print("{}\n", line.dump());
   } else if (outcome.complete) {
     fmt::print("{} cases answered ({} were), {} without a verdict; answers in {}\n", outcome.cases,
                outcome.already_there, outcome.failed, arguments.answers);
+    if (!outcome.confined) {
+      fmt::print(
+          "this system has no Landlock: the diagnosis was trusted not to open other folders\n");
+    }
   } else {
     fmt::print("interrupted; the same command goes on where it was\n");
   }

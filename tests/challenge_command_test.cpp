@@ -18,7 +18,8 @@ using testing::write_text;
 // Says of every case that nothing is missing, and notes what it was given.
 constexpr const char* kDiagnosis = R"(#!/bin/sh
 test -f "$1" && test -f "$2/campaign.yaml" || exit 2
-{ pwd; env | sort; echo "$@"; ls .. ; } > "$4/given.txt"
+{ pwd; env | sort; echo "$@"; } > "$4/given.txt"
+cat ../../truth/index.json ../case_002/model.yaml > "$4/peeped.txt"
 echo '{"format": "graybox-verdict/1", "mismatch": {"detected": false}, "verdict": "none",' > "$4/v"
 echo '"physics": [], "fit": {"after": {"validation": {"chi_square_per_dof": 1.0}}}}' >> "$4/v"
 mv "$4/v" "$4/verdict.json"
@@ -74,6 +75,10 @@ TEST_F(ChallengeCommand, MakesRunsAndScores) {
   EXPECT_NE(given.find("/cases/case_001\n"), std::string::npos) << given;
   EXPECT_EQ(given.find("truth"), std::string::npos) << given;
   EXPECT_EQ(given.find("HOME="), std::string::npos) << given;
+  // Where the system can forbid it, the process opens neither the truth nor another case.
+  if (nlohmann::json::parse(read_text(folder_.file("answers/case_001/run.json")))["confined"]) {
+    EXPECT_EQ(read_text(folder_.file("answers/case_001/peeped.txt")), "");
+  }
   const auto again = nlohmann::json::parse(run("--json").out);
   EXPECT_EQ(again["already_there"], 2);
 

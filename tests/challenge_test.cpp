@@ -158,6 +158,14 @@ TEST(HiddenLaws, MemoriesAreSpringsFirst) {
   }
 }
 
+// A slider behind slack: soft within the gap, then stiff, then sliding at its level.
+TEST(HiddenLaws, SlackSliderIsAPlayThatSlips) {
+  const auto law = made("play_and_slip", {200.0, 50.0, 0.03, 10.0, 4.0, 1e-5});
+  EXPECT_NEAR(slide(*law, 0.02).force.back(), 50.0 * 0.01, 1e-3);
+  EXPECT_NEAR(slide(*law, 0.08).force.back(), 50.0 * 0.03 + 200.0 * 0.01, 0.02);
+  EXPECT_NEAR(slide(*law, -2.0).force.back(), -10.0, 1e-6);
+}
+
 // The absorber's force is that of a mass on a spring and damper: far below its frequency an inertia.
 TEST(HiddenLaws, AbsorberIsAnInertiaAtLowFrequency) {
   const Motion motion = swing(*made("mode", {0.2, 40.0, 0.3}), 0.01, 3.0);

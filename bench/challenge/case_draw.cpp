@@ -324,7 +324,8 @@ CaseTruth draw_case(const CaseOutline& outline, const std::function<bool()>& kee
       if (!sized) continue;
       std::vector<Element> together = elements;
       together.push_back(sized->element);
-      const double joint = search.noncentrality(together);
+      const double joint =
+          elements.empty() ? sized->effect.noncentrality : search.noncentrality(together);
       if (std::isnan(joint) || !moves_everywhere(*system, together, outline.seed)) continue;
       truth.effects.push_back(sized->effect);
       truth.noncentrality = joint;

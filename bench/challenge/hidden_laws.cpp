@@ -271,6 +271,32 @@ class YieldingSpring final : public SimulatedLaw {
   double yield_force_, yield_, exponent_, shape_;
 };
 
+// A slider behind a spring whose slack has rounded corners. The spring's deflection x follows z but for
+// the slip of the slider, which sets in as the spring's force nears the level: the share of z' that
+// slips is (|f|/F_c)^n while the spring is being loaded.
+class SlackSlider final : public SimulatedLaw {
+ public:
+  explicit SlackSlider(Parameters p)
+      : stiffness_(p[0]),
+        slack_(p[0] - p[1]),
+        gap_(p[2]),
+        level_(p[3]),
+        exponent_(p[4]),
+        corner_(p[5]) {}
+  [[nodiscard]] std::size_t state_count() const override { return 1; }
+  [[nodiscard]] double force(double, double, State state) const override {
+    return stiffness_ * state[0] - slack_ * rounded_clip(state[0], gap_, corner_);
+  }
+  void state_rate(double z, double rate, State state, std::span<double> change) const override {
+    const double pull = force(z, rate, state);
+    const double slip = pull * rate > 0.0 ? std::pow(std::abs(pull) / level_, exponent_) : 0.0;
+    change[0] = rate * (1.0 - slip);
+  }
+
+ private:
+  double stiffness_, slack_, gap_, level_, exponent_, corner_;
+};
+
 // An absorber: m s'' = pull, its position and momentum as states.
 class Absorber final : public SimulatedLaw {
  public:
@@ -638,6 +664,30 @@ std::vector<HiddenLaw> hidden_memories() {
        [](double size, const PlaceScale& scale, Shape shape) {
          return std::vector{size * scale.stiffness, between(0.4, 1.0, shape[0]) * scale.deflection,
                             between(1.0, 2.0, shape[1]), between(0.5, 1.0, shape[2])};
+       }},
+      {"play_and_slip",
+       kForce,
+       true,
+       kAxis | kSpring,
+       false,
+       1.0,
+       {{"stiffness", "F/x"},
+        {"play_stiffness", "F/x"},
+        {"half_gap", "x"},
+        {"level", "F"},
+        {"exponent", "1"},
+        {"corner", "x", false}},
+       make<SlackSlider>,
+       [](double size, const PlaceScale& scale, Shape shape) {
+         const double level = size * scale.force;
+         const double stiffness = level / (between(0.2, 0.5, shape[0]) * scale.deflection);
+         const double gap = between(0.1, 0.3, shape[1]) * scale.deflection;
+         return std::vector{stiffness,
+                            between(0.1, 0.3, shape[2]) * stiffness,
+                            gap,
+                            level,
+                            between(2.0, 6.0, shape[3]),
+                            0.05 * gap};
        }},
       {"mode",
        kForce,

@@ -101,7 +101,7 @@ LumpedDesign chain(Random& random) {
   design.mass_names = {"first", "second", "third"};
   const std::vector<std::string> links{"first link", "second link"};
   for (Index i = 0; i < 3; ++i) design.masses.push_back(mass * random.uniform(0.7, 1.4));
-  const auto damper = [&](double k) { return 2.0 * 0.03 * std::sqrt(k * mass); };
+  const auto damper = [&](double k) { return 2.0 * 0.05 * std::sqrt(k * mass); };
   design.parts = {{"mount", true, 0, kGround, stiffness * random.uniform(0.7, 1.4)}};
   for (Index i = 0; i < 2; ++i) {
     design.parts.push_back(
@@ -242,7 +242,7 @@ class LumpedCase final : public CaseSystem {
   void make_plan() {
     plan_.sample_time = 0.001;
     plan_.period = 2000;
-    plan_.settling_periods = controller_ ? 1 : 3;  // the controller damps the rest
+    plan_.settling_periods = controller_ ? 1 : 5;  // the controller damps the rest
     plan_.periods = 3;
     std::vector<double> frequencies;
     constexpr int kFrequencies = 30;
@@ -257,12 +257,12 @@ class LumpedCase final : public CaseSystem {
                   {0, 1, 1, false}, {0, 1, 2, true},  {0, 2, 0, true}};
   }
 
-  // White, 0.03 to 1 % of what the outputs do at the lowest level.
+  // White, 1 to 10 % of what the outputs do at the lowest level.
   void draw_noise(Random& random) {
     const double typical = believed_.measures_velocity ? believed_.levels[0] : 5e-4;
     white_noise_ = VectorXd(output_count());
     for (double& value : white_noise_) {
-      value = rounded(typical * log_uniform(random, 3e-4, 1e-2));
+      value = rounded(typical * log_uniform(random, 1e-2, 1e-1));
     }
   }
 

@@ -131,7 +131,8 @@ void make_all_ageless(const fs::path& folder) {
 }
 
 bool lies_within(const fs::path& inner, const fs::path& outer) {
-  const fs::path a = fs::weakly_canonical(inner), b = fs::weakly_canonical(outer);
+  const fs::path a = fs::weakly_canonical(fs::absolute(inner));
+  const fs::path b = fs::weakly_canonical(fs::absolute(outer));
   return std::mismatch(b.begin(), b.end(), a.begin(), a.end()).first == b.end();
 }
 

@@ -59,10 +59,10 @@ class RobotCase final : public CaseSystem {
     true_ = with_stiffness_factors(
         believed_,
         Eigen::Map<const Eigen::VectorXd>(factors_.data(), static_cast<Index>(factors_.size())));
-    noise_psd_slope_ = std::pow(10.0, random.uniform(-14.0, -12.0));
     controller_ = true_.controller;
     name_channels();
     make_plan(family, random);
+    draw_noise(random);
     list_places();
   }
 
@@ -131,11 +131,11 @@ class RobotCase final : public CaseSystem {
   void make_plan(Family family, Random& random) {
     const bool is_full = family == Family::kRobot;
     plan_.sample_time = true_.sample_time;
-    plan_.period = static_cast<std::size_t>(std::lround(2.0 / plan_.sample_time));
-    plan_.settling_periods = 4;
+    plan_.period = static_cast<std::size_t>(std::lround(1.0 / plan_.sample_time));
+    plan_.settling_periods = 2;
     plan_.periods = 2;
     plan_.lines = odd_lines(log_spaced(1.0, 60.0, 30), plan_.period, plan_.sample_time);
-    plan_.levels = {0.5, 2.0, 1.0};
+    plan_.levels = {2.0, 8.0, 4.0};
     for (int p = 0; p < 4; ++p) {
       Eigen::VectorXd angles(true_.motor_count());
       const std::array<std::array<double, 2>, 6> ranges{
@@ -146,10 +146,19 @@ class RobotCase final : public CaseSystem {
       }
       plan_.positions.push_back(angles);
     }
-    plan_.sets = {{0, 0, 0, false}, {0, 1, 0, false}, {1, 1, 0, false}, {2, 0, 0, false}};
-    if (!is_full) plan_.sets.push_back({2, 1, 0, false});
-    plan_.sets.push_back({1, 0, 1, true});
-    plan_.sets.push_back({3, 2, 0, true});
+    if (is_full) {
+      plan_.sets = {{0, 0, 0, false}, {1, 1, 0, false}, {2, 2, 0, true}};
+    } else {
+      plan_.sets = {{0, 0, 0, false}, {0, 1, 0, false}, {1, 1, 0, false},
+                    {2, 0, 0, false}, {1, 0, 1, true},  {3, 2, 0, true}};
+    }
+  }
+
+  // Of an encoder, and white of 1 to 10 % of what the outputs do at the lowest level.
+  void draw_noise(Random& random) {
+    noise_psd_slope_ = std::pow(10.0, random.uniform(-11.0, -9.0));
+    const double share = std::pow(10.0, random.uniform(-2.0, -1.0));
+    white_noise_ = Eigen::VectorXd::Constant(true_.motor_count(), share * plan_.levels[0]);
   }
 
   void list_places() {

@@ -3,12 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
+#include <exception>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "graybox/bench/challenge/confinement.hpp"
 #include "graybox/bench/challenge/seal.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
@@ -60,56 +63,99 @@ void claim_answers(const RunOptions& options, const ChallengeHeader& header) {
   write_text_file(file.string(), stamp.dump(2) + "\n");
 }
 
-// One case being diagnosed.
+// Files of the diagnosis itself: those words of the command that are files or programs on PATH.
+std::vector<fs::path> files_of(const std::vector<std::string>& command) {
+  std::vector<fs::path> files;
+  for (const std::string& word : command) {
+    if (word.find('/') != std::string::npos && fs::exists(word))
+      files.push_back(fs::canonical(word));
+  }
+  return files;
+}
+
+// One case being diagnosed, by a thread of its own that can read the case's folder, its answer's and the
+// system's, so that the process it starts can't either.
 class CaseRun {
  public:
   CaseRun(const RunOptions& options, const std::string& name, std::vector<std::string> without)
-      : folder_(options.answers / name), without_(std::move(without)), start_(Clock::now()) {
-    fs::create_directories(folder_);
-    // `env` clears the environment and enters the case's folder.
-    std::vector<std::string> arguments{"env",
-                                       "-C",
-                                       fs::canonical(options.cases / name).string(),
-                                       "-i",
-                                       "PATH=/usr/local/bin:/usr/bin:/bin",
-                                       "OMP_NUM_THREADS=1",
-                                       "OPENBLAS_NUM_THREADS=1"};
-    arguments.insert(arguments.end(), options.command.begin(), options.command.end());
-    arguments.insert(arguments.end(),
-                     {"model.yaml", "campaign", "-o", fs::canonical(folder_).string(), "--json"});
-    for (const std::string& law : without_) {
-      arguments.insert(arguments.end(), {"--without", law});
-    }
-    process_ = std::make_unique<ChildProcess>(arguments, (folder_ / "log.txt").string());
+      : case_(fs::canonical(options.cases / name)), without_(std::move(without)) {
+    fs::create_directories(options.answers / name);
+    answer_ = fs::canonical(options.answers / name);
+    thread_ = std::jthread([this, &options](const std::stop_token& stop) {
+      try {
+        work(options, stop);
+      } catch (...) {
+        failure_ = std::current_exception();
+      }
+      finished_ = true;
+    });
   }
 
-  // Whether it is done; kills it beyond the limit.
-  bool finished(double time_limit) {
-    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-    const bool too_long = seconds > time_limit;
-    if (process_->running() && !too_long) return false;
-    const bool out_of_time = process_->running();
-    process_->kill();
-    const bool has_verdict = fs::exists(folder_ / "verdict.json") && !out_of_time;
-    ok_ = has_verdict && (process_->exit_code() == 0 || process_->exit_code() == 1);
+  [[nodiscard]] bool finished() const { return finished_; }
+  // Once finished. Throws what went wrong.
+  [[nodiscard]] bool ok() {
+    thread_.join();
+    if (failure_) std::rethrow_exception(failure_);
+    return ok_;
+  }
+  [[nodiscard]] bool confined() const { return confined_; }
+
+ private:
+  void work(const RunOptions& options, const std::stop_token& stop) {
+    OpenPaths open{system_paths(), {answer_, "/dev/null"}};
+    open.readable.push_back(case_);
+    for (const fs::path& file : files_of(options.command)) open.readable.push_back(file);
+    confined_ = confine_thread(open);
+    const auto start = Clock::now();
+    const auto seconds = [&] {
+      return std::chrono::duration<double>(Clock::now() - start).count();
+    };
+    ChildProcess process(arguments(options), (answer_ / "log.txt").string());
+    while (process.running() && seconds() < options.time_limit) {
+      if (stop.stop_requested()) return;  // the process ends with its object
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    const bool out_of_time = process.running();
+    process.kill();
+    write_record(process.exit_code(), out_of_time, seconds());
+  }
+
+  // `env` clears the environment and enters the case's folder.
+  [[nodiscard]] std::vector<std::string> arguments(const RunOptions& options) const {
+    std::vector<std::string> words{"env",
+                                   "-C",
+                                   case_.string(),
+                                   "-i",
+                                   "PATH=/usr/local/bin:/usr/bin:/bin",
+                                   "OMP_NUM_THREADS=1",
+                                   "OPENBLAS_NUM_THREADS=1"};
+    words.insert(words.end(), options.command.begin(), options.command.end());
+    words.insert(words.end(), {"model.yaml", "campaign", "-o", answer_.string(), "--json"});
+    for (const std::string& law : without_) words.insert(words.end(), {"--without", law});
+    return words;
+  }
+
+  void write_record(int exit_code, bool out_of_time, double seconds) {
+    ok_ =
+        !out_of_time && fs::exists(answer_ / "verdict.json") && (exit_code == 0 || exit_code == 1);
     const Json record{{"format", "graybox-answer/1"},
                       {"status", out_of_time ? "time_limit"
                                  : ok_       ? "answered"
                                              : "failed"},
-                      {"exit_code", process_->exit_code()},
+                      {"exit_code", exit_code},
                       {"seconds", seconds},
+                      {"confined", confined_.load()},
                       {"without", without_}};
-    write_text_file((folder_ / "run.json").string(), record.dump(2) + "\n");
-    return true;
+    write_text_file((answer_ / "run.json").string(), record.dump(2) + "\n");
   }
-  [[nodiscard]] bool ok() const { return ok_; }
 
- private:
-  fs::path folder_;
+  fs::path case_, answer_;
   std::vector<std::string> without_;
-  Clock::time_point start_;
-  std::unique_ptr<ChildProcess> process_;
   bool ok_ = false;
+  std::exception_ptr failure_;
+  std::atomic<bool> confined_ = false;
+  std::atomic<bool> finished_ = false;
+  std::jthread thread_;  // last: the others outlive it
 };
 
 bool was_answered(const fs::path& record) {
@@ -183,8 +229,9 @@ RunOutcome run_challenge(const RunOptions& options) {
       waiting.pop_back();
     }
     std::erase_if(running, [&](const std::unique_ptr<CaseRun>& run) {
-      if (!run->finished(options.time_limit)) return false;
+      if (!run->finished()) return false;
       if (!run->ok()) ++outcome.failed;
+      outcome.confined &= run->confined();
       if (options.report) options.report(++done, tasks.size());
       return true;
     });

@@ -1,7 +1,8 @@
 // Runs a diagnosis on every case of a challenge, each in a process of its own that is given the case's
 // folder and nothing else: its working folder is the case's, its environment is empty but for PATH and
-// the counts of threads, and no argument names another folder but the one for its answer. Seed and
-// truth are not known here.
+// the counts of threads, and no argument names another folder but the one for its answer. Where the
+// system has Landlock, the process can open nothing but these two folders, the program and the
+// system's libraries (confinement.hpp). Seed and truth are not known here.
 //
 //   answers/run.json                    which cases, command and options
 //   answers/case_017/verdict.json ...   what the diagnosis writes
@@ -35,6 +36,7 @@ struct RunOutcome {
   std::size_t cases = 0;
   std::size_t already_there = 0;
   std::size_t failed = 0;  // no verdict: crashed, refused or out of time
+  bool confined = true;    // all that were run now were kept from other folders by the system
   bool complete = false;   // false: asked to stop
 };
 
