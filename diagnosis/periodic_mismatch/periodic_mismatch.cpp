@@ -78,7 +78,7 @@ class PlaceObserver {
       return motion;
     }
     if (place.kind == LocationKind::kSensor) {
-      motion.deflection = record.output.row(place.channel).transpose();
+      motion.deflection = measured(record, place.channel);
       return motion;
     }
     const SteadyState& state = solver_.state();
@@ -108,7 +108,8 @@ class PlaceObserver {
     return sum;
   }
 
-  // Shrunk where it is not larger than its noise.
+  // None where it is no larger than its noise is once in e^12 lines: a deflection with the noise of
+  // the residuals in it would be correlated with them, and any law would seem to explain them.
   [[nodiscard]] VectorXcd virtual_force(const MatrixXcd& residual, const MatrixXcd& answer) const {
     VectorXcd force = VectorXcd::Zero(data_.last_line + 1);
     for (Index k = data_.first_line; k <= data_.last_line; ++k) {
@@ -116,9 +117,23 @@ class PlaceObserver {
       if (!(gain > 0.0)) continue;
       const Complex estimate = -answer.col(k).dot(residual.col(k)) / gain;
       const double power = std::norm(estimate), noise = 2.0 / gain;
-      if (power > noise) force(k) = estimate * (1.0 - noise / power);
+      if (power > kSignificant * noise) force(k) = estimate;
     }
     return force;
+  }
+
+  // A channel as recorded where it differs from the model by more than noise, else as the model has it,
+  // for the same reason.
+  [[nodiscard]] VectorXcd measured(const MeasuredRecord& record, Index channel) const {
+    const SteadyState& state = solver_.state();
+    VectorXcd signal = state.output.row(channel).transpose();
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      if (state.residual.col(k).squaredNorm() >
+          2.0 * (kSignificant + static_cast<double>(state.residual.rows()))) {
+        signal(k) = record.output(channel, k);
+      }
+    }
+    return signal;
   }
 
   // z from a sensor's own signal, where one measures this deflection or its rate.
@@ -134,14 +149,17 @@ class PlaceObserver {
         if (ratio == 0.0 || !other.isZero(0.0) || !row.isApprox(ratio * place.input, 1e-12)) {
           continue;
         }
+        const VectorXcd signal = measured(record, c);
         for (Index k = data_.first_line; k <= data_.last_line; ++k) {
           const Complex rate = is_rate ? Complex(0.0, data_.frequencies[at(k)]) : Complex(1.0);
-          deflection(k) = record.output(c, k) / (ratio * rate);
+          deflection(k) = signal(k) / (ratio * rate);
         }
         return;
       }
     }
   }
+
+  static constexpr double kSignificant = 12.0;  // power over noise
 
   SteadyStateSolver& solver_;
   const ModelState& model_;
