@@ -22,11 +22,13 @@ class FamilyLocalResponse : public LocalResponse {
   FamilyLocalResponse(const PlantFamily& family, VectorXd position, const VectorXd& theta)
       : family_(family),
         position_(std::move(position)),
-        plant_(family.plant(position_, theta, {})) {}
+        plant_(family.plant(position_, theta, {})),
+        images_(plant_, family.sample_time()) {}
 
   // The operating point follows: the plant is built again.
   void set_parameters(const VectorXd& theta) override {
     plant_ = family_.plant(position_, theta, {});
+    images_ = HeldImages(plant_, family_.sample_time());
   }
 
   void evaluate(double w, MatrixXcd& response,
@@ -36,7 +38,7 @@ class FamilyLocalResponse : public LocalResponse {
         inverse * (hold_factor(w, family_.sample_time()) * plant_.input.cast<Complex>());
     MatrixXcd seen = plant_.velocity_output.cast<Complex>() * Complex(0.0, w);
     seen += plant_.position_output.cast<Complex>();
-    response = seen * driven + image_response(plant_, w, family_.sample_time());
+    response = seen * driven + images_.response(w);
     if (derivatives == nullptr) return;
     seen = (seen * inverse).eval();
     derivatives->resize(plant_.derivatives.size());
@@ -60,6 +62,7 @@ class FamilyLocalResponse : public LocalResponse {
   const PlantFamily& family_;
   VectorXd position_;
   LinearPlant plant_;
+  HeldImages images_;
 };
 
 class FamilyResponseModel : public ResponseModel {

@@ -9,10 +9,11 @@
 //
 //   D^-1 = s^2 (a_1 + a_2 s + a_3 s^2 + ...),   M a_1 = I,   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
 //
-// of which three terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m T_s), so that only sums of
-// 1/w_m^p, p = 2 ... 6, are needed: p = 2 in closed form, (pi/w_s)^2 / sin^2(pi w/w_s) - 1/w^2, the
-// others directly. Without A (three parts in a thousand of G at 3 % of the sample rate) recordings
-// with little noise would reject the true model.
+// which converges where |w_m| is above the plant's fastest pole. Images that are not well above it are
+// taken as they are, of the others six terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m T_s), so
+// that only sums of 1/w_m^p, p = 2 ... 9, are needed: p = 2 in closed form, (pi/w_s)^2 /
+// sin^2(pi w/w_s) - 1/w^2, the others directly. Without A (three parts in a thousand of G at 3 % of
+// the sample rate) recordings with little noise would reject the true model.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,15 +42,31 @@ struct LinearPlant {
 // D(w)^-1; at w = 0 that of K without the held coordinates, the pseudo-inverse where K is singular.
 [[nodiscard]] Eigen::MatrixXcd receptance(const LinearPlant& plant, double w);
 
-// A(w), n_y x n_u.
-[[nodiscard]] Eigen::MatrixXcd image_response(const LinearPlant& plant, double w,
-                                              double sample_time);
+// A(w) of one plant.
+class HeldImages {
+ public:
+  HeldImages(const LinearPlant& plant, double sample_time);
 
-// The column of A of one input that passes through H(w) between its hold and the plant (a delay, a lag):
-// the sum of the images with H(w_m) at each.
-[[nodiscard]] Eigen::VectorXcd filtered_image_response(
-    const LinearPlant& plant, Eigen::Index input, double w, double sample_time,
-    const std::function<std::complex<double>(double)>& filter);
+  // A(w), n_y x n_u.
+  [[nodiscard]] Eigen::MatrixXcd response(double w) const;
+  // The column of A of one input that passes through H(w) between its hold and the plant (a delay, a
+  // lag): the sum of the images with H(w_m) at each.
+  [[nodiscard]] Eigen::VectorXcd filtered(
+      Eigen::Index input, double w,
+      const std::function<std::complex<double>(double)>& filter) const;
+
+ private:
+  static constexpr int kTerms = 6;
+  // Images either side that are taken as they are.
+  [[nodiscard]] int direct_images(double w) const;
+  // (S_0 + j w_m S_1) D(w_m)^-1 B / (j w_m), of the inputs asked for.
+  [[nodiscard]] Eigen::MatrixXcd direct_image(double image, const Eigen::MatrixXd& input) const;
+
+  Eigen::MatrixXd mass_, damping_, stiffness_, input_, position_output_, velocity_output_;
+  double sample_time_;
+  double fastest_pole_ = 0.0;                                     // rad/s
+  std::vector<Eigen::MatrixXd> position_terms_, velocity_terms_;  // S_0 a_n B and S_1 a_n B
+};
 
 // (S_0 + j w S_1) D^-1 B h + A: the response from recorded inputs to recorded outputs.
 [[nodiscard]] Eigen::MatrixXcd sampled_response(const LinearPlant& plant, double w,

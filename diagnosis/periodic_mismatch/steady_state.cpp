@@ -87,11 +87,11 @@ ModelState evaluate_model(const PlantFamily& family, const PeriodicData& data,
       if (with_derivatives) {
         differentiate_bodies(family, data.positions[i], parameters, state.bodies, response);
       }
+      response.held_images.emplace(response.plant, data.sample_time);
       for (Index k = 0; k <= data.last_line; ++k) {
         const double w = data.frequencies[at(k)];
         response.receptance.push_back(receptance(response.plant, w));
-        response.images.push_back(k == 0 ? MatrixXcd()
-                                         : image_response(response.plant, w, data.sample_time));
+        response.images.push_back(k == 0 ? MatrixXcd() : response.held_images->response(w));
       }
     } catch (...) {
       const std::scoped_lock lock(guard);
@@ -142,13 +142,11 @@ const SteadyState& SteadyStateSolver::solve(const ModelState& model, const Measu
   state_.forces = MatrixXcd::Zero(lines_ + 1, laws);
   state_.changed.clear();
   state_.unsettled = 0.0;
+  find_own_forces(model, record.position);
   assemble();
-  add_own_force(model, record.position);
-  assemble();
+  settle_own_force(record);
   couple_laws();
   if (laws == 0) {
-    add_own_force(model, record.position);
-    assemble();
     measure(record);
     return state_;
   }
@@ -190,9 +188,9 @@ void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& rec
     };
     for (Index k = 1; k <= lines_; ++k) {
       const double w = data_.frequencies[at(k)];
-      imaged_.col(k) += filtered_image_response(plant, channel, w, data_.sample_time, filter) *
-                            (input_(channel, k) / filter(w)) -
-                        position_->images[at(k)].col(channel) * input_(channel, k);
+      imaged_.col(k) +=
+          position_->held_images->filtered(channel, w, filter) * (input_(channel, k) / filter(w)) -
+          position_->images[at(k)].col(channel) * input_(channel, k);
     }
   }
   driven_.resize(plant.mass.rows(), lines_ + 1);
@@ -249,7 +247,7 @@ void SteadyStateSolver::couple_laws() {
   for (Index k = data_.first_line - 1; k >= 0; --k) weight_.row(k) = weight_.row(k + 1);
 }
 
-void SteadyStateSolver::add_own_force(const ModelState& model, std::size_t position) {
+void SteadyStateSolver::find_own_forces(const ModelState& model, std::size_t position) {
   if (own_forces_of_ != model.version) {
     own_forces_.clear();
     own_forces_of_ = model.version;
@@ -258,7 +256,13 @@ void SteadyStateSolver::add_own_force(const ModelState& model, std::size_t posit
   if (found == own_forces_.end()) {
     found = own_forces_.emplace(position, family_.own_force(position_->plant, model.bodies)).first;
   }
-  if (found->second == nullptr) return;
+  own_force_ = found->second.get();
+}
+
+// The model's own force at the present coordinates, which follow; returns how far they moved
+// (size_in_noise).
+double SteadyStateSolver::renew_own_force(const MeasuredRecord& record) {
+  if (own_force_ == nullptr) return 0.0;
   const Index n = position_->plant.mass.rows(), grid = own_transform_.grid();
   MatrixXd q(n, grid), velocity(n, grid), acceleration(n, grid), force;
   VectorXcd spectrum(lines_ + 1);
@@ -271,16 +275,44 @@ void SteadyStateSolver::add_own_force(const ModelState& model, std::size_t posit
       for (Index k = 0; k <= lines_; ++k) spectrum(k) *= Complex(0.0, data_.frequencies[at(k)]);
     }
   }
-  found->second->evaluate(q, velocity, acceleration, force);
-  own_force_.resize(n, lines_ + 1);
+  own_force_->evaluate(q, velocity, acceleration, force);
+  MatrixXcd force_lines(n, lines_ + 1);
   for (Index i = 0; i < n; ++i) {
     times = force.row(i).transpose();
     own_transform_.to_lines(times, spectrum);
-    own_force_.row(i) = spectrum.transpose();
+    force_lines.row(i) = spectrum.transpose();
   }
+  MatrixXcd change = -own_;
   for (Index k = 0; k <= lines_; ++k) {
-    own_.col(k).noalias() = position_->receptance[at(k)] * own_force_.col(k);
+    own_.col(k).noalias() = position_->receptance[at(k)] * force_lines.col(k);
   }
+  change += own_;
+  state_.coordinates += change;
+  return size_of_motion(record, change);
+}
+
+// Without laws, or with the laws' forces held.
+void SteadyStateSolver::settle_own_force(const MeasuredRecord& record) {
+  for (int pass = 0; pass < options_.iteration_limit; ++pass) {
+    state_.unsettled = renew_own_force(record);
+    if (!(state_.unsettled > options_.tolerance)) return;
+  }
+}
+
+// Whitened rms of what coordinates do to the outputs.
+double SteadyStateSolver::size_of_motion(const MeasuredRecord& record,
+                                         const MatrixXcd& coordinates) const {
+  const LinearPlant& plant = position_->plant;
+  double sum = 0.0;
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    const Complex rate(0.0, data_.frequencies[at(k)]);
+    sum += (data_.whitening[record.group][at(k)] *
+            (plant.position_output * coordinates.col(k) +
+             rate * (plant.velocity_output * coordinates.col(k))))
+               .squaredNorm();
+  }
+  return std::sqrt(sum /
+                   static_cast<double>(2 * plant.velocity_output.rows() * data_.line_count()));
 }
 
 void SteadyStateSolver::assemble() {
@@ -456,15 +488,12 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
   double share = 1.0;
   for (int iteration = 0; iteration < options_.iteration_limit; ++iteration) {
     assemble();
-    if (iteration < 3) {
-      add_own_force(*model_, record.position);
-      assemble();
-    }
+    const double own_size = renew_own_force(record);
     renew_forces(error);
     error -= state_.forces;
     MatrixXcd moved = error;
     precondition(moved);
-    const double size = size_in_noise(moved);
+    const double size = std::hypot(size_in_noise(moved), own_size);
     if (!(size < best_size)) {
       // Less of the step that did not help.
       share *= 0.3;

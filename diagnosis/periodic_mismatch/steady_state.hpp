@@ -30,6 +30,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -56,8 +57,9 @@ struct ActingLaw {
 struct PositionResponse {
   LinearPlant plant;
   std::vector<Eigen::MatrixXcd> receptance;  // D^-1 of lines 0 ... K
-  std::vector<Eigen::MatrixXcd> images;      // A
-  std::vector<Eigen::MatrixXd> body_mass;    // by each parameter of body laws
+  std::optional<HeldImages> held_images;
+  std::vector<Eigen::MatrixXcd> images;    // A of each line
+  std::vector<Eigen::MatrixXd> body_mass;  // by each parameter of body laws
   std::vector<Eigen::MatrixXd> body_stiffness;
 };
 
@@ -146,7 +148,11 @@ class SteadyStateSolver {
 
   void list_laws(const ModelState& model);
   void drive(const ModelState& model, const MeasuredRecord& record);
-  void add_own_force(const ModelState& model, std::size_t position);
+  void find_own_forces(const ModelState& model, std::size_t position);
+  double renew_own_force(const MeasuredRecord& record);
+  void settle_own_force(const MeasuredRecord& record);
+  [[nodiscard]] double size_of_motion(const MeasuredRecord& record,
+                                      const Eigen::MatrixXcd& coordinates) const;
   void virtual_forces();
   void couple_laws();
   void assemble();
@@ -184,11 +190,10 @@ class SteadyStateSolver {
   const ModelState* model_ = nullptr;
   const PositionResponse* position_ = nullptr;
   std::vector<ForceLaw> force_laws_;
-  Eigen::MatrixXcd input_;   // with the actuators' laws
-  Eigen::MatrixXcd imaged_;  // the images' part of the output
-  Eigen::MatrixXcd driven_;  // D^-1 h B u
-  Eigen::MatrixXcd own_;     // D^-1 f_own
-  Eigen::MatrixXcd own_force_;
+  Eigen::MatrixXcd input_;                       // with the actuators' laws
+  Eigen::MatrixXcd imaged_;                      // the images' part of the output
+  Eigen::MatrixXcd driven_;                      // D^-1 h B u
+  Eigen::MatrixXcd own_;                         // D^-1 f_own
   std::vector<Eigen::MatrixXcd> carried_;        // D^-1 b_out of each force law, n x (K + 1)
   std::vector<Eigen::MatrixXcd> seen_;           // whitened (S_0 + j w S_1) D^-1 b_out
   std::vector<Eigen::MatrixXcd> between_;        // r of each line
@@ -196,6 +201,7 @@ class SteadyStateSolver {
   Eigen::MatrixXd weight_;                       // of forces in noise units, (K + 1) x laws
   std::map<std::size_t, std::unique_ptr<OwnForce>> own_forces_;  // of each position
   std::uint64_t own_forces_of_ = 0;                              // version of the model
+  OwnForce* own_force_ = nullptr;                                // at the present position
   PeriodTransform own_transform_;  // of a coarser grid: what the model adds is smooth
   PeriodicMotion motion_;
   Eigen::VectorXd times_;
