@@ -254,7 +254,8 @@ RobotModel load_robot_without_elements(const std::filesystem::path& file) {
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "gravity", "sample_time", "joints",
-                   "transmission", "controller", "noise", "parameters", "excitation", "elements"});
+                   "transmission", "controller", "noise", "parameters", "excitation", "laws",
+                   "elements"});
 
   const std::string urdf_name = root.at("urdf").text();
   const std::vector<ChainRotation> urdf = read_urdf_chain(

@@ -133,4 +133,6 @@ std::string YamlField::choice(std::initializer_list<std::string_view> words) con
   return word;
 }
 
+std::string YamlField::dump() const { return YAML::Dump(node_); }
+
 }  // namespace graybox

@@ -39,6 +39,9 @@ class YamlField {
   // One of the words given.
   [[nodiscard]] std::string choice(std::initializer_list<std::string_view> words) const;
 
+  // As YAML again, without comments.
+  [[nodiscard]] std::string dump() const;
+
   // Throws InputError "file:line: field: message".
   [[noreturn]] void fail(const std::string& message) const;
 

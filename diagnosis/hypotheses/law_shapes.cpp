@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "graybox/problems/quantile.hpp"
 
@@ -207,6 +208,80 @@ std::vector<LawShape> sublinear_friction(const MotionScale& scale) {
   return shapes;
 }
 
+// Laws that a file defines: all amplitudes, for all combinations of what its other parameters are tried
+// at.
+std::vector<double> trial_values(const LawParameter& parameter, const MotionScale& scale) {
+  std::vector<double> values = parameter.trials.values;
+  for (const double share : parameter.trials.deflection_shares) {
+    if (scale.deflection(share) > 0.0) values.push_back(scale.deflection(share));
+  }
+  for (const double share : parameter.trials.rate_shares) {
+    if (scale.rate(share) > 0.0) values.push_back(scale.rate(share));
+  }
+  return values;
+}
+
+bool in_range(double value, ParameterRange range) {
+  switch (range) {
+    case ParameterRange::kAny:
+      return true;
+    case ParameterRange::kPositive:
+      return value > 0.0;
+    case ParameterRange::kNonNegative:
+      return value >= 0.0;
+    case ParameterRange::kUnitInterval:
+      break;
+  }
+  return value >= 0.0 && value <= 1.0;
+}
+
+// `values`: of the parameters that are no amplitudes; the others are overwritten.
+LawShape shape_at(const LawEntry& entry, const std::vector<double>& values) {
+  LawShape shape;
+  std::vector<std::size_t> linear;
+  for (std::size_t p = 0; p < entry.parameters.size(); ++p) {
+    if (entry.parameters[p].is_linear) linear.push_back(p);
+  }
+  for (const std::size_t p : linear) {
+    std::vector<double>& basis = shape.basis.emplace_back(values);
+    for (const std::size_t other : linear) basis[other] = other == p ? 1.0 : 0.0;
+  }
+  shape.parameters = [values, linear, &entry](const VectorXd& amplitudes) {
+    std::vector<double> parameters = values;
+    for (std::size_t a = 0; a < linear.size(); ++a) {
+      parameters[linear[a]] = amplitudes(static_cast<Eigen::Index>(a));
+      if (!in_range(parameters[linear[a]], entry.parameters[linear[a]].range)) {
+        return std::vector<double>();
+      }
+    }
+    return parameters;
+  };
+  return shape;
+}
+
+std::vector<LawShape> shapes_of_definition(const LawEntry& entry, const MotionScale& scale) {
+  constexpr std::size_t kMost = 200;
+  std::vector<std::vector<double>> combinations{{}};
+  for (const LawParameter& parameter : entry.parameters) {
+    const std::vector<double> trials =
+        parameter.is_linear ? std::vector<double>{0.0} : trial_values(parameter, scale);
+    std::vector<std::vector<double>> longer;
+    for (const std::vector<double>& begun : combinations) {
+      for (const double value : trials) {
+        if (longer.size() == kMost) break;
+        longer.push_back(begun);
+        longer.back().push_back(value);
+      }
+    }
+    combinations = std::move(longer);
+  }
+  std::vector<LawShape> shapes;
+  for (const std::vector<double>& values : combinations) {
+    shapes.push_back(shape_at(entry, values));
+  }
+  return shapes;
+}
+
 }  // namespace
 
 LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool positive) {
@@ -231,6 +306,7 @@ double MotionScale::rate(double share) const {
 std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                  const MotionScale& scale) {
   const std::string& name = entry.name;
+  if (!entry.definition.empty()) return shapes_of_definition(entry, scale);
   if (name == "backlash") return backlash(scale);
   if (name == "dead_zone") return dead_zone(scale);
   if (name == "coulomb") return coulomb(scale);

@@ -76,6 +76,7 @@ std::vector<LawShape> signal_shapes(const LawEntry& entry, const MotionScale& sc
 
 std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlace& place,
                                       const MotionScale& scale, const FrequencyBand& band) {
+  if (!entry.definition.empty()) return law_shapes(entry, place, scale);
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
   if (entry.name == "mode") return mode(band);

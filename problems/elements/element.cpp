@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <set>
 
+#include "graybox/problems/elements/law_file.hpp"
+
 namespace graybox {
 namespace {
 
@@ -125,11 +127,18 @@ std::vector<Element> read_elements(const YamlField& list, const Places& places) 
   return elements;
 }
 
+std::vector<Element> read_model_elements(const YamlField& root, const Places& places) {
+  if (root.has("laws")) add_laws(root.at("laws"));
+  if (!root.has("elements")) return {};
+  return read_elements(root.at("elements"), places);
+}
+
 std::vector<Element> read_physics(const std::filesystem::path& file, const Places& places) {
   const YamlField root = YamlField::load(file);
-  root.allow_keys({"format", "elements"});
+  root.allow_keys({"format", "laws", "elements"});
   (void)root.at("format").choice({"graybox-physics/1"});
-  return read_elements(root.at("elements"), places);
+  (void)root.at("elements");
+  return read_model_elements(root, places);
 }
 
 }  // namespace graybox

@@ -68,10 +68,15 @@ class Places {
 // unknown law, place or parameter, a missing or wrong unit, a value out of range, two of one name.
 [[nodiscard]] std::vector<Element> read_elements(const YamlField& list, const Places& places);
 
+// The elements of a model: the keys `laws` (law_file.hpp), whose laws enter the catalogue, and
+// `elements`; none where the model has neither.
+[[nodiscard]] std::vector<Element> read_model_elements(const YamlField& root, const Places& places);
+
 // Whether {value: ..., fixed: true} says so.
 [[nodiscard]] bool read_fixed(const YamlField& parameter);
 
-// The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}.
+// The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}, `laws` with
+// it where it uses laws of its own.
 [[nodiscard]] std::vector<Element> read_physics(const std::filesystem::path& file,
                                                 const Places& places);
 

@@ -2,14 +2,17 @@
 
 #include <algorithm>
 #include <iterator>
+#include <stdexcept>
+#include <utility>
 
 #include "graybox/problems/elements/law_lists.hpp"
 
 namespace graybox {
+namespace {
 
-const std::vector<LawEntry>& law_catalogue() {
-  static const std::vector<LawEntry> catalogue = [] {
-    std::vector<LawEntry> all;
+std::deque<LawEntry>& mutable_catalogue() {
+  static std::deque<LawEntry> catalogue = [] {
+    std::deque<LawEntry> all;
     for (auto part :
          {spring_laws(), friction_laws(), hysteresis_laws(), inertia_laws(), signal_laws()}) {
       std::ranges::move(part, std::back_inserter(all));
@@ -17,6 +20,20 @@ const std::vector<LawEntry>& law_catalogue() {
     return all;
   }();
   return catalogue;
+}
+
+}  // namespace
+
+const std::deque<LawEntry>& law_catalogue() { return mutable_catalogue(); }
+
+void add_law(LawEntry entry) {
+  if (const LawEntry* present = find_law(entry.name, entry.use == LawUse::kSignal)) {
+    if (!present->definition.empty() && present->definition == entry.definition) return;
+    throw std::invalid_argument(present->definition.empty()
+                                    ? "is the name of a law of graybox's own"
+                                    : "is the name of another law that a file has defined");
+  }
+  mutable_catalogue().push_back(std::move(entry));
 }
 
 const LawEntry* find_law(std::string_view name, bool at_signal) {

@@ -10,10 +10,11 @@
 //
 // Adding a law: a class in the file of its kind (springs, friction, hysteresis, ...) and one entry in
 // that file's list. Reader, simulator, documentation (`graybox simulate --laws`) and the property
-// tests take it from there.
+// tests take it from there. Without C++, by a file: law_file.hpp.
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <span>
@@ -36,11 +37,19 @@ enum class LawUse : std::int8_t {
 
 enum class ParameterRange : std::int8_t { kAny, kPositive, kNonNegative, kUnitInterval };
 
+// Values of a parameter of a user's law that the search for missing physics starts from.
+struct ParameterTrials {
+  std::vector<double> deflection_shares;  // quantiles of the recorded |z|
+  std::vector<double> rate_shares;        // of the recorded |z'|
+  std::vector<double> values;
+};
+
 struct LawParameter {
   std::string name;
   std::string unit;  // with F, x and I
   ParameterRange range = ParameterRange::kAny;
   bool is_linear = false;  // the force is linear in all parameters marked so, taken together
+  ParameterTrials trials = {};
 };
 
 struct LawEntry {
@@ -50,9 +59,16 @@ struct LawEntry {
   std::vector<LawParameter> parameters;
   // From the parameters in the order above, within their ranges. Empty where there is no Law object.
   std::function<std::shared_ptr<const Law>(std::span<const double>)> make;
+  // YAML, as law_file.hpp reads it, of a law that a file has added; empty for graybox's own.
+  std::string definition = {};
 };
 
-[[nodiscard]] const std::vector<LawEntry>& law_catalogue();
+// References to entries stay valid.
+[[nodiscard]] const std::deque<LawEntry>& law_catalogue();
+
+// For all of the process; not while other threads use the catalogue. Nothing happens if the same
+// definition is there already. Throws std::invalid_argument if another law has the name.
+void add_law(LawEntry entry);
 
 // The law of this name for a place with forces (also inertia and payload) or with a signal (also
 // delay); null if there is none.

@@ -369,8 +369,8 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& physics) {
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-lumped/1"});
-  root.allow_keys({"format", "sample_time", "motion", "masses", "elements", "inputs", "outputs",
-                   "noise", "controller", "parameters"});
+  root.allow_keys({"format", "sample_time", "motion", "masses", "laws", "elements", "inputs",
+                   "outputs", "noise", "controller", "parameters"});
   const bool rotates = root.at("motion").choice({"rotation", "translation"}) == "rotation";
   const PlaceUnits units =
       rotates ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
@@ -398,7 +398,7 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
   }
   model.mass = Eigen::MatrixXd::Zero(model.masses.size(), model.masses.size());
   const LumpedPlaces places(model, units);
-  if (root.has("elements")) add_parts(read_elements(root.at("elements"), places), model);
+  add_parts(read_model_elements(root, places), model);
   if (physics) add_parts(read_physics(*physics, places), model);
   read_outputs(root.at("outputs"), model);
   if (root.has("parameters")) read_free_parameters(root.at("parameters"), model);

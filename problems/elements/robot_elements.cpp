@@ -164,7 +164,7 @@ ExtendedRobot load_extended_robot(const std::filesystem::path& file,
   ExtendedRobot extended{load_robot_without_elements(file), {}};
   const RobotPlaces places(extended.robot);
   const YamlField root = YamlField::load(file);
-  if (root.has("elements")) extended.elements = read_elements(root.at("elements"), places);
+  extended.elements = read_model_elements(root, places);
   if (physics) {
     for (Element& element : read_physics(*physics, places)) {
       extended.elements.push_back(std::move(element));

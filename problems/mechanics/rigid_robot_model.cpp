@@ -358,7 +358,7 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-rigid-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "denavit_hartenberg", "gravity", "joints",
-                   "transmission", "elements", "known", "refine", "channels"});
+                   "transmission", "laws", "elements", "known", "refine", "channels"});
   RigidRobotModel model;
   model.name = file.stem().string();
   model.gravity = read_vector(root.at("gravity"));
@@ -378,9 +378,7 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   model.transmission = has_transmission ? read_transmission(root.at("transmission"), model.size())
                                         : Eigen::MatrixXd(gear_ratios.asDiagonal());
   const RigidRobotPlaces places(model);
-  if (root.has("elements")) {
-    append_elements(read_elements(root.at("elements"), places), file.string(), model);
-  }
+  append_elements(read_model_elements(root, places), file.string(), model);
   for (const std::filesystem::path& extra : physics) {
     append_elements(read_physics(extra, places), extra.string(), model);
   }
