@@ -15,11 +15,14 @@
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
+#include "graybox/diagnosis/verdict/next_plan.hpp"
 #include "graybox/diagnosis/verdict/report_page.hpp"
 #include "graybox/diagnosis/verdict/verdict_file.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/elements/law_file.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/yaml_field.hpp"
 #include "interrupt.hpp"
 
 namespace graybox::cli {
@@ -27,6 +30,7 @@ namespace {
 
 struct Arguments {
   std::string model, campaign, output;
+  std::vector<std::string> law_files;
   int threads = 1;
   bool json = false;
   SearchOptions search;
@@ -69,17 +73,36 @@ void prepare_folder(const std::string& folder) {
   if (error) throw InputError(fmt::format("{}: can't be made: {}", folder, error.message()));
 }
 
-// A report of an earlier run with more figures must not lend its pages to this one.
-void remove_old_figures(const std::filesystem::path& figures) {
-  for (const auto& entry : std::filesystem::directory_iterator(figures)) {
+// A report of an earlier run with more figures and plans must not lend them to this one.
+void remove_old(const std::filesystem::path& folder) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "figures")) {
     if (entry.path().extension() == ".svg") std::filesystem::remove(entry.path());
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().filename().string().starts_with("next_plan_")) {
+      std::filesystem::remove(entry.path());
+    }
+  }
+}
+
+// What `graybox simulate` needs to carry out the next experiment.
+void write_next_plans(const Arguments& arguments, const Campaign& campaign,
+                      const Diagnosis& diagnosis) {
+  const NextQuestion question = next_question(diagnosis);
+  if (question.rival == nullptr) return;
+  const std::filesystem::path folder = arguments.output;
+  const std::string format = YamlField::load(arguments.model).at("format").text();
+  int number = 0;
+  for (const std::string& plan :
+       next_plans(*question.rival->next, campaign, format == "graybox-robot/1")) {
+    write_text_file((folder / fmt::format("next_plan_{}.yaml", ++number)).string(), plan);
   }
 }
 
 void write_report(const Arguments& arguments, const Diagnosis& diagnosis,
                   std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files) {
   const std::filesystem::path folder = arguments.output;
-  remove_old_figures(folder / "figures");
+  remove_old(folder);
   for (const ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
     write_text_file((folder / "figures" / (figure.name + ".svg")).string(), figure.svg);
   }
@@ -99,6 +122,7 @@ int exit_code_of(const Diagnosis& diagnosis) {
 }
 
 int execute(Arguments& arguments) {
+  for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) prepare_folder(arguments.output);
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
@@ -118,6 +142,7 @@ int execute(Arguments& arguments) {
   const DiagnosedFiles files{arguments.model, campaign.file.string()};
   if (!arguments.output.empty()) {
     write_report(arguments, diagnosis, problem->hypotheses(), files);
+    write_next_plans(arguments, campaign, diagnosis);
   }
   if (arguments.json) {
     fmt::print("{}\n", verdict_json(diagnosis, problem->hypotheses(), files).dump());
@@ -163,6 +188,10 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       ->check(CLI::Range(1, 50));
   command->add_option("--without", arguments->search.excluded_laws,
                       "leave these laws out of the catalogue");
+  command->add_option("--laws", arguments->law_files,
+                      "laws of your own, graybox-laws/1 files, besides the catalogue");
+  command->add_flag("--ignore-faults", arguments->search.ignore_channel_faults,
+                    "search although wires, signs or units look wrong");
   command->add_option("--seed", arguments->search.seed, "of the draws that calibrate the tests")
       ->capture_default_str();
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -170,7 +199,8 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       "Exit codes: 0 nothing missing, explained or ambiguous; 1 unknown; 2 bad input.\n"
       "Examples:\n"
       "  graybox diagnose robot.yaml campaign/ -o report --threads 2\n"
-      "  graybox diagnose drive.yaml campaign/ --without coulomb --json");
+      "  graybox diagnose drive.yaml campaign/ --without coulomb --json\n"
+      "  graybox diagnose drive.yaml campaign/ --laws my_laws.yaml -o report");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }
 

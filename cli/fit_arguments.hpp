@@ -17,6 +17,7 @@ struct FitArguments {
   int threads = 1;
   std::uint64_t seed = 1;
   int starts = 8;  // of the search, at most
+  bool all_starts = false;
   bool json = false;
   std::vector<std::string> physics;    // files with further elements; rigid robots, lumped models
   int decimation = 1;                  // of columns and torques alike; rigid robots

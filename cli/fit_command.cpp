@@ -87,6 +87,8 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                    "starts of the search, at most; it ends when two agree")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
+  command->add_flag("--all-starts", arguments->all_starts,
+                    "run all starts, to see how many find the optimum (robots)");
   command->add_option(
       "--physics", arguments->physics,
       "graybox-physics/1 files with further elements (rigid robots, lumped models)");

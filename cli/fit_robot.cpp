@@ -16,6 +16,7 @@ FitReport fit_robot(const FitArguments& arguments) {
   options.threads = arguments.threads;
   options.search.seed = arguments.seed;
   options.search.starts = arguments.starts;
+  options.search.all_starts = arguments.all_starts;
   options.keep_going = [] { return !interrupted(); };
   options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
   FitReport report = fit_robot_campaign(robot, campaign, options);

@@ -56,7 +56,8 @@ FitSearch search_fit(const ResponseModel& model, std::span<const ResponseMeasure
     }
     search.starts.push_back(std::move(each));
     if (search.best.status == FitStatus::kFailed) continue;
-    if (mark_best(search) >= 2 && search.best.lack_of_fit() < kRejection) break;
+    const bool is_found = mark_best(search) >= 2 && search.best.lack_of_fit() < kRejection;
+    if (is_found && !options.all_starts) break;
   }
   return search;
 }

@@ -26,10 +26,11 @@
 namespace graybox {
 
 struct FitSearchOptions {
-  int starts = 8;          // at most
-  double spread = 3.0;     // of the further starts, at least 1
-  std::uint64_t seed = 1;  // of the further starts
-  FitOptions fit;          // of each
+  int starts = 8;           // at most
+  bool all_starts = false;  // go on when two agree: how often is the optimum found?
+  double spread = 3.0;      // of the further starts, at least 1
+  std::uint64_t seed = 1;   // of the further starts
+  FitOptions fit;           // of each
   // Carries a start towards the optimum before it is fitted (constitutive_stage.hpp).
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> approach;
   std::function<bool()> keep_going;  // asked between starts

@@ -6,29 +6,20 @@ writes the error that is left beside the figures measured by hand or published.
 
 `ratio` is ours over the reference: 1 equal, below 1 better.
 """
-import csv
-import json
 import pathlib
-import subprocess
 import sys
 
-root = pathlib.Path(__file__).resolve().parent.parent
+import recordings_table
+from recordings_table import campaigns, root
+
 graybox, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
-campaigns = root / "diagnosis/campaigns"
 models = root / "diagnosis/models"
 physics = root / "docs/examples/fit/physics"
 
 
 def fit(model, campaign, extra, *options):
-    """The answer of `graybox fit`, converged or not."""
-    command = [graybox, "fit", str(models / f"{model}.yaml"), str(campaign), "--json", "--starts", "3",
-               "--threads", "2", *options]
-    if extra:
-        command += ["--physics", str(extra)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode == 2:
-        sys.exit(done.stderr)
-    return json.loads(done.stdout)
+    return recordings_table.fit(graybox, models / f"{model}.yaml", campaign, [extra] if extra else [],
+                                "--starts", "3", "--threads", "2", *options)
 
 
 def scores(answer):
@@ -99,13 +90,4 @@ def cogging_motor():
         yield "Cogging motor", model, "test", "NRMSE [%]", scores(answer)[1][1], test
 
 
-def main():
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(["set", "model", "split", "figure", "ours", "reference", "ratio"])
-    for rows in (silverbox, emps, friction_damper, cogging_motor):
-        for name, model, split, figure, ours, reference in rows():
-            writer.writerow([name, model, split, figure, f"{ours:.4g}", reference,
-                             f"{ours / reference:.3f}"])
-
-
-main()
+recordings_table.write((silverbox(), emps(), friction_damper(), cogging_motor()))

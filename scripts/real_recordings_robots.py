@@ -6,25 +6,19 @@ writes what is left of the torques beside the figures measured by hand or publis
 
 `ratio` is ours over the reference: 1 equal, below 1 better.
 """
-import csv
-import json
 import pathlib
-import subprocess
 import sys
 
-root = pathlib.Path(__file__).resolve().parent.parent
+import recordings_table
+from recordings_table import campaigns, root
+
 graybox, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
 rigid = root / "docs/examples/rigid"
-campaigns = root / "diagnosis/campaigns"
 
 
 def fit(name, campaign, physics, *options):
-    """The answer of `graybox fit`; models with everything known have nothing to converge."""
-    command = [graybox, "fit", str(rigid / f"{name}.yaml"), str(campaign), "--json", *options]
-    if physics:
-        command += ["--physics", *(str(rigid / f"{each}.yaml") for each in physics)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+    return recordings_table.fit(graybox, rigid / f"{name}.yaml", campaign,
+                                [rigid / f"{each}.yaml" for each in physics], *options)
 
 
 def total(answer, role):
@@ -105,8 +99,4 @@ def kr300():
             yield "KR300", model, split, "NRMSE, axis 2 [%]", nrmse(record, 1), reference
 
 
-writer = csv.writer(sys.stdout, lineterminator="\n")
-writer.writerow(["set", "model", "split", "figure", "ours", "reference", "ratio"])
-for rows in (emps(), tx40(), kr300()):
-    for *labels, ours, reference in rows:
-        writer.writerow([*labels, f"{ours:.5g}", f"{reference:g}", f"{ours / reference:.3f}"])
+recordings_table.write((emps(), tx40(), kr300()))

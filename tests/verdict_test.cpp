@@ -1,6 +1,7 @@
 // What a diagnosis looks like in words, JSON, models and pages.
 #include <gtest/gtest.h>
 
+#include <yaml-cpp/yaml.h>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -8,10 +9,13 @@
 #include <nlohmann/json.hpp>
 
 #include "graybox/diagnosis/verdict/extended_model.hpp"
+#include "graybox/diagnosis/verdict/law_words.hpp"
+#include "graybox/diagnosis/verdict/next_plan.hpp"
 #include "graybox/diagnosis/verdict/report_page.hpp"
 #include "graybox/diagnosis/verdict/svg_chart.hpp"
 #include "graybox/diagnosis/verdict/verdict_file.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/elements/lumped_model.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/error.hpp"
@@ -71,6 +75,62 @@ TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
   EXPECT_NE(all.find("1.90e+09 ± 0.13e+09 N m/rad^3"), std::string::npos) << all;
   EXPECT_NE(all.find("Excluded: backlash at joint_3.gearbox (BIC +54)"), std::string::npos) << all;
   EXPECT_NE(all.find("no more than noise"), std::string::npos) << all;
+}
+
+TEST(VerdictWords, SayItAsAnEngineerWould) {
+  const auto sentence = [](const char* place, const char* law, double value) {
+    const Hypothesis hypothesis{place, "", law, {}};
+    return law_sentence(hypothesis, {0, {{"p", "1", value, 0.1}}});
+  };
+  EXPECT_EQ(sentence("joint_3.gearbox", "cubic_spring", 1.0), "the gearbox of joint_3 hardens");
+  EXPECT_EQ(sentence("joint_3.gearbox", "cubic_spring", -1.0), "the gearbox of joint_3 softens");
+  EXPECT_EQ(sentence("joint_1.arm", "inertia", -1.0),
+            "the arm axis of joint_1 has less inertia than modelled");
+  EXPECT_EQ(sentence("sensor joint_2", "dead_zone", 1.0),
+            "the sensor joint_2 does not answer to small values (dead zone)");
+  EXPECT_EQ(sentence("motor-load", "backlash", 1.0), "motor-load has play");
+  EXPECT_EQ(sentence("carriage", "magnet", 1.0), "carriage follows the law magnet");
+  // No law of the catalogue is without words.
+  for (const LawEntry& entry : law_catalogue()) {
+    const bool at_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
+    const std::string place = at_signal ? "sensor x" : "x";
+    EXPECT_EQ(sentence(place.c_str(), entry.name.c_str(), 1.0).find("follows the law"),
+              std::string::npos)
+        << entry.name;
+  }
+}
+
+TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kAmbiguous;
+  NextExperiment next;
+  next.shares = {{{"[0, 30, 0]", {0, 30, 0}, 6.0, 1.0, 10.0}, 0.75},
+                 {{"[0, 0, 0]", {0, 0, 0}, 3.0, 1.0, 60.0}, 0.25}};
+  next.duality_gap = 1e-8;
+  next.distance_now = 2.0;
+  next.distance_then = 19.0;
+  next.recordings = 12.0;
+  next.recordings_needed = 7.0;
+  diagnosis.effects[0].rivals = {{{2, {}}, 1.5, next}};
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_NE(all.find("7 recordings more, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
+            std::string::npos)
+      << all;
+  const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"})["next_experiment"];
+  EXPECT_EQ(json["between"][1], "backlash at joint_3.gearbox");
+  EXPECT_EQ(json["shares"][0]["band_hz"][1], 10.0);
+  EXPECT_EQ(json["recordings_needed"], 7.0);
+  Campaign campaign;
+  campaign.sample_time = 0.001;
+  campaign.experiments.resize(2);
+  campaign.experiments[0].excitation = {1000, 2, {1, 3, 5, 9, 15, 35}};
+  const std::vector<std::string> plans = next_plans(next, campaign, true);
+  ASSERT_EQ(plans.size(), 2U);
+  const YAML::Node second = YAML::Load(plans[1]);
+  EXPECT_EQ(second["levels"][0].as<double>(), 6.0);
+  EXPECT_EQ(second["positions"][0][1].as<double>(), 30.0);
+  EXPECT_EQ(second["frequencies"]["count"].as<int>(), 4);  // lines 1, 3, 5, 9
 }
 
 TEST(VerdictFile, HasTheFieldsOfTheFormat) {

@@ -37,6 +37,7 @@ class Search {
 
   Diagnosis run() {
     result_.noise_is_known = problem_.noise_is_known();
+    if (!options_.ignore_channel_faults && has_channel_faults()) return std::move(result_);
     if (!fit_as_it_is()) return std::move(result_);
     detect();
     if (result_.detection.detected) {
@@ -66,6 +67,14 @@ class Search {
   [[nodiscard]] std::string name_of(std::size_t hypothesis) const {
     const Hypothesis& named = problem_.hypotheses()[hypothesis];
     return named.law + " at " + named.place;
+  }
+
+  bool has_channel_faults() {
+    proceed("checking wires, signs and units");
+    result_.channel_faults = problem_.channel_faults();
+    if (result_.channel_faults.empty()) return false;
+    result_.trouble = "the recordings are not what the channels say";
+    return true;
   }
 
   bool fit_as_it_is() {
@@ -316,13 +325,20 @@ class Search {
     }
     const double best = bic(result_.after);
     for (const Trial& trial : refit_each(starts_of(without), candidates, without)) {
-      Rival rival{trial.fit.laws.back(), bic(trial.fit) - best};
+      Rival rival{trial.fit.laws.back(), bic(trial.fit) - best, {}};
       if (rival.bic_difference > options_.exclusion_margin) {
         effect.excluded.push_back(std::move(rival));
       } else if (!generalises(trial, effect.law)) {
+        if (effect.rivals.empty()) rival.next = experiment_against(trial);
         effect.rivals.push_back(std::move(rival));
       }
     }
+  }
+
+  std::optional<NextExperiment> experiment_against(const Trial& rival) {
+    if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
+    const auto experiments = problem_.experiments_between(result_.after, rival.fit);
+    return experiments ? next_experiment(*experiments) : std::nullopt;
   }
 
   [[nodiscard]] bool generalises(const Trial& trial, const FittedLaw& law) const {

@@ -1,5 +1,7 @@
 // The search for missing physics: is something missing, where, which law, and is that all?
 //
+//   0. Look for swapped wires, wrong signs and units (channel_faults.hpp). Where there are any the search
+//      ends, verdict unknown, for what it would find is no physics.
 //   1. Fit the model as it is.
 //   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest
 //      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
@@ -23,6 +25,9 @@
 //      recordings kept out must not be more than `generalisation` times that of the fit, and no more
 //      than `structure_tolerance` of the rest may still depend on the motion
 //      (MismatchProblem::remaining_structure).
+//
+//   7. Next: for the nearest rival of each law, the experiment that tells the two apart
+//      (next_experiment.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
 // `ambiguous`: the rest is noise, but a class has several members. `unknown`: something is missing that
@@ -60,6 +65,7 @@ struct SearchOptions {
   int null_draws = 199;                    // at least 2 / level are taken
   std::vector<std::string> excluded_laws;  // left out of the catalogue
   double detection_power = 0.9;            // of the smallest detectable effect
+  bool ignore_channel_faults = false;
   std::uint64_t seed = 1;
   // Called with what is being done, for progress; may be empty. Return false to stop: the diagnosis
   // then is what has been found so far, marked `interrupted`.
@@ -81,7 +87,8 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
-  double bic_difference = 0.0;  // to the best of its class
+  double bic_difference = 0.0;         // to the best of its class
+  std::optional<NextExperiment> next = {};  // that tells it from the law found; of the nearest alone
 };
 
 struct FoundEffect {
@@ -97,6 +104,7 @@ struct Diagnosis {
   bool noise_is_known = false;
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
+  std::vector<ChannelFault> channel_faults;
   Detection detection;
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;

@@ -18,6 +18,8 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
 #include "graybox/diagnosis/hypotheses/score_test.hpp"
 
 namespace graybox {
@@ -129,6 +131,9 @@ class MismatchProblem {
   // Whether the noise is known (from periods, or stated), so that a chi-square can be too large.
   [[nodiscard]] virtual bool noise_is_known() const = 0;
 
+  // Swapped wires, wrong signs and units that the recordings show against the model as it is.
+  [[nodiscard]] virtual std::vector<ChannelFault> channel_faults() const { return {}; }
+
   // `nearby`: a fit with some of the same laws to start the model's parameters from.
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
                                         const ExtendedFit* nearby) const = 0;
@@ -143,6 +148,12 @@ class MismatchProblem {
   // 1.
   [[nodiscard]] virtual std::optional<double> remaining_structure(
       const ExtendedFit& /*fit*/) const {
+    return {};
+  }
+
+  // What further experiments would tell of two fits; none where that can't be said.
+  [[nodiscard]] virtual std::optional<RivalExperiments> experiments_between(
+      const ExtendedFit& /*a*/, const ExtendedFit& /*b*/) const {
     return {};
   }
 

@@ -30,7 +30,7 @@ std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 struct ReadRecord {
   MeasuredRecord record;
-  std::vector<std::string> outputs;
+  std::vector<std::string> outputs, units;
   std::vector<MatrixXcd> samples;  // of the noise, of lines 0 ... K, outputs then inputs
   std::vector<std::vector<std::size_t>> bins;
 };
@@ -140,6 +140,7 @@ class Reader {
     }
     if (failure) std::rethrow_exception(failure);
     data_.outputs = read.front().outputs;
+    data_.output_units = read.front().units;
     for (std::size_t k = 0; k < read.size(); ++k) keep(read[k], campaign_.experiments[k]);
     read_ = std::move(read);
   }
@@ -170,7 +171,10 @@ class Reader {
     RealTransform transform(layout.period * layout.periods);
     LineSpectra spectra = line_spectra(record_spectra(signals, transform), layout, {});
     ReadRecord result;
-    for (const Index c : outputs) result.outputs.push_back(recording.data.signals[at(c)].name);
+    for (const Index c : outputs) {
+      result.outputs.push_back(recording.data.signals[at(c)].name);
+      result.units.push_back(recording.data.signals[at(c)].unit);
+    }
     result.record.name = experiment.name;
     result.record.level = experiment.level;
     split(spectra, signals, excitation, result);

@@ -52,7 +52,7 @@ struct PeriodicData {
   std::vector<std::size_t> excited;        // lines
   std::vector<Eigen::VectorXd> positions;  // rad; one of size 0 for lumped models
   std::vector<std::string> position_names;
-  std::vector<std::string> outputs;  // channels
+  std::vector<std::string> outputs, output_units;  // channels
   std::vector<MeasuredRecord> estimation, validation;
   // [group][line]: L with E |(L V)_c|^2 = 2, so that real and imaginary parts have variance one.
   std::vector<std::vector<Eigen::MatrixXcd>> whitening;

@@ -11,11 +11,14 @@
 #include <optional>
 #include <utility>
 
+#include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
+#include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
@@ -181,6 +184,10 @@ class Problem : public MismatchProblem {
   [[nodiscard]] double sample_count() const override { return data_.numbers_in(data_.estimation); }
   [[nodiscard]] bool noise_is_known() const override { return true; }
 
+  [[nodiscard]] std::vector<ChannelFault> channel_faults() const override {
+    return find_channel_faults(compared_responses(*family_, data_, start_));
+  }
+
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
     VectorXd start = start_;
@@ -218,6 +225,15 @@ class Problem : public MismatchProblem {
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
+
+  [[nodiscard]] std::vector<ResidualCurve> residual_curves(const ExtendedFit& fit) const override {
+    return residual_spectra(*family_, data_, state_of(fit));
+  }
+
+  [[nodiscard]] std::optional<RivalExperiments> experiments_between(
+      const ExtendedFit& a, const ExtendedFit& b) const override {
+    return rival_experiments(*family_, data_, state_of(a), state_of(b), options_.threads);
+  }
 
  private:
   static constexpr double kDoubtful = 1.5;  // chi-square over the numbers measured

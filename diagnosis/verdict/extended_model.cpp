@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -110,6 +111,20 @@ std::set<std::string> element_names(const YAML::Node& root) {
   return names;
 }
 
+// The definitions of the laws that users have added, where the file does not hold them yet.
+void add_definitions(YAML::Node root, const ExtendedFit& fit,
+                     std::span<const Hypothesis> hypotheses) {
+  std::set<std::string> present;
+  for (const YAML::Node& law : root["laws"]) present.insert(law["name"].as<std::string>());
+  for (const FittedLaw& law : fit.laws) {
+    const std::string& name = hypotheses[law.hypothesis].law;
+    for (const LawEntry& entry : law_catalogue()) {
+      if (entry.name != name || entry.definition.empty() || !present.insert(name).second) continue;
+      root["laws"].push_back(YAML::Load(entry.definition));
+    }
+  }
+}
+
 std::string text_of(const YAML::Node& root) {
   YAML::Emitter emitter;
   emitter << root;
@@ -128,6 +143,7 @@ std::string extended_model_text(const std::filesystem::path& model,
     if (!is_rigid) set_parameter(root, estimate, model);
   }
   redirect(root, "urdf", model, target);
+  add_definitions(root, fit, hypotheses);
   std::set<std::string> names = element_names(root);
   for (const FittedLaw& law : fit.laws) {
     root["elements"].push_back(element_node(law, hypotheses, names));
@@ -140,6 +156,7 @@ std::string extended_model_text(const std::filesystem::path& model,
 std::string physics_text(const ExtendedFit& fit, std::span<const Hypothesis> hypotheses) {
   YAML::Node root;
   root["format"] = "graybox-physics/1";
+  add_definitions(root, fit, hypotheses);
   root["elements"] = YAML::Node(YAML::NodeType::Sequence);
   std::set<std::string> names;
   for (const FittedLaw& law : fit.laws) {

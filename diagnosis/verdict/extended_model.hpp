@@ -5,7 +5,7 @@
 //   - estimated parameters in place of the model's: "joint_2.gearbox" of a robot (the spring's
 //     stiffness; an estimate without unit multiplies it), "shaft.stiffness" or "motor.inertia" of a
 //     lumped model. Base parameters of a rigid robot have no place in its file and are left out;
-//   - the found elements behind the list `elements`;
+//   - the found elements behind the list `elements`, laws that users have defined in `laws`;
 //   - relative paths (urdf) leading to where they did.
 #pragma once
 

@@ -15,7 +15,7 @@ namespace {
 constexpr const char* kBlue = "#0072b2";
 constexpr const char* kOrange = "#d55e00";
 constexpr const char* kGrey = "#999999";
-constexpr std::size_t kShownCurves = 4;
+constexpr std::size_t kShownCurves = 14;
 constexpr std::size_t kShownPoints = 4000;
 
 constexpr const char* kHead = R"(<!doctype html>
@@ -143,7 +143,8 @@ ReportFigure law_figure(const ForcePicture& picture, const std::string& name, bo
 ReportFigure curve_figure(const ResidualCurve& before, const ResidualCurve* after,
                           std::size_t number) {
   Chart chart;
-  chart.title = before.channel + (before.experiment.empty() ? "" : ", " + before.experiment);
+  chart.title = before.channel + (before.experiment.empty() ? "" : ", " + before.experiment) +
+                (before.held_out ? ", kept out of the fit" : "");
   chart.x = {before.over_time ? "time, s" : "frequency, Hz", !before.over_time};
   chart.y = {fmt::format("{}, {}", before.over_time ? "signal" : "rms", before.unit),
              !before.over_time};
@@ -165,7 +166,7 @@ const ResidualCurve* same_curve(const std::vector<ResidualCurve>& curves,
                                 const ResidualCurve& wanted) {
   for (const ResidualCurve& curve : curves) {
     if (curve.channel == wanted.channel && curve.experiment == wanted.experiment &&
-        curve.held_out == wanted.held_out) {
+        curve.held_out == wanted.held_out && curve.over_time == wanted.over_time) {
       return &curve;
     }
   }

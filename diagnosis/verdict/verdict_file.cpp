@@ -130,6 +130,40 @@ Json mismatch_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypot
           {"smallest_detectable", detectable_json(diagnosis, hypotheses)}};
 }
 
+Json channel_faults_json(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  for (const ChannelFault& fault : diagnosis.channel_faults) {
+    list.push_back({{"channels", fault.channels}, {"message", fault.message}});
+  }
+  return list;
+}
+
+Json shares_json(const NextExperiment& next) {
+  Json list = Json::array();
+  for (const NextExperiment::Share& share : next.shares) {
+    list.push_back({{"position", share.option.position_degrees},
+                    {"level", share.option.level},
+                    {"band_hz", {share.option.from, share.option.to}},
+                    {"weight", share.weight}});
+  }
+  return list;
+}
+
+Json next_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  const NextQuestion question = next_question(diagnosis);
+  if (question.rival == nullptr) return nullptr;
+  const NextExperiment& next = *question.rival->next;
+  return {{"between",
+           {hypothesis_words(hypotheses[question.effect->law.hypothesis]),
+            hypothesis_words(hypotheses[question.rival->law.hypothesis])}},
+          {"shares", shares_json(next)},
+          {"duality_gap", next.duality_gap},
+          {"distance_now", next.distance_now},
+          {"distance_then", next.distance_then},
+          {"recordings", next.recordings},
+          {"recordings_needed", number(next.recordings_needed)}};
+}
+
 Json model_parameters_json(const Diagnosis& diagnosis) {
   Json list = Json::array();
   const auto& before = diagnosis.before.model_parameters;
@@ -188,6 +222,15 @@ MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells, doubl
   return summary;
 }
 
+NextQuestion next_question(const Diagnosis& diagnosis) {
+  for (const FoundEffect& effect : diagnosis.effects) {
+    for (const Rival& rival : effect.rivals) {
+      if (rival.next && std::isfinite(rival.next->recordings_needed)) return {&effect, &rival};
+    }
+  }
+  return {};
+}
+
 std::string element_name(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
   return hypothesis_words(hypotheses[effect.law.hypothesis]);
 }
@@ -208,6 +251,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
           {"remaining_structure",
            diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
           {"words", verdict_words(diagnosis, hypotheses)},
+          {"channel_faults", channel_faults_json(diagnosis)},
           {"mismatch", mismatch_json(diagnosis, hypotheses)},
           {"physics", physics},
           {"fit",
@@ -216,7 +260,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
             {"after",
              fit_json(diagnosis.after, diagnosis.validation_after, diagnosis.noise_is_known)}}},
           {"parameters", model_parameters_json(diagnosis)},
-          {"next_experiment", nullptr}};
+          {"next_experiment", next_json(diagnosis, hypotheses)}};
 }
 
 }  // namespace graybox

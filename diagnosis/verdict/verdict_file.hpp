@@ -2,7 +2,7 @@
 //
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
 //    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
-//    "words": ["...", ...],
+//    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
 //    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,
 //                 "channels": ["y_3"], "bands_hz": [[5.0, 12.5]], "positions": ["..."],
 //                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
@@ -14,12 +14,15 @@
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
-//    "next_experiment": null}
+//    "next_experiment": {"between": ["...", "..."], "shares": [{"position", "level", "band_hz",
+//                        "weight"}], "duality_gap", "distance_now", "distance_then", "recordings",
+//                        "recordings_needed"}}
 //
 // Channels, bands, positions and levels are those where residuals before any extension are too large
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
-// are null.
+// are null. `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
+// could tell.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -48,6 +51,13 @@ struct DiagnosedFiles {
 [[nodiscard]] nlohmann::ordered_json verdict_json(const Diagnosis& diagnosis,
                                                   std::span<const Hypothesis> hypotheses,
                                                   const DiagnosedFiles& files);
+
+// The first pair of explanations that an experiment can tell apart; null pointers if there is none.
+struct NextQuestion {
+  const FoundEffect* effect = nullptr;
+  const Rival* rival = nullptr;
+};
+[[nodiscard]] NextQuestion next_question(const Diagnosis& diagnosis);
 
 // What a user calls the element of effect i: "cubic spring at joint_3.gearbox".
 [[nodiscard]] std::string element_name(const FoundEffect& effect,

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/verdict/law_words.hpp"
+
 namespace graybox {
 namespace {
 
@@ -41,11 +43,28 @@ std::string parameters_words(const FittedLaw& law) {
 }
 
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   return fmt::format(
-      "Found: {}: {}. It explains {:.1f} % of what was too much; without it BIC is "
-      "{:.3g} higher.",
-      hypothesis_words(hypotheses[effect.law.hypothesis]), parameters_words(effect.law),
-      100.0 * effect.explained_share, effect.bic_difference);
+      "Found: {} ({}): {}. It explains {:.1f} % of what was too much; without it BIC is {:.3g} "
+      "higher.",
+      law_sentence(hypothesis, effect.law), hypothesis_words(hypothesis),
+      parameters_words(effect.law), 100.0 * effect.explained_share, effect.bic_difference);
+}
+
+std::string next_words(const NextExperiment& next) {
+  std::string shares;
+  for (const NextExperiment::Share& share : next.shares) {
+    shares += fmt::format("{}{:.0f} % {}", shares.empty() ? "" : ", ", 100.0 * share.weight,
+                          experiment_words(share.option));
+  }
+  if (!std::isfinite(next.recordings_needed)) {
+    return "No experiment of the same kind would tell the two apart.";
+  }
+  return fmt::format(
+      "To tell the two apart: {:.0f} recordings more, {} (designed to a duality gap of {:.1g}; the "
+      "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, 10.5 is needed).",
+      std::max(1.0, next.recordings_needed), shares, next.duality_gap, next.distance_now,
+      next.distance_then, next.recordings);
 }
 
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
@@ -54,6 +73,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     lines.push_back(fmt::format("Not excluded in its place: {}: {} (BIC {:+.2g}).",
                                 hypothesis_words(hypotheses[rival.law.hypothesis]),
                                 parameters_words(rival.law), rival.bic_difference));
+    if (rival.next) lines.push_back(next_words(*rival.next));
   }
   constexpr std::size_t kNamed = 3;
   std::string excluded;
@@ -93,6 +113,13 @@ void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypo
 
 }  // namespace
 
+std::string experiment_words(const ExperimentOption& option) {
+  const std::string place =
+      option.position_degrees.empty() ? "" : fmt::format("in position {} ", option.position);
+  return fmt::format("{}at level {:.4g} from {:.4g} to {:.4g} Hz", place, option.level, option.from,
+                     option.to);
+}
+
 std::string hypothesis_words(const Hypothesis& hypothesis) {
   return fmt::format("{} at {}", spaced(hypothesis.law), hypothesis.place);
 }
@@ -118,6 +145,12 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                                        std::span<const Hypothesis> hypotheses) {
   std::vector<std::string> lines{headline(diagnosis)};
+  for (const ChannelFault& fault : diagnosis.channel_faults) {
+    lines.push_back(fmt::format(
+        "{} (dissimilarity of responses {:.2f}, without this {:.2f}). Mend it in campaign.yaml or "
+        "in the model; --ignore-faults searches all the same.",
+        fault.message, fault.dissimilarity_before, fault.dissimilarity_after));
+  }
   if (!diagnosis.trouble.empty()) return lines;
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses));

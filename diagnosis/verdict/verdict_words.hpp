@@ -14,6 +14,9 @@ namespace graybox {
 // "1.9e+09 +- 0.1e+09 N m/rad^3": value and standard error to the same digit, two digits of the error.
 [[nodiscard]] std::string estimate_words(const LawParameterEstimate& estimate);
 
+// "in position [0, 30, -60] at level 3 from 1 to 10 Hz".
+[[nodiscard]] std::string experiment_words(const ExperimentOption& option);
+
 // One sentence a line: the verdict, each effect with its parameters and rivals, the fit before and
 // after, what could not be seen.
 [[nodiscard]] std::vector<std::string> verdict_words(const Diagnosis& diagnosis,

@@ -1,0 +1,218 @@
+#include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+
+namespace graybox {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr std::array<double, 3> kLevelFactors{0.5, 1.0, 2.0};
+constexpr int kThirds = 3;
+constexpr std::size_t kTemplates = 2;
+
+// Excited lines from `first` to `last`; the whole band, then its thirds.
+struct Band {
+  std::size_t first = 0, last = 0;
+};
+
+std::vector<Band> bands_of(const PeriodicData& data) {
+  const std::size_t from = data.excited.front(), to = data.excited.back();
+  std::vector<Band> bands{{from, to}};
+  const double width = std::log(static_cast<double>(to) / static_cast<double>(from)) / kThirds;
+  for (int third = 0; third < kThirds; ++third) {
+    const double low = static_cast<double>(from) * std::exp(third * width);
+    const double high = static_cast<double>(from) * std::exp((third + 1) * width);
+    Band band{std::numeric_limits<std::size_t>::max(), 0};
+    for (const std::size_t line : data.excited) {
+      if (static_cast<double>(line) < low * (1.0 - 1e-12)) continue;
+      if (static_cast<double>(line) > high * (1.0 + 1e-12)) continue;
+      band.first = std::min(band.first, line);
+      band.last = std::max(band.last, line);
+    }
+    if (band.first <= band.last) bands.push_back(band);
+  }
+  return bands;
+}
+
+// The record with the inputs of this band alone, as strong as all were, times `factor`.
+MeasuredRecord excited_in(const MeasuredRecord& record, const Band& band, double factor,
+                          const PeriodicData& data) {
+  MeasuredRecord result = record;
+  const auto first = static_cast<Index>(band.first),
+             count = static_cast<Index>(band.last) - first + 1;
+  const bool is_whole = band.first == data.excited.front() && band.last == data.excited.back();
+  if (is_whole) {
+    result.input *= factor;
+    result.output *= factor;
+    result.input_period *= factor;
+    return result;
+  }
+  result.input.setZero();
+  result.output.setZero();
+  for (Index c = 0; c < record.input.rows(); ++c) {
+    const double all = record.input.row(c).tail(record.input.cols() - 1).norm();
+    const double inside = record.input.row(c).segment(first, count).norm();
+    const double scale = inside > 0.0 ? factor * all / inside : 0.0;
+    result.input.row(c).segment(first, count) = scale * record.input.row(c).segment(first, count);
+  }
+  result.output.middleCols(first, count) = factor * record.output.middleCols(first, count);
+  PeriodTransform transform(data.period, first + count - 1, data.period);
+  VectorXd times(result.input_period.cols());
+  for (Index c = 0; c < result.input.rows(); ++c) {
+    transform.to_times(result.input.row(c).head(first + count).transpose(), times);
+    result.input_period.row(c) = times.transpose();
+  }
+  return result;
+}
+
+// [J  y_B - y_A]^T [J  y_B - y_A] of one record.
+MatrixXd information_of(SteadyStateSolver& solver, MeasuredRecord record, const ModelState& a,
+                        const ModelState& b) {
+  MatrixXcd jacobian;
+  // A's own answer takes the place of the recording: the start of B's iteration is B's explanation of
+  // it.
+  record.output = solver.solve(a, record, nullptr).output;
+  solver.solve(a, record, nullptr);
+  solver.differentiate(a, record, true, jacobian);
+  const MatrixXcd difference = -solver.solve(b, record, nullptr).residual;
+  MatrixXcd columns(jacobian.rows(), jacobian.cols() + 1);
+  columns.leftCols(jacobian.cols()) = jacobian;
+  columns.rightCols(1) = Eigen::Map<const Eigen::VectorXcd>(difference.data(), difference.size());
+  return (columns.adjoint() * columns).real();
+}
+
+// Records of each position at its largest level; two tell about as much as all that differ in their
+// random phases.
+std::vector<std::vector<const MeasuredRecord*>> templates_of(const PeriodicData& data) {
+  std::vector<std::vector<const MeasuredRecord*>> templates(data.positions.size());
+  for (const MeasuredRecord& record : data.estimation) {
+    auto& list = templates[record.position];
+    if (!list.empty() && record.level < list.front()->level) continue;
+    if (!list.empty() && record.level > list.front()->level) list.clear();
+    if (list.size() < kTemplates) list.push_back(&record);
+  }
+  return templates;
+}
+
+// Schur complement of the last diagonal entry, 0 where the others are singular.
+double distance_in(const MatrixXd& information) {
+  const Index n = information.rows() - 1;
+  const VectorXd scale = information.diagonal().cwiseSqrt();
+  const MatrixXd scaled =
+      scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
+  const Eigen::LLT<MatrixXd> factor(scaled.topLeftCorner(n, n));
+  if (factor.info() != Eigen::Success) return 0.0;
+  const VectorXd half = factor.matrixL().solve(scaled.col(n).head(n));
+  return std::max(0.0, (scaled(n, n) - half.squaredNorm())) * information(n, n);
+}
+
+struct Option {
+  std::size_t position = 0;
+  double factor = 1.0;
+  Band band;
+};
+
+std::vector<Option> options_of(const PeriodicData& data,
+                               const std::vector<std::vector<const MeasuredRecord*>>& templates) {
+  std::vector<Option> options;
+  for (std::size_t p = 0; p < templates.size(); ++p) {
+    if (templates[p].empty()) continue;
+    for (const double factor : kLevelFactors) {
+      for (const Band& band : bands_of(data)) options.push_back({p, factor, band});
+    }
+  }
+  return options;
+}
+
+ExperimentOption described(const Option& option, const MeasuredRecord& record,
+                           const PeriodicData& data) {
+  ExperimentOption result;
+  result.position = data.position_names[option.position];
+  const VectorXd degrees = data.positions[option.position] * (180.0 / std::numbers::pi);
+  result.position_degrees.assign(degrees.begin(), degrees.end());
+  result.level = option.factor * record.level;
+  result.from = data.frequencies[option.band.first] / (2.0 * std::numbers::pi);
+  result.to = data.frequencies[option.band.last] / (2.0 * std::numbers::pi);
+  return result;
+}
+
+// Units of the parameters that make the diagonal of M_0 one; s keeps its own.
+VectorXd parameter_scale(const MatrixXd& information) {
+  VectorXd scale = information.diagonal().cwiseSqrt();
+  scale(scale.size() - 1) = 1.0;
+  return scale;
+}
+
+}  // namespace
+
+std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
+                                                  const PeriodicData& data, const ModelState& a,
+                                                  const ModelState& b, int threads) {
+  const auto templates = templates_of(data);
+  const std::vector<Option> options = options_of(data, templates);
+  const std::size_t known = data.estimation.size();
+  std::vector<MatrixXd> tasks(known + options.size());
+#pragma omp parallel num_threads(threads)
+  {
+    SteadyStateSolver solver(family, data, {});
+#pragma omp for schedule(dynamic)
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      if (i < known) {
+        tasks[i] = information_of(solver, data.estimation[i], a, b);
+        continue;
+      }
+      const Option& option = options[i - known];
+      const auto& records = templates[option.position];
+      for (const MeasuredRecord* record : records) {
+        const MatrixXd one =
+            information_of(solver, excited_in(*record, option.band, option.factor, data), a, b);
+        tasks[i] = tasks[i].size() == 0 ? one : MatrixXd(tasks[i] + one);
+      }
+      tasks[i] *= static_cast<double>(known) / static_cast<double>(records.size());
+    }
+  }
+  MatrixXd now = MatrixXd::Zero(tasks.front().rows(), tasks.front().cols());
+  for (std::size_t i = 0; i < known; ++i) now += tasks[i];
+  // Parameters that are known have no columns.
+  std::vector<Index> free;
+  for (Index p = 0; p < now.rows(); ++p) {
+    if (now(p, p) > 0.0) free.push_back(p);
+  }
+  if (free.empty() || free.back() != now.rows() - 1) return {};
+  now = MatrixXd(now(free, free));
+  const VectorXd scale = parameter_scale(now);
+  const auto dimension = static_cast<std::size_t>(now.rows());
+  const std::size_t packed = packed_size(dimension);
+  AlignedArray information(options.size() * packed);
+  RivalExperiments result{{}, InformationSet(dimension, AlignedArray(packed)), 0.0, 0.0};
+  for (std::size_t i = 0; i < options.size(); ++i) {
+    const MatrixXd scaled = scale.cwiseInverse().asDiagonal() *
+                            (now + tasks[known + i](free, free)) *
+                            scale.cwiseInverse().asDiagonal();
+    pack(scaled.data(), dimension, information.data() + i * packed);
+    result.options.push_back(described(options[i], *templates[options[i].position].front(), data));
+  }
+  result.information = InformationSet(dimension, std::move(information), {}, {}, "next experiment");
+  result.distance_now = distance_in(now);
+  result.recordings = static_cast<double>(known);
+  return result;
+}
+
+}  // namespace graybox

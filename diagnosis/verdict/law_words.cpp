@@ -1,0 +1,80 @@
+#include "graybox/diagnosis/verdict/law_words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+namespace graybox {
+namespace {
+
+struct Predicate {
+  std::string_view law;
+  bool at_signal = false;
+  std::string_view words;
+  std::string_view if_negative = {};  // of the leading parameter; empty: the same
+};
+
+constexpr std::array<Predicate, 27> kPredicates{{
+    {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
+    {"cubic_spring", false, "hardens", "softens"},
+    {"backlash", false, "has play"},
+    {"dead_zone", false, "meets a stop beyond a clearance", "loses stiffness beyond a clearance"},
+    {"ripple", false, "has a force that comes back with the position (ripple, cogging)"},
+    {"balancer", false, "is balanced by a spring"},
+    {"offset", false, "carries a constant force"},
+    {"viscous", false, "has more viscous friction than modelled",
+     "has less viscous friction than modelled"},
+    {"asymmetric_viscous", false, "has viscous friction that differs between the directions"},
+    {"coulomb", false, "has dry friction"},
+    {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
+    {"stribeck", false, "has dry friction that falls with speed (Stribeck)"},
+    {"sublinear_friction", false, "has friction that grows less than speed does"},
+    {"quadratic_drag", false, "has drag that grows with the square of speed"},
+    {"deflection_damping", false, "is damped the more, the further it is deflected"},
+    {"dahl", false, "has friction that gives way like a spring before it slides (Dahl)"},
+    {"lugre", false, "has friction that gives way before it slides and falls with speed (LuGre)"},
+    {"bouc_wen", false, "has a spring that yields (hysteresis, Bouc-Wen)"},
+    {"play_and_slip", false, "has play, and slips beyond a force"},
+    {"mode", false, "carries something that swings (a flexible mode)"},
+    {"inertia", false, "has more inertia than modelled", "has less inertia than modelled"},
+    {"payload", false, "carries a payload"},
+    {"saturation", true, "saturates"},
+    {"dead_zone", true, "does not answer to small values (dead zone)"},
+    {"lag", true, "follows late (first-order lag)"},
+    {"delay", true, "is delayed"},
+    {"gain", true, "gives more than it should", "gives less than it should"},
+}};
+
+bool is_signal(const std::string& place) {
+  return place.starts_with("sensor ") || place.starts_with("actuator ");
+}
+
+}  // namespace
+
+std::string place_words(const std::string& place) {
+  if (is_signal(place) || place == "flange") return "the " + place;
+  const std::size_t dot = place.find('.');
+  // Couplings and places of lumped models have names that say it all.
+  if (dot == std::string::npos || place.find(' ') != std::string::npos ||
+      place.find('-') != std::string::npos) {
+    return place;
+  }
+  const std::string axis = place.substr(dot + 1);
+  return fmt::format("the {} of {}", axis == "arm" ? "arm axis" : axis, place.substr(0, dot));
+}
+
+std::string law_sentence(const Hypothesis& hypothesis, const FittedLaw& law) {
+  const std::string place = place_words(hypothesis.place);
+  const auto* known = std::ranges::find_if(kPredicates, [&](const Predicate& predicate) {
+    return predicate.law == hypothesis.law && predicate.at_signal == is_signal(hypothesis.place);
+  });
+  if (known == kPredicates.end())
+    return fmt::format("{} follows the law {}", place, hypothesis.law);
+  const bool is_negative = !law.parameters.empty() && law.parameters.front().value < 0.0;
+  const bool other = is_negative && !known->if_negative.empty();
+  return fmt::format("{} {}", place, other ? known->if_negative : known->words);
+}
+
+}  // namespace graybox

@@ -1,0 +1,18 @@
+// The next experiment as plans that `graybox simulate` carries out (graybox-plan/1): one plan for each
+// level and band of the design, with the positions that share them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+namespace graybox {
+
+// Texts of the files. Period, periods and number of excited lines are those of the campaign;
+// `has_plant`: the model is a robot, whose plan names its plant (the non-linear one).
+[[nodiscard]] std::vector<std::string> next_plans(const NextExperiment& next,
+                                                  const Campaign& campaign, bool has_plant);
+
+}  // namespace graybox

@@ -1,0 +1,148 @@
+// `graybox diagnose` as users see it: verdicts of simulated drives, faults of recordings, laws of one's
+// own, bad input.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "command_runner.hpp"
+
+namespace graybox {
+namespace {
+
+using testing::Outcome;
+using testing::read_text;
+using testing::write_text;
+using Json = nlohmann::json;
+
+const std::string kModel = R"(format: graybox-lumped/1
+sample_time: 0.002
+motion: rotation
+masses: {motor: 0.002}
+elements:
+  - name: spring
+    location: {kind: element, mass: motor}
+    law: stiffness
+    parameters: {stiffness: {value: 5, unit: N m/rad}}
+  - name: bearing
+    location: {kind: element, mass: motor}
+    law: viscous
+    parameters: {damping: {value: 0.02, unit: N m s/rad}}
+inputs:
+  - {name: torque, mass: motor}
+outputs:
+  - {name: speed, mass: motor, quantity: velocity}
+noise: {speed: 0.002}
+)";
+
+const std::string kPlan = R"(format: graybox-plan/1
+levels: [0.1, 0.3]
+realisations: 3
+validation_realisations: 1
+period: 500
+settling_periods: 4
+periods: 3
+frequencies: {from: 1, to: 50, count: 30, spacing: log}
+detection_lines: 4
+data: csv
+)";
+
+class Diagnose : public testing::CommandRunner {
+ protected:
+  void SetUp() override {
+    write_text(folder_.file("model.yaml"), kModel);
+    write_text(folder_.file("plan.yaml"), kPlan);
+  }
+  void simulate(const std::string& hidden = {}) {
+    std::string more;
+    if (!hidden.empty()) {
+      write_text(folder_.file("hidden.yaml"), "format: graybox-physics/1\n" + hidden);
+      more = " --hidden hidden.yaml";
+    }
+    const Outcome outcome = graybox("simulate model.yaml plan.yaml -o campaign" + more);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  void replace_in_campaign(const std::string& from, const std::string& to) {
+    const std::string file = folder_.file("campaign/campaign.yaml");
+    std::string text = read_text(file);
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from << " in " << text;
+    write_text(file, text.replace(at, from.size(), to));
+  }
+  Json verdict(const std::string& options = {}, int exit_code = 0) {
+    const Outcome outcome = graybox("diagnose model.yaml campaign --json " + options);
+    EXPECT_EQ(outcome.exit_code, exit_code) << outcome.err;
+    EXPECT_EQ(std::ranges::count(outcome.out, '\n'), 1);
+    return Json::parse(outcome.out);
+  }
+};
+
+const std::string kFriction = R"(elements:
+  - name: hidden
+    location: {kind: element, mass: motor}
+    law: coulomb
+    parameters: {level: {value: 0.02, unit: N m}, transition_velocity: {value: 0.1, unit: rad/s}}
+)";
+
+TEST_F(Diagnose, ExplainsFrictionAndWritesAReport) {
+  simulate(kFriction);
+  const Json found = verdict("-o report");
+  EXPECT_TRUE(found["verdict"] == "explained" || found["verdict"] == "ambiguous") << found;
+  ASSERT_EQ(found["physics"].size(), 1U) << found["words"];
+  const Json& effect = found["physics"][0];
+  EXPECT_EQ(effect["law"], "coulomb") << found["words"];
+  const Json& level = effect["parameters"]["level"];
+  EXPECT_NEAR(level["value"].get<double>(), 0.02, 4.0 * level["standard_error"].get<double>());
+  EXPECT_EQ(Json::parse(read_text(folder_.file("report/verdict.json"))), found);
+  EXPECT_NE(read_text(folder_.file("report/report.html")).find("<svg"), std::string::npos);
+  // The extended model is a model like any other, and nothing is missing in it.
+  const Outcome again = graybox("diagnose report/model_extended.yaml campaign --json");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
+}
+
+TEST_F(Diagnose, FindsALawOfOnesOwn) {
+  const std::string magnet = R"(laws:
+  - name: magnet
+    description: repelling magnets
+    force: k * z^5
+    parameters: {k: {unit: F/x^5, range: positive}}
+)";
+  simulate(magnet + R"(elements:
+  - name: hidden
+    location: {kind: element, mass: motor}
+    law: magnet
+    parameters: {k: {value: 4e4, unit: N m/rad^5}}
+)");
+  write_text(folder_.file("laws.yaml"), "format: graybox-laws/1\n" + magnet);
+  const Json found = verdict("--laws laws.yaml -o report");
+  ASSERT_EQ(found["physics"].size(), 1U) << found["words"];
+  EXPECT_EQ(found["physics"][0]["law"], "magnet") << found["words"];
+  EXPECT_NE(read_text(folder_.file("report/model_extended.yaml")).find("force: k * z^5"),
+            std::string::npos);
+  const Outcome again = graybox("diagnose report/model_extended.yaml campaign --json");
+  EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
+}
+
+TEST_F(Diagnose, SaysThatASignOrUnitIsWrong) {
+  simulate();
+  replace_in_campaign("name: speed, unit: rad/s", "name: speed, unit: deg/s");
+  const Json unit = verdict({}, 1);
+  EXPECT_EQ(unit["verdict"], "unknown");
+  ASSERT_EQ(unit["channel_faults"].size(), 1U) << unit["words"];
+  EXPECT_EQ(unit["channel_faults"][0]["channels"][0], "speed");
+  // Whoever insists gets an answer, which is not that nothing is missing.
+  EXPECT_NE(verdict("--ignore-faults", 1)["verdict"], "none");
+}
+
+TEST_F(Diagnose, RefusesBadInput) {
+  simulate();
+  expect_refused("diagnose model.yaml nowhere", "nowhere");
+  expect_refused("diagnose nothing.yaml campaign", "nothing.yaml");
+  expect_refused("diagnose model.yaml campaign --without glue", "glue");
+  expect_refused("diagnose model.yaml campaign --laws model.yaml", "format");
+  expect_refused("diagnose model.yaml campaign --level 2", "level");
+}
+
+}  // namespace
+}  // namespace graybox
