@@ -16,7 +16,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of the leading parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 27> kPredicates{{
+constexpr std::array<Predicate, 28> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
@@ -45,6 +45,7 @@ constexpr std::array<Predicate, 27> kPredicates{{
     {"lag", true, "follows late (first-order lag)"},
     {"delay", true, "is delayed"},
     {"gain", true, "gives more than it should", "gives less than it should"},
+    {"offset", true, "is off by a constant"},
 }};
 
 bool is_signal(const std::string& place) {

@@ -149,7 +149,7 @@ ReportFigure curve_figure(const ResidualCurve& before, const ResidualCurve* afte
   chart.y = {fmt::format("{}, {}", before.over_time ? "signal" : "rms", before.unit),
              !before.over_time};
   chart.series.push_back(
-      {"measured", thinned(before.axis), thinned(before.measured), kGrey, false});
+      {"measured", thinned(before.axis), thinned(before.measured), kGrey, !before.over_time});
   chart.series.push_back(
       {"before", thinned(before.axis), thinned(before.residual), kOrange, false});
   if (after != nullptr) {
