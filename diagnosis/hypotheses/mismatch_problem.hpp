@@ -73,6 +73,9 @@ struct ExtendedFit {
 struct LawStart {
   std::size_t hypothesis = 0;
   std::vector<double> parameters;
+  // What the model's own parameters may be with that law, first of them first; those that are left
+  // out, or all, start as in the fit nearby.
+  std::vector<double> model_parameters{};
 };
 
 // One hypothesis in the light of a fit without it.

@@ -237,9 +237,9 @@ class Reader {
   }
 
   std::size_t position_index(const std::vector<double>& degrees) {
-    const auto found = std::ranges::find(degrees_, degrees);
-    if (found != degrees_.end()) return static_cast<std::size_t>(found - degrees_.begin());
-    degrees_.push_back(degrees);
+    const std::size_t known = data_.position_of(degrees);
+    if (known < data_.positions.size()) return known;
+    data_.degrees.push_back(degrees);
     VectorXd radians(static_cast<Index>(degrees.size()));
     for (std::size_t j = 0; j < degrees.size(); ++j) {
       radians(static_cast<Index>(j)) = degrees[j] * std::numbers::pi / 180.0;
@@ -247,7 +247,7 @@ class Reader {
     data_.positions.push_back(radians);
     data_.position_names.push_back(
         degrees.empty() ? "" : fmt::format("[{:g}] deg", fmt::join(degrees, ", ")));
-    return degrees_.size() - 1;
+    return data_.degrees.size() - 1;
   }
 
   std::size_t group_index(const Experiment& experiment) {
@@ -336,7 +336,7 @@ class Reader {
   [[nodiscard]] MatrixXcd response_at(Index line, const MeasuredRecord& record,
                                       std::vector<std::optional<LinearPlant>>& plants) const {
     for (const FrequencyResponseEstimate& estimate : data_.responses) {
-      if (estimate.level != record.level || estimate.position != degrees_[record.position])
+      if (estimate.level != record.level || estimate.position != data_.degrees[record.position])
         continue;
       const auto at = std::ranges::find(estimate.lines, static_cast<std::size_t>(line));
       if (at != estimate.lines.end()) {
@@ -412,7 +412,8 @@ class Reader {
     const double power_a = a.covariance.trace().real(), power_b = b.covariance.trace().real();
     if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
     const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
-    const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
+    const double samples =
+        (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
     const double size = static_cast<double>(shape.rows());
     const double correction = samples > size ? samples / (samples - size) : 1.0;
     return correction * std::pow(power_a, 1.0 - share) * std::pow(power_b, share) * shape;
@@ -423,11 +424,14 @@ class Reader {
   const PeriodicDataOptions& options_;
   PeriodicData data_;
   std::vector<ReadRecord> read_;
-  std::vector<std::vector<double>> degrees_;
   std::vector<double> levels_;
 };
 
 }  // namespace
+
+std::size_t PeriodicData::position_of(const std::vector<double>& angles) const {
+  return static_cast<std::size_t>(std::ranges::find(degrees, angles) - degrees.begin());
+}
 
 PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,
                                 const PeriodicDataOptions& options) {

@@ -46,11 +46,12 @@ struct MeasuredRecord {
 struct PeriodicData {
   std::size_t period = 0;
   double sample_time = 0.0;
-  Eigen::Index first_line = 1;             // that counts
-  Eigen::Index last_line = 0;              // K
-  std::vector<double> frequencies;         // rad/s, of lines 0 ... K
-  std::vector<std::size_t> excited;        // lines
-  std::vector<Eigen::VectorXd> positions;  // rad; one of size 0 for lumped models
+  Eigen::Index first_line = 1;               // that counts
+  Eigen::Index last_line = 0;                // K
+  std::vector<double> frequencies;           // rad/s, of lines 0 ... K
+  std::vector<std::size_t> excited;          // lines
+  std::vector<Eigen::VectorXd> positions;    // rad; one of size 0 for lumped models
+  std::vector<std::vector<double>> degrees;  // the same
   std::vector<std::string> position_names;
   std::vector<std::string> outputs, output_units;  // channels
   std::vector<MeasuredRecord> estimation, validation;
@@ -59,6 +60,8 @@ struct PeriodicData {
   double noise_degrees_of_freedom = 0.0;             // real, of all covariances together; 0: stated
   std::vector<FrequencyResponseEstimate> responses;  // of the estimation records, where complete
 
+  // Index of a position given in degrees; the number of positions if it is none of them.
+  [[nodiscard]] std::size_t position_of(const std::vector<double>& degrees) const;
   [[nodiscard]] Eigen::Index line_count() const { return last_line - first_line + 1; }
   [[nodiscard]] double numbers_in(const std::vector<MeasuredRecord>& records) const {
     return 2.0 * static_cast<double>(static_cast<Eigen::Index>(outputs.size()) * line_count()) *

@@ -66,10 +66,14 @@ class PeriodicFitter {
     }
   }
 
-  PeriodicFit run(const VectorXd& parameters) {
+  PeriodicFit run(const std::vector<VectorXd>& starts) {
     // Derivatives by mean slopes at first; exact ones once they no longer lead on.
     bool exact = false;
-    Evaluation now = evaluate(start_values(parameters), nullptr, exact);
+    Evaluation now;
+    for (const VectorXd& start : starts) {
+      Evaluation other = evaluate(start_values(start), nullptr, exact);
+      if (now.values.size() == 0 || other.chi_square < now.chi_square) now = std::move(other);
+    }
     PeriodicFit result;
     if (!std::isfinite(now.chi_square)) {
       result.trouble = "no steady state of the model at the start";
@@ -243,9 +247,9 @@ class PeriodicFitter {
 }  // namespace
 
 PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
-                         const VectorXd& parameters, const std::vector<ActingLaw>& laws,
+                         const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                          const PeriodicFitOptions& options) {
-  return PeriodicFitter(family, data, laws, options).run(parameters);
+  return PeriodicFitter(family, data, laws, options).run(starts);
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

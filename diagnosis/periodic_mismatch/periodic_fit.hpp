@@ -30,8 +30,9 @@ struct PeriodicFit {
   int iterations = 0;
 };
 
+// Begins at that of `starts` (parameters of the model) whose chi-square is least.
 [[nodiscard]] PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
-                                       const Eigen::VectorXd& parameters,
+                                       const std::vector<Eigen::VectorXd>& starts,
                                        const std::vector<ActingLaw>& laws,
                                        const PeriodicFitOptions& options);
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,6 +22,7 @@
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
@@ -42,28 +44,53 @@ struct Candidate {
   const LawEntry* entry = nullptr;
   std::vector<LawShape> shapes;
   std::size_t first_column = 0;  // of its basis functions among all
+  std::size_t block = 0;         // of candidates that share a motion
+};
+
+// Products of the parameters' columns under the motion that one block of candidates goes with.
+struct BlockSums {
+  MatrixXd information;  // parameters x parameters
+  VectorXd scores;       // with the residuals
 };
 
 // Products of all candidates' columns, summed over recordings.
 struct CandidateSums {
   MatrixXd scores;                       // columns x (1 + draws)
-  MatrixXd nuisance;                     // columns x parameters
+  MatrixXd nuisance;                     // columns x parameters, as fitted
+  MatrixXd moved_nuisance;               // columns x parameters under the block's motion
   std::vector<MatrixXd> information;     // of each shape
-  MatrixXd own_information, own_scores;  // of the parameters
+  MatrixXd own_information, own_scores;  // of the parameters, as fitted
+  std::vector<BlockSums> blocks;
 
   void add(const CandidateSums& other) {
     scores += other.scores;
     nuisance += other.nuisance;
+    moved_nuisance += other.moved_nuisance;
     own_information += other.own_information;
     own_scores += other.own_scores;
     for (std::size_t s = 0; s < information.size(); ++s) information[s] += other.information[s];
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      blocks[b].information += other.blocks[b].information;
+      blocks[b].scores += other.blocks[b].scores;
+    }
   }
 };
 
+// Information^+ scores, parameters scaled alike.
+VectorXd solved(const MatrixXd& information, const VectorXd& scores) {
+  const VectorXd unit = information.diagonal().unaryExpr(
+      [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
+  const MatrixXd scaled = unit.asDiagonal() * information * unit.asDiagonal();
+  return unit.cwiseProduct(
+      scaled.completeOrthogonalDecomposition().solve(unit.cwiseProduct(scores)));
+}
+
 // The virtual force and the motion at a place, in one recording.
 struct PlaceMotion {
-  VectorXcd deflection;  // or the signal
-  VectorXcd force;       // virtual; empty at signals
+  VectorXcd deflection;   // or the signal
+  VectorXcd force;        // virtual; empty at signals
+  MatrixXcd coordinates;  // with it
+  bool is_moved = false;  // coordinates are not those of the model
 };
 
 class PlaceObserver {
@@ -76,18 +103,22 @@ class PlaceObserver {
                                     const MatrixXcd& answer) const {
     PlaceMotion motion;
     const Index lines = data_.last_line;
+    const SteadyState& state = solver_.state();
+    const LinearPlant& plant = model_.positions[record.position].plant;
+    motion.coordinates = state.coordinates;
     if (place.kind == LocationKind::kActuator) {
       motion.deflection = record.input.row(place.channel).transpose();
+      const VectorXcd held = virtual_force(state.residual, answer).cwiseProduct(holds());
+      move(plant.input.col(place.channel), held, motion);
       return motion;
     }
     if (place.kind == LocationKind::kSensor) {
       motion.deflection = measured(record, place.channel);
       return motion;
     }
-    const SteadyState& state = solver_.state();
     motion.force = virtual_force(state.residual, answer);
+    move(place.output, motion.force, motion);
     motion.deflection = state.coordinates.transpose() * place.input.cast<Complex>();
-    const LinearPlant& plant = model_.positions[record.position].plant;
     const auto& receptances =
         state.changed.empty() ? model_.positions[record.position].receptance : state.changed;
     for (Index k = data_.first_line; k <= lines; ++k) {
@@ -99,6 +130,19 @@ class PlaceObserver {
   }
 
  private:
+  void move(const VectorXd& b, const VectorXcd& force, PlaceMotion& motion) const {
+    motion.is_moved = !force.isZero(0.0);
+    if (motion.is_moved) motion.coordinates = solver_.moved_coordinates(b, force);
+  }
+
+  [[nodiscard]] VectorXcd holds() const {
+    VectorXcd factors = VectorXcd::Ones(data_.last_line + 1);
+    for (Index k = 1; k <= data_.last_line; ++k) {
+      factors(k) = hold_factor(data_.frequencies[at(k)], data_.sample_time);
+    }
+    return factors;
+  }
+
   // b_in^T X b_out
   static Complex between(const MatrixXcd& receptance, const Location& place) {
     Complex sum = 0.0;
@@ -192,24 +236,24 @@ class Problem : public MismatchProblem {
                                 const ExtendedFit* nearby) const override {
     VectorXd start = start_;
     std::vector<ActingLaw> acting = base_laws_;
-    if (nearby != nullptr && nearby->model_parameters.size() == model_parameter_count()) {
-      take_model_parameters(*nearby, start, acting);
-    }
+    const bool is_first =
+        nearby == nullptr || nearby->model_parameters.size() != model_parameter_count();
+    if (!is_first) take_model_parameters(*nearby, start, acting);
     for (const LawStart& law : laws) {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
-    const PeriodicFitOptions settings{options_.iteration_limit, options_.threads,
-                                      options_.keep_going};
-    PeriodicFit fitted = fit_periodic(*family_, data_, start, acting, settings);
-    // The first fit may have started too far off.
-    if (nearby == nullptr && fitted.chi_square > kDoubtful * sample_count()) {
+    std::vector<VectorXd> starts{start};
+    if (is_first) {
       if (const auto other = response_start(*family_, data_, options_.threads)) {
-        PeriodicFit again = fit_periodic(*family_, data_, *other, acting, settings);
-        if (again.converged && (!fitted.converged || again.chi_square < fitted.chi_square)) {
-          fitted = std::move(again);
-        }
+        starts.push_back(*other);
       }
+    } else if (!laws.empty() && !laws.back().model_parameters.empty()) {
+      const std::vector<double>& other = laws.back().model_parameters;
+      starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
+    const PeriodicFit fitted =
+        fit_periodic(*family_, data_, starts, acting,
+                     {options_.iteration_limit, options_.threads, options_.keep_going});
     return report(fitted, laws);
   }
 
@@ -236,8 +280,7 @@ class Problem : public MismatchProblem {
   }
 
  private:
-  static constexpr double kDoubtful = 1.5;  // chi-square over the numbers measured
-  static constexpr int kChunks = 8;         // of recordings, whose sums are added in order
+  static constexpr int kChunks = 8;  // of recordings, whose sums are added in order
 
   void list_base_laws() {
     const std::vector<Element>& elements = family_->elements();
@@ -395,14 +438,22 @@ class Problem : public MismatchProblem {
       const std::map<const CandidatePlace*, MotionScale>& scales) const;
   void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
                   const std::vector<Candidate>& list,
-                  const std::vector<std::vector<PlantDerivative>>& body_changes,
-                  const MatrixXcd& right, CandidateSums& sums) const;
+                  const std::vector<std::vector<PlantChange>>& body_changes, const MatrixXcd& right,
+                  CandidateSums& sums) const;
   [[nodiscard]] MatrixXcd right_sides(const MatrixXcd& residual, int draws,
                                       std::uint64_t seed) const;
-  [[nodiscard]] std::vector<std::vector<PlantDerivative>> body_changes(
+  [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
   void place_answer(SteadyStateSolver& solver, const ModelState& model,
                     const MeasuredRecord& record, const Location& place, MatrixXcd& answer) const;
+  static void add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
+                        BlockSums& sums);
+  void differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
+                           const MeasuredRecord& record, const MatrixXcd& coordinates,
+                           MatrixXcd& jacobian) const;
+  [[nodiscard]] std::vector<double> parameters_with(const ModelState& model, const BlockSums& own,
+                                                    const MatrixXd& nuisance,
+                                                    const VectorXd& amplitudes) const;
 
   std::unique_ptr<PlantFamily> family_;
   PeriodicData data_;
@@ -486,7 +537,13 @@ std::vector<Candidate> Problem::candidates(
   std::vector<Candidate> list;
   std::size_t column = 0;
   for (const std::size_t hypothesis : asked) {
-    Candidate candidate{hypothesis, places_[hypothesis], entries_[hypothesis], {}, column};
+    Candidate candidate{hypothesis, places_[hypothesis], entries_[hypothesis], {}, column, 0};
+    if (!list.empty()) {
+      const bool is_same =
+          list.back().place == candidate.place && is_body(*list.back().place, *list.back().entry) ==
+                                                      is_body(*candidate.place, *candidate.entry);
+      candidate.block = list.back().block + (is_same ? 0 : 1);
+    }
     candidate.shapes =
         periodic_shapes(*candidate.entry, *candidate.place, scales.at(candidate.place), band);
     for (const LawShape& shape : candidate.shapes) column += shape.basis.size();
@@ -496,10 +553,10 @@ std::vector<Candidate> Problem::candidates(
 }
 
 // [position][column of body laws, in the candidates' order]
-std::vector<std::vector<PlantDerivative>> Problem::body_changes(
+std::vector<std::vector<PlantChange>> Problem::body_changes(
     const ModelState& model, const std::vector<Candidate>& list) const {
   constexpr double kSmall = 1e-3;  // of a unit amplitude: the change is linear in it
-  std::vector<std::vector<PlantDerivative>> changes(data_.positions.size());
+  std::vector<std::vector<PlantChange>> changes(data_.positions.size());
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
   for (std::size_t i = 0; i < changes.size(); ++i) {
     const LinearPlant& plain = model.positions[i].plant;
@@ -513,9 +570,9 @@ std::vector<std::vector<PlantDerivative>> Problem::body_changes(
         body.parameters = shape.basis.front();
         body.parameters.front() *= kSmall;
         const LinearPlant changed = family_->plant(data_.positions[i], model.parameters, bodies);
-        changes[i].push_back({(changed.mass - plain.mass) / kSmall,
-                              {},
-                              (changed.stiffness - plain.stiffness) / kSmall});
+        changes[i].push_back(entries_of({(changed.mass - plain.mass) / kSmall,
+                                         {},
+                                         (changed.stiffness - plain.stiffness) / kSmall}));
       }
     }
   }
@@ -540,7 +597,7 @@ MatrixXcd Problem::right_sides(const MatrixXcd& residual, int draws, std::uint64
 
 void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
                          const MeasuredRecord& record, const std::vector<Candidate>& list,
-                         const std::vector<std::vector<PlantDerivative>>& bodies,
+                         const std::vector<std::vector<PlantChange>>& bodies,
                          const MatrixXcd& right, CandidateSums& sums) const {
   const Index lines = data_.last_line + 1;
   const auto outputs = static_cast<Index>(data_.outputs.size());
@@ -549,40 +606,58 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
   sums.own_information += (jacobian.adjoint() * jacobian).real();
   sums.own_scores += (jacobian.adjoint() * right).real();
   const PlaceObserver observer(solver, model, data_);
-  const CandidatePlace* here = nullptr;
+  const Eigen::Ref<const VectorXcd> residual = right.col(0);
+  MatrixXcd moved_jacobian = jacobian;
+  bool is_moved = false;
   MatrixXcd answer, seen_right(lines, right.cols()), seen_jacobian(lines, jacobian.cols());
+  MatrixXcd seen_moved(lines, jacobian.cols());
   VectorXd gain(lines);
   VectorXcd force;
   PlaceMotion place_motion;
   PeriodicMotion motion;
   std::size_t shape_index = 0, body = 0;
+  const Candidate* before = nullptr;
   for (const Candidate& candidate : list) {
     const Location& place = candidate.place->location;
     auto column = static_cast<Index>(candidate.first_column);
+    const bool is_new = before == nullptr || candidate.block != before->block;
+    before = &candidate;
     if (is_body(*candidate.place, *candidate.entry)) {
+      if (is_new) add_block(jacobian, residual, sums.blocks[candidate.block]);
       MatrixXcd change(outputs, lines);
       for (std::size_t s = 0; s < candidate.shapes.size(); ++s, ++column, ++shape_index, ++body) {
-        solver.answer_of_plant(model, record, bodies[record.position][body], false, change);
+        solver.answer_of_plant(bodies[record.position][body], solver.state().coordinates, false,
+                               change);
         const Eigen::Map<const VectorXcd> own(change.data(), change.size());
+        const Eigen::RowVectorXd nuisance = (own.adjoint() * jacobian).real();
         sums.information[shape_index](0, 0) += own.squaredNorm();
-        sums.nuisance.row(column) += (own.adjoint() * jacobian).real();
+        sums.nuisance.row(column) += nuisance;
+        sums.moved_nuisance.row(column) += nuisance;
         sums.scores.row(column) += (own.adjoint() * right).real();
       }
       continue;
     }
-    if (candidate.place != here) {
-      here = candidate.place;
+    if (is_new) {
       place_answer(solver, model, record, place, answer);
       if (place.kind == LocationKind::kElement) answer = -answer;
       place_motion = observer.observe(
           record, place, place.kind == LocationKind::kElement ? MatrixXcd(-answer) : answer);
       solver.motion_of(place_motion.deflection, motion);
+      is_moved = place_motion.is_moved;
+      if (is_moved) {
+        differentiate_moved(solver, model, record, place_motion.coordinates, moved_jacobian);
+        add_block(moved_jacobian, residual, sums.blocks[candidate.block]);
+      } else {
+        add_block(jacobian, residual, sums.blocks[candidate.block]);
+      }
       gain = answer.colwise().squaredNorm().transpose();
       for (Index k = 0; k < lines; ++k) {
-        seen_right.row(k).noalias() =
-            answer.col(k).adjoint() * right.middleRows(k * outputs, outputs);
-        seen_jacobian.row(k).noalias() =
-            answer.col(k).adjoint() * jacobian.middleRows(k * outputs, outputs);
+        const auto seen = answer.col(k).adjoint();
+        seen_right.row(k).noalias() = seen * right.middleRows(k * outputs, outputs);
+        seen_jacobian.row(k).noalias() = seen * jacobian.middleRows(k * outputs, outputs);
+        if (is_moved) {
+          seen_moved.row(k).noalias() = seen * moved_jacobian.middleRows(k * outputs, outputs);
+        }
       }
     }
     for (const LawShape& shape : candidate.shapes) {
@@ -599,12 +674,48 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         columns.col(j) = force;
       }
       sums.information[shape_index] += (columns.adjoint() * gain.asDiagonal() * columns).real();
-      sums.nuisance.middleRows(column, size) += (columns.adjoint() * seen_jacobian).real();
+      const MatrixXd nuisance = (columns.adjoint() * seen_jacobian).real();
+      sums.nuisance.middleRows(column, size) += nuisance;
+      sums.moved_nuisance.middleRows(column, size) +=
+          is_moved ? MatrixXd((columns.adjoint() * seen_moved).real()) : nuisance;
       sums.scores.middleRows(column, size) += (columns.adjoint() * seen_right).real();
       column += size;
       ++shape_index;
     }
   }
+}
+
+void Problem::add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
+                        BlockSums& sums) {
+  sums.information += (jacobian.adjoint() * jacobian).real();
+  sums.scores += (jacobian.adjoint() * residual).real();
+}
+
+// The columns of the plant's parameters under the motion q; those of laws stay.
+void Problem::differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
+                                  const MeasuredRecord& record, const MatrixXcd& coordinates,
+                                  MatrixXcd& jacobian) const {
+  const auto& changes = model.positions[record.position].changes;
+  for (std::size_t p = 0; p < changes.size(); ++p) {
+    Eigen::Map<MatrixXcd> column(jacobian.col(static_cast<Index>(p)).data(),
+                                 static_cast<Index>(data_.outputs.size()), data_.last_line + 1);
+    solver.answer_of_plant(changes[p], coordinates, false, column);
+  }
+}
+
+// The plant's parameters that go with these amplitudes, kept positive where they must be.
+std::vector<double> Problem::parameters_with(const ModelState& model, const BlockSums& own,
+                                             const MatrixXd& nuisance,
+                                             const VectorXd& amplitudes) const {
+  const VectorXd change = solved(own.information, own.scores - nuisance.transpose() * amplitudes);
+  std::vector<double> values;
+  for (std::size_t p = 0; p < family_->parameters().size(); ++p) {
+    const double now = model.parameters(static_cast<Index>(p));
+    const double then = now + change(static_cast<Index>(p));
+    values.push_back(family_->parameters()[p].positive ? std::clamp(then, 0.5 * now, 2.0 * now)
+                                                       : then);
+  }
+  return values;
 }
 
 ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -624,7 +735,9 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   auto parameters = static_cast<Index>(family_->parameters().size());
   for (const ActingLaw& law : model.laws) parameters += static_cast<Index>(law.parameters.size());
   empty.scores = MatrixXd::Zero(columns, 1 + null_draws);
-  empty.nuisance = MatrixXd::Zero(columns, parameters);
+  empty.nuisance = empty.moved_nuisance = MatrixXd::Zero(columns, parameters);
+  const std::size_t blocks = list.empty() ? 0 : list.back().block + 1;
+  empty.blocks.assign(blocks, {MatrixXd::Zero(parameters, parameters), VectorXd::Zero(parameters)});
   empty.own_information = MatrixXd::Zero(parameters, parameters);
   empty.own_scores = MatrixXd::Zero(parameters, 1 + null_draws);
   std::vector<CandidateSums> sums(kChunks, empty);
@@ -637,7 +750,13 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   });
   for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
   const CandidateSums& total = sums.front();
-  const ScoreTest test({total.own_information, total.own_scores});
+  const ScoreTest null_test({total.own_information, total.own_scores});
+  std::vector<ScoreTest> tests;
+  std::vector<double> by_parameters;  // what they explain under each block's motion, beyond the fit
+  for (const BlockSums& block : total.blocks) {
+    tests.emplace_back(NuisanceProducts{block.information, block.scores});
+    by_parameters.push_back(block.scores.dot(solved(block.information, block.scores)));
+  }
   ScoreTable table;
   table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
   std::size_t shape_index = 0;
@@ -650,21 +769,27 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
     auto column = static_cast<Index>(candidate.first_column);
     for (const LawShape& shape : candidate.shapes) {
       const auto size = static_cast<Index>(shape.basis.size());
-      const CandidateProducts products{total.information[shape_index++],
-                                       total.nuisance.middleRows(column, size),
-                                       total.scores.middleRows(column, size)};
+      CandidateProducts products{total.information[shape_index++],
+                                 total.nuisance.middleRows(column, size),
+                                 total.scores.middleRows(column, size)};
+      if (null_draws > 0) null_test.lower_minimum_p_values(products, table.null_minima);
+      products.nuisance = total.moved_nuisance.middleRows(column, size);
+      products.scores = total.scores.col(0).segment(column, size);
       column += size;
-      if (null_draws > 0) test.lower_minimum_p_values(products, table.null_minima);
-      const CandidateScore score = test.score(products);
+      const CandidateScore score = tests[candidate.block].score(products);
       if (score.degrees_of_freedom == 0.0) continue;
       const std::vector<double> start = shape.parameters(score.amplitudes);
       if (best.start.parameters.empty() ||
-          (!start.empty() && score.statistic > best.score.statistic)) {
+          (!start.empty() &&
+           score.statistic + by_parameters[candidate.block] > best.score.statistic)) {
         best.amplitude = score.amplitudes(0);
         best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0));
         if (start.empty()) continue;  // the sign that it found is impossible
         best.score = score;
+        best.score.statistic += by_parameters[candidate.block];
         best.start.parameters = start;
+        best.start.model_parameters = parameters_with(model, total.blocks[candidate.block],
+                                                      products.nuisance, score.amplitudes);
       }
     }
     best.explained_share =

@@ -1,13 +1,16 @@
 #include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <complex>
-#include <memory>
+#include <limits>
 #include <vector>
 
-#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
+#include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
@@ -15,105 +18,256 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::Index;
 using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-class FamilyLocalResponse : public LocalResponse {
- public:
-  FamilyLocalResponse(const PlantFamily& family, VectorXd position, const VectorXd& theta)
-      : family_(family),
-        position_(std::move(position)),
-        plant_(family.plant(position_, theta, {})),
-        images_(plant_, family.sample_time()) {}
+constexpr int kStarts = 12;
+constexpr double kSpread = 0.15;  // of the logarithm of a further start's parameters
+constexpr int kIterations = 40;
+constexpr double kGoodFit = 0.02;  // rms difference of phi, of which 1 is the most
 
-  // The operating point follows: the plant is built again.
-  void set_parameters(const VectorXd& theta) override {
-    plant_ = family_.plant(position_, theta, {});
-    images_ = HeldImages(plant_, family_.sample_time());
+// The responses of one position at one line, for all levels.
+struct Measured {
+  std::size_t position = 0;
+  double frequency = 0.0;  // rad/s
+  MatrixXcd images;        // of the model's values
+  std::vector<MatrixXcd> responses;
+  std::vector<MatrixXd> levels;  // m
+};
+
+struct Evaluation {
+  VectorXd parameters;
+  double cost = std::numeric_limits<double>::infinity();  // mean square
+  MatrixXd information;
+  VectorXd gradient;
+};
+
+// m of each element of one estimate at each of its lines.
+std::vector<MatrixXd> levels_of(const FrequencyResponseEstimate& estimate,
+                                const std::vector<double>& frequencies) {
+  const std::size_t count = estimate.lines.size();
+  const Index rows = estimate.responses.front().rows(), columns = estimate.responses.front().cols();
+  std::vector<MatrixXd> levels(count, MatrixXd::Ones(rows, columns));
+  MatrixXd powers(static_cast<Index>(count), 2);
+  for (std::size_t k = 0; k < count; ++k) {
+    powers.row(static_cast<Index>(k)) << 1.0, std::log(frequencies[estimate.lines[k]]);
+  }
+  const Eigen::LDLT<MatrixXd> normal(powers.transpose() * powers);
+  VectorXd logarithms(static_cast<Index>(count));
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < columns; ++j) {
+      for (std::size_t k = 0; k < count; ++k) {
+        logarithms(static_cast<Index>(k)) =
+            std::log(std::abs(estimate.responses[k](i, j)) + 1e-300);
+      }
+      VectorXd line = powers * normal.solve(powers.transpose() * logarithms);
+      if (!line.allFinite()) line.setConstant(logarithms.mean());
+      for (std::size_t k = 0; k < count; ++k)
+        levels[k](i, j) = std::exp(line(static_cast<Index>(k)));
+    }
+  }
+  return levels;
+}
+
+class ResponseFitter {
+ public:
+  ResponseFitter(const PlantFamily& family, const PeriodicData& data)
+      : family_(family), data_(data) {}
+
+  std::optional<VectorXd> run(int threads) {
+    start_.resize(static_cast<Index>(family_.parameters().size()));
+    for (Index p = 0; p < start_.size(); ++p) {
+      start_(p) = family_.parameters()[static_cast<std::size_t>(p)].start;
+    }
+    if (data_.responses.empty() || start_.size() == 0) return {};
+    collect();
+    Evaluation best = minimise(start_);
+    if (!(best.cost < kGoodFit * kGoodFit)) {
+      std::vector<Evaluation> others(kStarts);
+#pragma omp parallel for num_threads(threads) schedule(dynamic)
+      for (int k = 0; k < kStarts; ++k) others[static_cast<std::size_t>(k)] = minimise(drawn(k));
+      for (Evaluation& other : others) {
+        if (other.cost < best.cost) best = std::move(other);
+      }
+    }
+    if (!std::isfinite(best.cost)) return {};
+    return best.parameters;
   }
 
-  void evaluate(double w, MatrixXcd& response,
-                std::vector<ResponseDerivative>* derivatives) override {
-    const MatrixXcd inverse = receptance(plant_, w);
-    const MatrixXcd driven =
-        inverse * (hold_factor(w, family_.sample_time()) * plant_.input.cast<Complex>());
-    MatrixXcd seen = plant_.velocity_output.cast<Complex>() * Complex(0.0, w);
-    seen += plant_.position_output.cast<Complex>();
-    response = seen * driven + images_.response(w);
-    if (derivatives == nullptr) return;
-    seen = (seen * inverse).eval();
-    derivatives->resize(plant_.derivatives.size());
-    for (std::size_t p = 0; p < plant_.derivatives.size(); ++p) {
-      const PlantDerivative& change = plant_.derivatives[p];
-      MatrixXcd dynamic = MatrixXcd::Zero(inverse.rows(), inverse.cols());
-      if (change.stiffness.size() > 0) dynamic += change.stiffness.cast<Complex>();
-      if (change.mass.size() > 0) dynamic -= w * w * change.mass.cast<Complex>();
-      if (change.damping.size() > 0) dynamic += Complex(0.0, w) * change.damping.cast<Complex>();
-      (*derivatives)[p].columns = -seen * dynamic;
-      (*derivatives)[p].rows = driven;
+ private:
+  void collect() {
+    for (std::size_t position = 0; position < data_.positions.size(); ++position) {
+      std::vector<const FrequencyResponseEstimate*> here;
+      for (const FrequencyResponseEstimate& estimate : data_.responses) {
+        if (data_.position_of(estimate.position) == position) here.push_back(&estimate);
+      }
+      if (here.empty()) continue;
+      const LinearPlant plant = family_.plant(data_.positions[position], start_, {});
+      const HeldImages images(plant, data_.sample_time);
+      std::vector<std::vector<MatrixXd>> levels;
+      for (const auto* estimate : here) levels.push_back(levels_of(*estimate, data_.frequencies));
+      for (std::size_t k = 0; k < here.front()->lines.size(); ++k) {
+        Measured& point = measured_.emplace_back();
+        point.position = position;
+        point.frequency = data_.frequencies[here.front()->lines[k]];
+        point.images = images.response(point.frequency);
+        for (std::size_t e = 0; e < here.size(); ++e) {
+          if (k >= here[e]->lines.size() || here[e]->lines[k] != here.front()->lines[k]) continue;
+          point.responses.push_back(here[e]->responses[k]);
+          point.levels.push_back(levels[e][k]);
+        }
+      }
     }
   }
 
-  // Measurements bring their own.
-  [[nodiscard]] ResponseNoise noise(double) override {
-    throw InputError("the noise of a measured response is not known");
+  [[nodiscard]] bool is_logarithmic(Index p) const {
+    return family_.parameters()[static_cast<std::size_t>(p)].positive;
   }
 
- private:
+  [[nodiscard]] VectorXd moved(const VectorXd& values, const VectorXd& step) const {
+    VectorXd result = values;
+    for (Index p = 0; p < values.size(); ++p) {
+      if (is_logarithmic(p)) {
+        result(p) *= std::exp(std::clamp(step(p), -0.3, 0.3));
+      } else {
+        result(p) += step(p);
+      }
+    }
+    return result;
+  }
+
+  [[nodiscard]] VectorXd drawn(int start) const {
+    Random random(static_cast<std::uint64_t>(start) + 1);
+    VectorXd values = start_;
+    for (Index p = 0; p < values.size(); ++p) {
+      const double deviation = kSpread * random.normal();
+      values(p) *= is_logarithmic(p) ? std::exp(deviation) : 1.0 + deviation;
+    }
+    return values;
+  }
+
+  [[nodiscard]] Evaluation minimise(const VectorXd& from) const {
+    Evaluation now = evaluate(from);
+    double damping = 1e-3;
+    for (int iteration = 0; iteration < kIterations && std::isfinite(now.cost); ++iteration) {
+      VectorXd scale = now.information.diagonal();
+      scale =
+          scale.unaryExpr([](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
+      MatrixXd matrix = scale.asDiagonal() * now.information * scale.asDiagonal();
+      matrix.diagonal().array() += damping + 1e-12;
+      const VectorXd step =
+          -scale.cwiseProduct(matrix.ldlt().solve(scale.cwiseProduct(now.gradient)));
+      if (!step.allFinite()) break;
+      Evaluation next = evaluate(moved(now.parameters, step));
+      if (next.cost < now.cost) {
+        const bool is_done = now.cost - next.cost < 1e-5 * now.cost;
+        now = std::move(next);
+        damping = std::max(0.2 * damping, 1e-9);
+        if (is_done) break;
+      } else {
+        damping *= 6.0;
+        if (damping > 1e4) break;
+      }
+    }
+    return now;
+  }
+
+  [[nodiscard]] Evaluation evaluate(const VectorXd& parameters) const {
+    Evaluation result;
+    result.parameters = parameters;
+    const Index size = parameters.size();
+    MatrixXd information = MatrixXd::Zero(size, size);
+    VectorXd gradient = VectorXd::Zero(size);
+    double cost = 0.0, count = 0.0;
+    std::size_t position = data_.positions.size();
+    LinearPlant plant;
+    std::vector<PlantChange> changes;
+    std::vector<MatrixXcd> derivatives(static_cast<std::size_t>(size));
+    for (const Measured& point : measured_) {
+      if (point.position != position) {
+        position = point.position;
+        try {
+          plant = family_.plant(data_.positions[position], parameters, {});
+        } catch (const InputError&) {
+          return result;  // no rest there
+        }
+        changes.clear();
+        for (const PlantDerivative& change : plant.derivatives)
+          changes.push_back(entries_of(change));
+      }
+      const MatrixXcd response = evaluate_response(plant, changes, point, derivatives);
+      for (std::size_t e = 0; e < point.responses.size(); ++e) {
+        for (Index i = 0; i < response.rows(); ++i) {
+          for (Index j = 0; j < response.cols(); ++j) {
+            add(point.levels[e](i, j), point.responses[e](i, j), i, j, response, derivatives,
+                parameters, cost, information, gradient);
+            count += 1.0;
+          }
+        }
+      }
+    }
+    if (!std::isfinite(cost)) return result;
+    result.cost = cost / count;
+    result.information = information.selfadjointView<Eigen::Lower>();
+    result.gradient = gradient;
+    return result;
+  }
+
+  // G with its images, and its derivatives.
+  [[nodiscard]] MatrixXcd evaluate_response(const LinearPlant& plant,
+                                            const std::vector<PlantChange>& changes,
+                                            const Measured& point,
+                                            std::vector<MatrixXcd>& derivatives) const {
+    const double w = point.frequency;
+    const MatrixXcd inverse = receptance(plant, w);
+    const MatrixXcd driven =
+        inverse * (hold_factor(w, data_.sample_time) * plant.input.cast<Complex>());
+    MatrixXcd seen = Complex(0.0, w) * plant.velocity_output.cast<Complex>();
+    seen += plant.position_output;
+    const MatrixXcd response = seen * driven + point.images;
+    seen = (seen * inverse).eval();
+    for (std::size_t p = 0; p < changes.size(); ++p) {
+      derivatives[p].setZero(response.rows(), response.cols());
+      for (const PlantChange::Entry& entry : changes[p].entries) {
+        const Complex change(entry.stiffness - w * w * entry.mass, w * entry.damping);
+        derivatives[p] -= change * seen.col(entry.row) * driven.row(entry.column);
+      }
+    }
+    return response;
+  }
+
+  // phi and its derivatives of one element.
+  void add(double level, Complex measured, Index i, Index j, const MatrixXcd& response,
+           const std::vector<MatrixXcd>& derivatives, const VectorXd& parameters, double& cost,
+           MatrixXd& information, VectorXd& gradient) const {
+    const auto size = [level](Complex g) { return std::sqrt(level * level + std::norm(g)); };
+    const Complex g = response(i, j);
+    const double s = size(g);
+    const Complex error = g / s - measured / size(measured);
+    cost += std::norm(error);
+    const Index count = parameters.size();
+    Eigen::VectorXcd slopes(count);
+    for (Index p = 0; p < count; ++p) {
+      Complex change = derivatives[static_cast<std::size_t>(p)](i, j);
+      if (is_logarithmic(p)) change *= parameters(p);
+      slopes(p) = change / s - g * ((std::conj(g) * change).real() / (s * s * s));
+    }
+    gradient += (slopes.conjugate() * error).real();
+    information.selfadjointView<Eigen::Lower>().rankUpdate(slopes.real());
+    information.selfadjointView<Eigen::Lower>().rankUpdate(slopes.imag());
+  }
+
   const PlantFamily& family_;
-  VectorXd position_;
-  LinearPlant plant_;
-  HeldImages images_;
-};
-
-class FamilyResponseModel : public ResponseModel {
- public:
-  explicit FamilyResponseModel(const PlantFamily& family) : family_(family) {}
-
-  [[nodiscard]] std::vector<std::string> parameter_names() const override {
-    std::vector<std::string> names;
-    for (const ModelParameter& parameter : family_.parameters()) names.push_back(parameter.name);
-    return names;
-  }
-  [[nodiscard]] Index output_count() const override { return family_.output_count(); }
-  [[nodiscard]] Index input_count() const override { return family_.input_count(); }
-  [[nodiscard]] MatrixXcd inverse_controller(double w) const override {
-    return family_.inverse_controller(w);
-  }
-  [[nodiscard]] std::unique_ptr<LocalResponse> linearise(const VectorXd& position,
-                                                         const VectorXd& theta) const override {
-    return std::make_unique<FamilyLocalResponse>(family_, position, theta);
-  }
-
- private:
-  const PlantFamily& family_;
+  const PeriodicData& data_;
+  VectorXd start_;
+  std::vector<Measured> measured_;
 };
 
 }  // namespace
 
 std::optional<VectorXd> response_start(const PlantFamily& family, const PeriodicData& data,
                                        int threads) {
-  VectorXd start(static_cast<Index>(family.parameters().size()));
-  for (Index p = 0; p < start.size(); ++p) {
-    start(p) = family.parameters()[static_cast<std::size_t>(p)].start;
-  }
-  if (data.responses.empty() || start.size() == 0 || !(start.minCoeff() > 0.0)) return {};
-  std::vector<ResponseMeasurement> measurements;
-  FitOptions options;
-  options.starts = 3;
-  options.threads = threads;
-  try {
-    for (const FrequencyResponseEstimate& estimate : data.responses) {
-      measurements.push_back(response_measurement(estimate));
-    }
-    const FitResult fit =
-        fit_maximum_likelihood(FamilyResponseModel(family), measurements, start, options);
-    if (fit.theta.size() != start.size() || !fit.theta.allFinite() || fit.theta.minCoeff() <= 0.0) {
-      return {};
-    }
-    return fit.theta;
-  } catch (const InputError&) {
-    return {};  // too few recordings for a covariance, or no rest on the way
-  }
+  return ResponseFitter(family, data).run(threads);
 }
 
 }  // namespace graybox

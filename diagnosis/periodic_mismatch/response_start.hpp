@@ -1,6 +1,15 @@
-// A start for the fit of periodic recordings where the model's own values are too far off: the maximum
-// likelihood fit to the measured frequency responses (maximum_likelihood.hpp), whose closed-loop stage
-// finds its way past resonances that are narrower than the error.
+// A start for the fit of periodic recordings where the model's own values are off: the parameters
+// whose linear plants come closest to the measured frequency responses, all resonances blunted.
+//
+// Resonances and antiresonances are narrower than the error of the start, so that G_hat - G as a
+// function of the parameters is rugged. Compared is instead
+//
+//   phi(g) = g / (m^2 + |g|^2)^(1/2),
+//
+// element by element; m is the level of |g_hat| against frequency, a straight line on logarithmic
+// scales. Between a measured resonance and the model's, phi differs by a phase of up to pi, so that
+// the sum of squares grows with their distance wherever they are. Gauss, Newton, Levenberg and Marquardt
+// from the model's values; while the rest is large, from others about them too.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +20,7 @@
 
 namespace graybox {
 
-// None where sub-experiments are missing, a parameter is not positive, or no fit is found.
+// None where sub-experiments are missing or no parameter is free.
 [[nodiscard]] std::optional<Eigen::VectorXd> response_start(const PlantFamily& family,
                                                             const PeriodicData& data, int threads);
 

@@ -46,8 +46,10 @@ void differentiate_bodies(const PlantFamily& family, const VectorXd& angles,
       const LinearPlant above = family.plant(angles, parameters, shifted);
       shifted[b].parameters[p] -= 2.0 * step;
       const LinearPlant below = family.plant(angles, parameters, shifted);
-      response.body_mass.emplace_back((above.mass - below.mass) / (2.0 * step));
-      response.body_stiffness.emplace_back((above.stiffness - below.stiffness) / (2.0 * step));
+      response.body_changes.push_back(
+          entries_of({(above.mass - below.mass) / (2.0 * step),
+                      {},
+                      (above.stiffness - below.stiffness) / (2.0 * step)}));
     }
   }
 }
@@ -59,6 +61,26 @@ std::size_t grid_of(const SteadyStateOptions& options, Index lines) {
 }
 
 }  // namespace
+
+PlantChange entries_of(const PlantDerivative& derivative) {
+  const Index n =
+      std::max({derivative.mass.rows(), derivative.damping.rows(), derivative.stiffness.rows()});
+  const auto entry = [](const MatrixXd& matrix, Index i, Index j) {
+    return matrix.size() > 0 ? matrix(i, j) : 0.0;
+  };
+  PlantChange change;
+  for (Index i = 0; i < n; ++i) {
+    for (Index j = 0; j < n; ++j) {
+      const PlantChange::Entry found{i, j, entry(derivative.mass, i, j),
+                                     entry(derivative.damping, i, j),
+                                     entry(derivative.stiffness, i, j)};
+      if (found.mass != 0.0 || found.damping != 0.0 || found.stiffness != 0.0) {
+        change.entries.push_back(found);
+      }
+    }
+  }
+  return change;
+}
 
 bool is_body(const CandidatePlace& place, const LawEntry& entry) {
   if (entry.use == LawUse::kPayload) return true;
@@ -87,11 +109,17 @@ ModelState evaluate_model(const PlantFamily& family, const PeriodicData& data,
       if (with_derivatives) {
         differentiate_bodies(family, data.positions[i], parameters, state.bodies, response);
       }
+      for (const PlantDerivative& derivative : response.plant.derivatives) {
+        response.changes.push_back(entries_of(derivative));
+      }
       response.held_images.emplace(response.plant, data.sample_time);
       for (Index k = 0; k <= data.last_line; ++k) {
         const double w = data.frequencies[at(k)];
         response.receptance.push_back(receptance(response.plant, w));
         response.images.push_back(k == 0 ? MatrixXcd() : response.held_images->response(w));
+        MatrixXcd seen = Complex(0.0, w) * response.plant.velocity_output.cast<Complex>();
+        seen += response.plant.position_output;
+        response.sight.emplace_back(seen * response.receptance.back());
       }
     } catch (...) {
       const std::scoped_lock lock(guard);
@@ -208,22 +236,29 @@ void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& rec
     }
     driven_.col(0) += offset - position_->receptance[0] * (plant.stiffness * offset);
   }
-  // D^-1 b_out of each law, and what the sensors see of it.
+  sight_.resize(at(lines_ + 1));
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    sight_[at(k)].noalias() = data_.whitening[record.group][at(k)] * position_->sight[at(k)];
+  }
+  // D^-1 b_out of each law, what the sensors see of it, and D^-T b_in.
   carried_.resize(force_laws_.size());
   seen_.resize(force_laws_.size());
+  heard_.resize(force_laws_.size());
   for (std::size_t l = 0; l < force_laws_.size(); ++l) {
     carried_[l].setZero(plant.mass.rows(), lines_ + 1);
+    heard_[l].setZero(plant.mass.rows(), lines_ + 1);
     seen_[l].setZero(plant.velocity_output.rows(), lines_ + 1);
     const VectorXd& b = force_laws_[l].place->output;
+    const VectorXd& input = force_laws_[l].place->input;
     for (Index k = 0; k <= lines_; ++k) {
+      const MatrixXcd& receptance = position_->receptance[at(k)];
       for (Index i = 0; i < b.size(); ++i) {
-        if (b(i) != 0.0) carried_[l].col(k) += b(i) * position_->receptance[at(k)].col(i);
+        if (b(i) != 0.0) carried_[l].col(k) += b(i) * receptance.col(i);
+        if (input(i) != 0.0) heard_[l].col(k) += input(i) * receptance.row(i).transpose();
+        if (b(i) != 0.0 && k >= data_.first_line) {
+          seen_[l].col(k) += b(i) * sight_[at(k)].col(i);
+        }
       }
-      if (k < data_.first_line) continue;
-      const Complex rate(0.0, data_.frequencies[at(k)]);
-      seen_[l].col(k).noalias() = data_.whitening[record.group][at(k)] *
-                                  (plant.position_output * carried_[l].col(k) +
-                                   rate * (plant.velocity_output * carried_[l].col(k)));
     }
   }
 }
@@ -618,8 +653,17 @@ void SteadyStateSolver::signal_lines(const PeriodicLaw& law, const MeasuredRecor
 void SteadyStateSolver::answer(const ModelState&, const MeasuredRecord& record, const VectorXd& b,
                                MatrixXcd& whitened) const {
   const LinearPlant& plant = position_->plant;
-  const auto& receptances = state_.changed.empty() ? position_->receptance : state_.changed;
   whitened.setZero(plant.velocity_output.rows(), lines_ + 1);
+  if (state_.changed.empty()) {
+    for (Index i = 0; i < b.size(); ++i) {
+      if (b(i) == 0.0) continue;
+      for (Index k = data_.first_line; k <= lines_; ++k) {
+        whitened.col(k) += b(i) * sight_[at(k)].col(i);
+      }
+    }
+    return;
+  }
+  const auto& receptances = state_.changed;
   VectorXcd moved(b.size());
   for (Index k = data_.first_line; k <= lines_; ++k) {
     moved.setZero();
@@ -650,56 +694,66 @@ void SteadyStateSolver::answer_of_output(const MeasuredRecord& record, Index cha
   }
 }
 
-void SteadyStateSolver::respond(const MeasuredRecord& record, const MatrixXcd& force, bool exact,
+void SteadyStateSolver::respond(const std::vector<PointForce>& forces, bool exact,
                                 Eigen::Ref<MatrixXcd> whitened) {
-  const LinearPlant& plant = position_->plant;
-  const auto laws = static_cast<Index>(force_laws_.size());
-  MatrixXcd moved(force.rows(), lines_ + 1);
-  for (Index k = 0; k <= lines_; ++k) {
-    moved.col(k).noalias() = position_->receptance[at(k)] * force.col(k);
-  }
-  if (laws > 0) {
-    MatrixXcd deflections(lines_ + 1, laws), answer;
-    for (Index l = 0; l < laws; ++l) {
-      deflections.col(l) = moved.transpose() * force_laws_[at(l)].place->input.cast<Complex>();
-    }
-    if (exact) {
-      apply_slopes(deflections, answer);
-    } else {
-      answer = state_.slopes.cwiseProduct(deflections);
-    }
-    solve_equation(answer, exact);
-    for (Index l = 0; l < laws; ++l) moved -= carried_[at(l)] * answer.col(l).asDiagonal();
-  }
   whitened.setZero();
-  for (Index k = data_.first_line; k <= lines_; ++k) {
-    const Complex rate(0.0, data_.frequencies[at(k)]);
-    whitened.col(k).noalias() =
-        data_.whitening[record.group][at(k)] *
-        (plant.position_output * moved.col(k) + rate * (plant.velocity_output * moved.col(k)));
+  for (const PointForce& force : forces) {
+    for (Index k = data_.first_line; k <= lines_; ++k) {
+      whitened.col(k) += force.lines(k) * sight_[at(k)].col(force.coordinate);
+    }
   }
+  const auto laws = static_cast<Index>(force_laws_.size());
+  if (laws == 0) return;
+  MatrixXcd deflections = MatrixXcd::Zero(lines_ + 1, laws), answer;
+  for (Index l = 0; l < laws; ++l) {
+    for (const PointForce& force : forces) {
+      deflections.col(l) +=
+          force.lines.cwiseProduct(heard_[at(l)].row(force.coordinate).transpose());
+    }
+  }
+  if (exact) {
+    apply_slopes(deflections, answer);
+  } else {
+    answer = state_.slopes.cwiseProduct(deflections);
+  }
+  solve_equation(answer, exact);
+  for (Index l = 0; l < laws; ++l) whitened -= seen_[at(l)] * answer.col(l).asDiagonal();
 }
 
-void SteadyStateSolver::answer_of_plant(const ModelState&, const MeasuredRecord& record,
-                                        const PlantDerivative& change, bool exact,
-                                        Eigen::Ref<MatrixXcd> whitened) {
-  MatrixXcd force = MatrixXcd::Zero(position_->plant.mass.rows(), lines_ + 1);
-  if (change.stiffness.size() > 0) force = -change.stiffness * state_.coordinates;
-  for (Index k = 0; k <= lines_; ++k) {
-    const double w = data_.frequencies[at(k)];
-    if (change.mass.size() > 0) force.col(k) += w * w * (change.mass * state_.coordinates.col(k));
-    if (change.damping.size() > 0) {
-      force.col(k) -= Complex(0.0, w) * (change.damping * state_.coordinates.col(k));
+void SteadyStateSolver::answer_of_plant(const PlantChange& change, const MatrixXcd& coordinates,
+                                        bool exact, Eigen::Ref<MatrixXcd> whitened) {
+  std::vector<PointForce> forces;
+  for (const PlantChange::Entry& entry : change.entries) {
+    if (forces.empty() || forces.back().coordinate != entry.row) {
+      forces.push_back({entry.row, VectorXcd::Zero(lines_ + 1)});
+    }
+    VectorXcd& lines = forces.back().lines;
+    for (Index k = 0; k <= lines_; ++k) {
+      const double w = data_.frequencies[at(k)];
+      lines(k) -= Complex(entry.stiffness - w * w * entry.mass, w * entry.damping) *
+                  coordinates(entry.column, k);
     }
   }
-  respond(record, force, exact, whitened);
+  respond(forces, exact, whitened);
+}
+
+MatrixXcd SteadyStateSolver::moved_coordinates(const VectorXd& b, const VectorXcd& force) const {
+  const auto& receptances = state_.changed.empty() ? position_->receptance : state_.changed;
+  MatrixXcd moved = state_.coordinates;
+  for (Index k = 0; k <= lines_; ++k) {
+    if (force(k) == 0.0) continue;
+    for (Index i = 0; i < b.size(); ++i) {
+      if (b(i) != 0.0) moved.col(k) -= force(k) * b(i) * receptances[at(k)].col(i);
+    }
+  }
+  return moved;
 }
 
 void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRecord& record,
                                       bool exact, MatrixXcd& jacobian) {
   const LinearPlant& plant = position_->plant;
   const Index outputs = plant.velocity_output.rows();
-  auto count = static_cast<Index>(plant.derivatives.size());
+  auto count = static_cast<Index>(position_->changes.size());
   for (const ActingLaw& law : model.laws) count += static_cast<Index>(law.parameters.size());
   jacobian.resize(outputs * (lines_ + 1), count);
   const auto column_of = [&](Index p) {
@@ -707,15 +761,13 @@ void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRec
   };
   Index p = 0, force_law = 0;
   std::size_t body = 0;
-  for (const PlantDerivative& derivative : plant.derivatives) {
-    answer_of_plant(model, record, derivative, exact, column_of(p++));
+  for (const PlantChange& change : position_->changes) {
+    answer_of_plant(change, state_.coordinates, exact, column_of(p++));
   }
   for (const ActingLaw& law : model.laws) {
     if (is_body(*law.place, *law.entry)) {
       for (std::size_t i = 0; i < law.parameters.size(); ++i, ++body) {
-        answer_of_plant(model, record,
-                        {position_->body_mass[body], {}, position_->body_stiffness[body]}, exact,
-                        column_of(p++));
+        answer_of_plant(position_->body_changes[body], state_.coordinates, exact, column_of(p++));
       }
       continue;
     }
@@ -770,12 +822,17 @@ void SteadyStateSolver::differentiate_law(const ActingLaw& law, const MeasuredRe
       whitened -= seen_[l] * forces.col(static_cast<Index>(l)).asDiagonal();
     }
   } else if (place.kind == LocationKind::kActuator) {
-    MatrixXcd force(plant.mass.rows(), lines_ + 1);
-    for (Index k = 0; k <= lines_; ++k) {
-      const Complex hold = k == 0 ? 1.0 : hold_factor(data_.frequencies[at(k)], data_.sample_time);
-      force.col(k) = plant.input.col(place.channel) * (hold * change(k));
+    std::vector<PointForce> forces;
+    for (Index i = 0; i < plant.input.rows(); ++i) {
+      if (plant.input(i, place.channel) == 0.0) continue;
+      PointForce& force = forces.emplace_back(PointForce{i, change});
+      for (Index k = 0; k <= lines_; ++k) {
+        const Complex hold =
+            k == 0 ? 1.0 : hold_factor(data_.frequencies[at(k)], data_.sample_time);
+        force.lines(k) *= plant.input(i, place.channel) * hold;
+      }
     }
-    respond(record, force, exact, whitened);
+    respond(forces, exact, whitened);
     for (Index k = data_.first_line; k <= lines_; ++k) {
       whitened.col(k) += whitening[at(k)] * position_->images[at(k)].col(place.channel) * change(k);
     }

@@ -53,14 +53,25 @@ struct ActingLaw {
 // A law that is part of the plant (inertia of an arm, payload) rather than a force of its own.
 [[nodiscard]] bool is_body(const CandidatePlace& place, const LawEntry& entry);
 
+// The entries of a PlantDerivative that are not zero.
+struct PlantChange {
+  struct Entry {
+    Eigen::Index row = 0, column = 0;
+    double mass = 0.0, damping = 0.0, stiffness = 0.0;
+  };
+  std::vector<Entry> entries;  // by rows
+};
+[[nodiscard]] PlantChange entries_of(const PlantDerivative& derivative);
+
 // One position of the model at one value of its parameters.
 struct PositionResponse {
   LinearPlant plant;
+  std::vector<PlantChange> changes;          // by each parameter of the plant
   std::vector<Eigen::MatrixXcd> receptance;  // D^-1 of lines 0 ... K
   std::optional<HeldImages> held_images;
-  std::vector<Eigen::MatrixXcd> images;    // A of each line
-  std::vector<Eigen::MatrixXd> body_mass;  // by each parameter of body laws
-  std::vector<Eigen::MatrixXd> body_stiffness;
+  std::vector<Eigen::MatrixXcd> images;   // A of each line
+  std::vector<Eigen::MatrixXcd> sight;    // (S_0 + j w S_1) D^-1
+  std::vector<PlantChange> body_changes;  // by each parameter of body laws
 };
 
 struct ModelState {
@@ -121,10 +132,12 @@ class SteadyStateSolver {
                        Eigen::MatrixXcd& whitened) const;
   void answer_of_output(const MeasuredRecord& record, Eigen::Index channel,
                         Eigen::MatrixXcd& whitened) const;
-  // Whitened change of the output with a change of mass and stiffness matrices.
-  void answer_of_plant(const ModelState& model, const MeasuredRecord& record,
-                       const PlantDerivative& change, bool exact,
+  // Whitened change of the output with a change of M, C and K under the motion q.
+  void answer_of_plant(const PlantChange& change, const Eigen::MatrixXcd& coordinates, bool exact,
                        Eigen::Ref<Eigen::MatrixXcd> whitened);
+  // q of the last solution with -b F added to the forces, F given line by line.
+  [[nodiscard]] Eigen::MatrixXcd moved_coordinates(const Eigen::VectorXd& b,
+                                                   const Eigen::VectorXcd& force) const;
 
   // The lines of a motion over the grid, its rate with it.
   void motion_of(const Eigen::VectorXcd& deflection, PeriodicMotion& motion);
@@ -165,8 +178,13 @@ class SteadyStateSolver {
   // (I + S r)^-1 in place, or with s for S.
   void solve_equation(Eigen::MatrixXcd& forces, bool exact);
   [[nodiscard]] double product(const Eigen::MatrixXcd& a, const Eigen::MatrixXcd& b) const;
-  // Whitened outputs of forces on all coordinates, with the laws' answer.
-  void respond(const MeasuredRecord& record, const Eigen::MatrixXcd& force, bool exact,
+  // The lines of a force on one coordinate.
+  struct PointForce {
+    Eigen::Index coordinate = 0;
+    Eigen::VectorXcd lines;
+  };
+  // Whitened outputs of such forces, with the laws' answer.
+  void respond(const std::vector<PointForce>& forces, bool exact,
                Eigen::Ref<Eigen::MatrixXcd> whitened);
   [[nodiscard]] double size_in_noise(const Eigen::MatrixXcd& change) const;
   void iterate(const MeasuredRecord& record);
@@ -195,7 +213,9 @@ class SteadyStateSolver {
   Eigen::MatrixXcd driven_;                      // D^-1 h B u
   Eigen::MatrixXcd own_;                         // D^-1 f_own
   std::vector<Eigen::MatrixXcd> carried_;        // D^-1 b_out of each force law, n x (K + 1)
-  std::vector<Eigen::MatrixXcd> seen_;           // whitened (S_0 + j w S_1) D^-1 b_out
+  std::vector<Eigen::MatrixXcd> sight_;          // whitened (S_0 + j w S_1) D^-1 of each line
+  std::vector<Eigen::MatrixXcd> seen_;           // the same times b_out of each force law
+  std::vector<Eigen::MatrixXcd> heard_;          // D^-T b_in of each force law, n x (K + 1)
   std::vector<Eigen::MatrixXcd> between_;        // r of each line
   std::vector<Eigen::MatrixXcd> mean_solution_;  // (I + s r)^-1 of each line
   Eigen::MatrixXd weight_;                       // of forces in noise units, (K + 1) x laws
