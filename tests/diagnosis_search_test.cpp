@@ -60,6 +60,10 @@ class RegressionProblem : public MismatchProblem {
     hypotheses_.erase(hypotheses_.begin() + at);
     columns_.erase(columns_.begin() + at);
   }
+  void only_name(const std::string& twin, const std::string& law) {
+    hypotheses_[index_of(law)].twins = {index_of(twin)};
+    hypotheses_[index_of(twin)].only_named = true;
+  }
   void generalise(const std::string& law, const std::string& special_case) {
     hypotheses_[index_of(law)].special_cases = {special_case};
   }
@@ -239,6 +243,25 @@ TEST(DiagnosisSearch, CallsTwinsAmbiguous) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kAmbiguous);
   ASSERT_EQ(diagnosis.effects.size(), 1U);
   ASSERT_EQ(diagnosis.effects[0].rivals.size(), 1U);
+}
+
+// A law that recordings can't tell from another is never fitted, but named with it.
+TEST(DiagnosisSearch, NamesTwinsThatAreNotFitted) {
+  RegressionProblem problem;
+  problem.only_name("harmonic_8", "harmonic_3");
+  const Eigen::VectorXd effect = scaled_effect(problem, "harmonic_3", 14.0);
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 5);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kAmbiguous);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("harmonic_3"));
+  ASSERT_EQ(diagnosis.effects[0].rivals.size(), 1U);
+  EXPECT_EQ(diagnosis.effects[0].rivals[0].law.hypothesis, problem.index_of("harmonic_8"));
+  for (const HypothesisScore& score : diagnosis.ranking) {
+    EXPECT_NE(score.start.hypothesis, problem.index_of("harmonic_8"));
+  }
+  SearchOptions options;
+  options.excluded_laws = {"harmonic_8"};
+  EXPECT_EQ(diagnose(problem, options).verdict, Verdict::kExplained);
 }
 
 TEST(DiagnosisSearch, ALawThatOnlyGeneralisesTheBestIsNoRival) {

@@ -136,8 +136,7 @@ std::shared_ptr<const Law> turbulent_drag(Parameters p) {
 }
 
 struct FrictionCurve {
-  double forward = 0.0, backward = 0.0;                // levels
-  double static_forward = 0.0, static_backward = 0.0;  // at rest
+  double level = 0.0, static_level = 0.0;
   double stribeck_velocity = 1.0;
   double stiffness = 1.0;  // of the bristles
   double bristle_damping = 0.0;
@@ -145,12 +144,10 @@ struct FrictionCurve {
   double wave_share = 0.0, wave_length = 1.0;  // level along the deflection
   double load_level = 0.0;                     // level over |deflection|
 
-  [[nodiscard]] double level(double z, double rate) const {
+  [[nodiscard]] double level_at(double z, double rate) const {
     const double slow = std::exp(-std::pow(rate / stribeck_velocity, 2));
-    const double moving = rate >= 0.0 ? forward : backward;
-    const double resting = rate >= 0.0 ? static_forward : static_backward;
     const double wave = 1.0 + wave_share * std::sin(2.0 * std::numbers::pi * z / wave_length);
-    return (moving + (resting - moving) * slow) * wave + load_level * std::abs(z);
+    return (level + (static_level - level) * slow) * wave + load_level * std::abs(z);
   }
 };
 
@@ -170,7 +167,7 @@ class BristleFriction final : public SimulatedLaw {
  private:
   [[nodiscard]] double bristle_rate(double z, double rate, double bristle) const {
     return rate *
-           (1.0 - std::copysign(1.0, rate) * curve_.stiffness * bristle / curve_.level(z, rate));
+           (1.0 - std::copysign(1.0, rate) * curve_.stiffness * bristle / curve_.level_at(z, rate));
   }
 
   FrictionCurve curve_;
@@ -180,36 +177,33 @@ std::shared_ptr<const Law> friction(const FrictionCurve& curve) {
   return std::make_shared<const BristleFriction>(curve);
 }
 
+// Dry friction that is nothing but that: bristles would make it Dahl's law, or LuGre's, which are laws
+// of the catalogue themselves. The sign of z' is rounded.
+double rounded_sign(double rate, double rounding) { return rate / rounded_abs(rate, rounding); }
+
 std::shared_ptr<const Law> dry_friction(Parameters p) {
-  return friction({.forward = p[0],
-                   .backward = p[0],
-                   .static_forward = p[0],
-                   .static_backward = p[0],
-                   .stiffness = p[0] / p[1]});
+  return static_law([level = p[0], rounding = p[1]](double, double rate) {
+    return level * rounded_sign(rate, rounding);
+  });
 }
 
 std::shared_ptr<const Law> one_sided_friction(Parameters p) {
-  return friction({.forward = p[0],
-                   .backward = p[1],
-                   .static_forward = p[0],
-                   .static_backward = p[1],
-                   .stiffness = 0.5 * (p[0] + p[1]) / p[2]});
+  return static_law([forward = p[0], backward = p[1], rounding = p[2]](double, double rate) {
+    return 0.5 * (forward - backward) + 0.5 * (forward + backward) * rounded_sign(rate, rounding);
+  });
 }
 
 std::shared_ptr<const Law> stribeck_friction(Parameters p) {
-  return friction({.forward = p[0],
-                   .backward = p[0],
-                   .static_forward = p[1],
-                   .static_backward = p[1],
-                   .stribeck_velocity = p[2],
-                   .stiffness = p[0] / p[3]});
+  return static_law(
+      [level = p[0], resting = p[1], velocity = p[2], rounding = p[3]](double, double rate) {
+        const double slow = std::exp(-std::pow(rate / velocity, 2));
+        return (level + (resting - level) * slow) * rounded_sign(rate, rounding);
+      });
 }
 
 std::shared_ptr<const Law> lugre_friction(Parameters p) {
-  return friction({.forward = p[3],
-                   .backward = p[3],
-                   .static_forward = p[4],
-                   .static_backward = p[4],
+  return friction({.level = p[3],
+                   .static_level = p[4],
                    .stribeck_velocity = p[5],
                    .stiffness = p[0],
                    .bristle_damping = p[1],
@@ -217,10 +211,8 @@ std::shared_ptr<const Law> lugre_friction(Parameters p) {
 }
 
 std::shared_ptr<const Law> wavy_friction(Parameters p) {
-  return friction({.forward = p[0],
-                   .backward = p[0],
-                   .static_forward = p[0],
-                   .static_backward = p[0],
+  return friction({.level = p[0],
+                   .static_level = p[0],
                    .stiffness = p[0] / p[3],
                    .wave_share = p[1],
                    .wave_length = p[2]});
@@ -228,12 +220,7 @@ std::shared_ptr<const Law> wavy_friction(Parameters p) {
 
 // A level that grows with the deflection, so with the load a spring there carries.
 std::shared_ptr<const Law> loaded_friction(Parameters p) {
-  return friction({.forward = p[1],
-                   .backward = p[1],
-                   .static_forward = p[1],
-                   .static_backward = p[1],
-                   .stiffness = p[2],
-                   .load_level = p[0]});
+  return friction({.level = p[1], .static_level = p[1], .stiffness = p[2], .load_level = p[0]});
 }
 
 // ---- memory --------------------------------------------------------------------------------------
@@ -567,10 +554,10 @@ std::vector<HiddenLaw> hidden_frictions() {
        kAxis | kSpring,
        false,
        1.0,
-       {{"level", "F"}, {"bristle_deflection", "x", false}},
+       {{"level", "F"}, {"rounding", "x/s", false}},
        dry_friction,
        [](double size, const PlaceScale& scale, Shape) {
-         return std::vector{size * scale.force, bristle_deflection(scale)};
+         return std::vector{size * scale.force, 0.01 * scale.rate};
        }},
       {"asymmetric_coulomb",
        kForce,
@@ -578,12 +565,12 @@ std::vector<HiddenLaw> hidden_frictions() {
        kAxis,
        false,
        1.0,
-       {{"forward_level", "F"}, {"backward_level", "F"}, {"bristle_deflection", "x", false}},
+       {{"forward_level", "F"}, {"backward_level", "F"}, {"rounding", "x/s", false}},
        one_sided_friction,
        [](double size, const PlaceScale& scale, Shape shape) {
          const double part = sign_of(shape[0]) * between(0.3, 0.7, shape[1]);
          return std::vector{(1.0 + part) * size * scale.force, (1.0 - part) * size * scale.force,
-                            bristle_deflection(scale)};
+                            0.01 * scale.rate};
        }},
       {"stribeck",
        kForce,
@@ -594,12 +581,12 @@ std::vector<HiddenLaw> hidden_frictions() {
        {{"level", "F"},
         {"static_level", "F"},
         {"stribeck_velocity", "x/s"},
-        {"bristle_deflection", "x", false}},
+        {"rounding", "x/s", false}},
        stribeck_friction,
        [](double size, const PlaceScale& scale, Shape shape) {
          const double level = size * scale.force;
          return std::vector{level, between(1.5, 2.5, shape[0]) * level,
-                            between(0.2, 0.6, shape[1]) * scale.rate, bristle_deflection(scale)};
+                            between(0.2, 0.6, shape[1]) * scale.rate, 0.01 * scale.rate};
        }},
       {"quadratic_drag",
        kForce,

@@ -242,8 +242,8 @@ class LumpedCase final : public CaseSystem {
   void make_plan() {
     plan_.sample_time = 0.001;
     plan_.period = 2000;
-    plan_.settling_periods = controller_ ? 1 : 5;  // the controller damps the rest
-    plan_.periods = 3;
+    plan_.settling_periods = controller_ ? 1 : 4;  // the controller damps the rest
+    plan_.periods = 6;
     std::vector<double> frequencies;
     constexpr int kFrequencies = 30;
     for (int k = 0; k < kFrequencies; ++k) {

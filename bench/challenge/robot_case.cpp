@@ -131,12 +131,12 @@ class RobotCase final : public CaseSystem {
   void make_plan(Family family, Random& random) {
     const bool is_full = family == Family::kRobot;
     plan_.sample_time = true_.sample_time;
-    plan_.period = static_cast<std::size_t>(std::lround(1.0 / plan_.sample_time));
-    plan_.settling_periods = 2;
-    plan_.periods = 2;
-    plan_.lines = odd_lines(log_spaced(1.0, 60.0, 30), plan_.period, plan_.sample_time);
+    plan_.period = static_cast<std::size_t>(std::lround(0.5 / plan_.sample_time));
+    plan_.settling_periods = 4;
+    plan_.periods = 4;
+    plan_.lines = odd_lines(log_spaced(2.0, 60.0, 30), plan_.period, plan_.sample_time);
     plan_.levels = {2.0, 8.0, 4.0};
-    for (int p = 0; p < 4; ++p) {
+    for (int p = 0; p < 3; ++p) {
       Eigen::VectorXd angles(true_.motor_count());
       const std::array<std::array<double, 2>, 6> ranges{
           {{-150, 150}, {-40, 60}, {-120, 30}, {-180, 180}, {-100, 100}, {-180, 180}}};
@@ -146,12 +146,8 @@ class RobotCase final : public CaseSystem {
       }
       plan_.positions.push_back(angles);
     }
-    if (is_full) {
-      plan_.sets = {{0, 0, 0, false}, {1, 1, 0, false}, {2, 2, 0, true}};
-    } else {
-      plan_.sets = {{0, 0, 0, false}, {0, 1, 0, false}, {1, 1, 0, false},
-                    {2, 0, 0, false}, {1, 0, 1, true},  {3, 2, 0, true}};
-    }
+    plan_.sets = {{0, 0, 0, false}, {1, 1, 0, false}, {2, 2, 0, true}};
+    if (!is_full) plan_.sets.insert(plan_.sets.begin() + 1, {0, 1, 0, false});
   }
 
   // Of an encoder, and white of 1 to 10 % of what the outputs do at the lowest level.

@@ -91,16 +91,19 @@ class Search {
     return true;
   }
 
-  // All hypotheses but those that are excluded or, unless repeatable, in the fit already.
+  [[nodiscard]] bool is_excluded(const Hypothesis& hypothesis) const {
+    const auto& laws = options_.excluded_laws;
+    return std::find(laws.begin(), laws.end(), hypothesis.law) != laws.end();
+  }
+
+  // All hypotheses but those that are excluded, only named or, unless repeatable, in the fit already.
   [[nodiscard]] std::vector<std::size_t> open_hypotheses(const ExtendedFit& fit) const {
     std::vector<std::size_t> open;
     for (std::size_t i = 0; i < problem_.hypotheses().size(); ++i) {
       const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
-      const std::string& law = problem_.hypotheses()[i].law;
-      if (std::count(options_.excluded_laws.begin(), options_.excluded_laws.end(), law) > 0)
-        continue;
-      if (problem_.hypotheses()[i].repeatable ||
-          std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
+      const Hypothesis& hypothesis = problem_.hypotheses()[i];
+      if (hypothesis.only_named || is_excluded(hypothesis)) continue;
+      if (hypothesis.repeatable || std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
         open.push_back(i);
       }
     }
@@ -307,6 +310,7 @@ class Search {
         effect.explained_share = share_explained(without, result_.after);
         weigh_rivals_of(effect, without);
       }
+      add_twins(effect);
       result_.effects.push_back(std::move(effect));
     }
   }
@@ -339,6 +343,17 @@ class Search {
     if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
     const auto experiments = problem_.experiments_between(result_.after, rival.fit);
     return experiments ? next_experiment(*experiments) : std::nullopt;
+  }
+
+  void add_twins(FoundEffect& effect) const {
+    std::vector<Rival> members{{effect.law, 0.0}};
+    members.insert(members.end(), effect.rivals.begin(), effect.rivals.end());
+    for (const Rival& member : members) {
+      for (const std::size_t twin : problem_.hypotheses()[member.law.hypothesis].twins) {
+        if (is_excluded(problem_.hypotheses()[twin])) continue;
+        effect.rivals.push_back({{twin, {}}, member.bic_difference});
+      }
+    }
   }
 
   [[nodiscard]] bool generalises(const Trial& trial, const FittedLaw& law) const {

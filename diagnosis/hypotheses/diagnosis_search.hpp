@@ -17,7 +17,7 @@
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those whose BIC is not worse
 //      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995) can't be excluded and form one
 //      class with it. A law that only generalises another of the class, and is no better by
-//      more than what its parameters cost, is left out.
+//      more than what its parameters cost, is left out. Twins (mismatch_problem.hpp) are rivals always.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance

@@ -32,6 +32,10 @@ struct Hypothesis {
   // levels in both directions). Where such a law explains the data as well, this one is not a rival.
   std::vector<std::string> special_cases;
   bool repeatable = false;  // may be found more than once at its place, as harmonics of a ripple
+  // Other hypotheses that such recordings can't tell from this one at any parameters, because the
+  // model's own take up the difference. Each is `only_named`: never fitted, but a rival of this one.
+  std::vector<std::size_t> twins{};
+  bool only_named = false;
 };
 
 struct LawParameterEstimate {

@@ -297,12 +297,20 @@ class Problem : public MismatchProblem {
   void list_hypotheses() {
     for (const CandidatePlace& place : family_->places()) {
       for (const LawEntry* entry : hypothetical_laws(place)) {
-        hypotheses_.push_back(
-            {place.location.name, place.yaml, entry->name, special_cases_of(*entry)});
-        places_.push_back(&place);
-        entries_.push_back(entry);
+        add_hypothesis(place, *entry);
+        const LawEntry* twin = twin_of(*entry, place);
+        if (twin == nullptr) continue;
+        hypotheses_.back().twins = {hypotheses_.size()};
+        add_hypothesis(place, *twin);
+        hypotheses_.back().only_named = true;
       }
     }
+  }
+
+  void add_hypothesis(const CandidatePlace& place, const LawEntry& entry) {
+    hypotheses_.push_back({place.location.name, place.yaml, entry.name, special_cases_of(entry)});
+    places_.push_back(&place);
+    entries_.push_back(&entry);
   }
 
   [[nodiscard]] std::size_t model_parameter_count() const {

@@ -112,4 +112,13 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
   return laws;
 }
 
+const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place) {
+  if (place.location.kind != LocationKind::kElement || place.is_coupling) return nullptr;
+  if (entry.name == "backlash" && place.has_free_stiffness) return find_law("dead_zone", false);
+  if (entry.name == "stiffness" && place.location.units.deflection == "rad") {
+    return find_law("balancer", false);
+  }
+  return nullptr;
+}
+
 }  // namespace graybox

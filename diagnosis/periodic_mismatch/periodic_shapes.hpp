@@ -24,8 +24,12 @@ struct FrequencyBand {
                                                     const FrequencyBand& band);
 
 // The laws of the catalogue that are hypotheses at a place: those that it can take and that do not
-// only change a parameter that is estimated anyway. The balancer is left out: over small motions it
-// is a spring. So are constant forces, which lines do not show.
+// only change a parameter that is estimated anyway. Constant forces are left out, which lines do not
+// show, and laws that are a twin of another.
 [[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place);
+
+// The law that these recordings can't tell from this one: a stop beside a free spring is a play beside
+// another spring, and over small motions a balancer is a spring. Null if there is none.
+[[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place);
 
 }  // namespace graybox

@@ -70,6 +70,11 @@ std::string next_words(const NextExperiment& next) {
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
+    if (rival.law.parameters.empty()) {
+      lines.push_back(fmt::format("Not excluded in its place: {}, the same in such recordings.",
+                                  hypothesis_words(hypotheses[rival.law.hypothesis])));
+      continue;
+    }
     lines.push_back(fmt::format("Not excluded in its place: {}: {} (BIC {:+.2g}).",
                                 hypothesis_words(hypotheses[rival.law.hypothesis]),
                                 parameters_words(rival.law), rival.bic_difference));
