@@ -2,6 +2,7 @@
 // own, bad input.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -32,7 +33,7 @@ inputs:
   - {name: torque, mass: motor}
 outputs:
   - {name: speed, mass: motor, quantity: velocity}
-noise: {speed: 0.002}
+noise: {speed: 0.02}
 )";
 
 const std::string kPlan = R"(format: graybox-plan/1
@@ -101,6 +102,50 @@ TEST_F(Diagnose, ExplainsFrictionAndWritesAReport) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 }
 
+// Weak friction looks like Dahl's at one level; the experiment that graybox designs tells.
+TEST_F(Diagnose, DesignsTheExperimentThatTells) {
+  write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
+levels: [0.1]
+realisations: 3
+validation_realisations: 1
+period: 500
+settling_periods: 4
+periods: 3
+frequencies: {from: 1, to: 50, count: 30, spacing: log}
+)");
+  std::string weak = kFriction;
+  weak.replace(weak.find("0.02"), 4, "0.0005");
+  weak.replace(weak.find("value: 0.1"), 10, "value: 0.2");
+  simulate(weak);
+  const Json first = verdict("-o report");
+  EXPECT_EQ(first["verdict"], "ambiguous") << first["words"];
+  const Json& next = first["next_experiment"];
+  ASSERT_FALSE(next.is_null()) << first["words"];
+  EXPECT_LT(next["duality_gap"].get<double>(), 1e-6);
+  EXPECT_GT(next["distance_then"].get<double>(), next["distance_needed"].get<double>());
+  // Its recordings join those at hand.
+  std::string campaign = read_text(folder_.file("campaign/campaign.yaml"));
+  for (std::size_t k = 1;
+       std::filesystem::exists(folder_.file("report/next_plan_" + std::to_string(k) + ".yaml"));
+       ++k) {
+    const std::string name = "next_" + std::to_string(k);
+    const Outcome outcome = graybox("simulate model.yaml report/next_plan_" + std::to_string(k) +
+                                    ".yaml --seed 5 --hidden hidden.yaml -o " + name);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    std::string more = read_text(folder_.file(name + "/campaign.yaml"));
+    more = more.substr(more.find("experiments:\n") + 13);
+    for (std::size_t at = 0; (at = more.find("file: ", at)) != std::string::npos;) {
+      more.insert(at += 6, "../" + name + "/");
+    }
+    campaign += more;
+  }
+  write_text(folder_.file("campaign/campaign.yaml"), campaign);
+  const Json second = verdict();
+  EXPECT_EQ(second["verdict"], "explained") << second["words"];
+  ASSERT_EQ(second["physics"].size(), 1U);
+  EXPECT_EQ(second["physics"][0]["law"], "coulomb") << second["words"];
+}
+
 TEST_F(Diagnose, FindsALawOfOnesOwn) {
   const std::string magnet = R"(laws:
   - name: magnet
@@ -112,7 +157,7 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
   - name: hidden
     location: {kind: element, mass: motor}
     law: magnet
-    parameters: {k: {value: 4e4, unit: N m/rad^5}}
+    parameters: {k: {value: 600, unit: N m/rad^5}}
 )");
   write_text(folder_.file("laws.yaml"), "format: graybox-laws/1\n" + magnet);
   const Json found = verdict("--laws laws.yaml -o report");

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
@@ -65,15 +66,29 @@ TEST(NextExperiment, IsTheBestMixOfItsOptions) {
   for (const NextExperiment::Share& share : next->shares) sum += share.weight;
   EXPECT_NEAR(sum, 1.0, 0.02);
   const double gain = next->distance_then - next->distance_now;
-  EXPECT_EQ(next->recordings_needed, std::ceil(8.0 * (10.507 - next->distance_now) / gain));
+  EXPECT_EQ(next->recordings_needed,
+            std::ceil(8.0 * (next->distance_needed - next->distance_now) / gain));
 }
 
 TEST(NextExperiment, NeedsNothingMoreWhereTheRecordingsTellAlready) {
   const Matrix3d known = 200.0 * (information_at(-0.5) + information_at(0.2) + information_at(0.9));
   const auto next = next_experiment(rivals(known));
   ASSERT_TRUE(next.has_value());
-  EXPECT_GT(next->distance_now, 10.507);
+  EXPECT_GT(next->distance_now, next->distance_needed);
   EXPECT_EQ(next->recordings_needed, 0.0);
+}
+
+// That share of draws from the difference's distribution exceeds the margin.
+TEST(NextExperiment, TheDistanceNeededExcludesInNineOfTen) {
+  constexpr double kMargin = 10.0;
+  constexpr int kDraws = 20000;
+  const double distance = distance_that_excludes(kMargin);
+  Random random(5);
+  int excluded = 0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    excluded += distance + 2.0 * std::sqrt(distance) * random.normal() > kMargin ? 1 : 0;
+  }
+  EXPECT_NEAR(static_cast<double>(excluded) / kDraws, 0.9, 0.01);
 }
 
 }  // namespace

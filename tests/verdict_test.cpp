@@ -114,7 +114,7 @@ TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
   diagnosis.effects[0].rivals = {{{2, {}}, 1.5, next}};
   std::string all;
   for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
-  EXPECT_NE(all.find("7 recordings more, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
+  EXPECT_NE(all.find("7 more recordings, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
             std::string::npos)
       << all;
   const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"})["next_experiment"];

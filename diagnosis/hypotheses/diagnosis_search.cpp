@@ -342,7 +342,7 @@ class Search {
   std::optional<NextExperiment> experiment_against(const Trial& rival) {
     if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
     const auto experiments = problem_.experiments_between(result_.after, rival.fit);
-    return experiments ? next_experiment(*experiments) : std::nullopt;
+    return experiments ? next_experiment(*experiments, options_.exclusion_margin) : std::nullopt;
   }
 
   void add_twins(FoundEffect& effect) const {

@@ -87,8 +87,9 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
-  double bic_difference = 0.0;         // to the best of its class
-  std::optional<NextExperiment> next = {};  // that tells it from the law found; of the nearest alone
+  double bic_difference = 0.0;  // to the best of its class
+  std::optional<NextExperiment> next =
+      {};  // that tells it from the law found; of the nearest alone
 };
 
 struct FoundEffect {

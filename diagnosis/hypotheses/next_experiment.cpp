@@ -11,15 +11,19 @@
 namespace graybox {
 namespace {
 
-// Non-centrality that a test at level 5 % with one degree of freedom needs for a power of 90 %:
-// (z_0.975 + z_0.9)^2.
-constexpr double kNeeded = 10.507;
+constexpr double kPowerQuantile = 1.2815515655446004;  // of the normal distribution, 90 %
 constexpr double kGap = 1e-6;
 constexpr double kSmallestShare = 0.01;
 
 }  // namespace
 
-std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals) {
+double distance_that_excludes(double margin) {
+  const double root = kPowerQuantile + std::sqrt(kPowerQuantile * kPowerQuantile + margin);
+  return root * root;
+}
+
+std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals,
+                                              double exclusion_margin) {
   const Criterion step = Criterion::ds({rivals.information.dimension() - 1});
   const Solution solution =
       ColumnGeneration().solve(rivals.information, {.duality_gap = kGap, .criterion = step});
@@ -37,7 +41,8 @@ std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals) {
   }
   std::ranges::stable_sort(next.shares, std::greater<>(), &NextExperiment::Share::weight);
   const double gain = next.distance_then - next.distance_now;
-  const double missing = std::max(0.0, kNeeded - next.distance_now);
+  next.distance_needed = distance_that_excludes(exclusion_margin);
+  const double missing = std::max(0.0, next.distance_needed - next.distance_now);
   next.recordings_needed = gain > 0.0 ? std::ceil(rivals.recordings * missing / gain)
                                       : std::numeric_limits<double>::infinity();
   return next;

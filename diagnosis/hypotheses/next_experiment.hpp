@@ -48,12 +48,19 @@ struct NextExperiment {
   double distance_now = 0.0;   // of the recordings at hand
   double distance_then = 0.0;  // with n recordings of this design besides
   double recordings = 0.0;     // n
-  // Recordings of this design that tell the two apart at level 5 % with a power of 90 %, from what n of
-  // them bring; infinite where they bring nothing.
+  double distance_needed = 0.0;
+  // Recordings of this design that lead there, from what n of them bring; infinite where they bring
+  // nothing.
   double recordings_needed = 0.0;
 };
 
-// None where no option tells the explanations apart, or the problem can't be solved.
-[[nodiscard]] std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals);
+// The distance D at which the wrong explanation is excluded with a probability of 90 %. Of two explanations
+// with as many parameters the difference in BIC is about normal with mean D and variance 4 D, and exclusion
+// asks for `margin` of it: D = (z + (z^2 + margin)^(1/2))^2, z = 1.28.
+[[nodiscard]] double distance_that_excludes(double margin);
+
+// `exclusion_margin`: of SearchOptions. None where the problem can't be solved.
+[[nodiscard]] std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals,
+                                                            double exclusion_margin = 10.0);
 
 }  // namespace graybox

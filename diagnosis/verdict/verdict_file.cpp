@@ -160,6 +160,7 @@ Json next_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothese
           {"duality_gap", next.duality_gap},
           {"distance_now", next.distance_now},
           {"distance_then", next.distance_then},
+          {"distance_needed", next.distance_needed},
           {"recordings", next.recordings},
           {"recordings_needed", number(next.recordings_needed)}};
 }

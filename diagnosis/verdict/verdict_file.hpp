@@ -15,7 +15,8 @@
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
 //    "next_experiment": {"between": ["...", "..."], "shares": [{"position", "level", "band_hz",
-//                        "weight"}], "duality_gap", "distance_now", "distance_then", "recordings",
+//                        "weight"}], "duality_gap", "distance_now", "distance_then", "distance_needed",
+//                        "recordings",
 //                        "recordings_needed"}}
 //
 // Channels, bands, positions and levels are those where residuals before any extension are too large

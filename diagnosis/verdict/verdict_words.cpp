@@ -60,11 +60,14 @@ std::string next_words(const NextExperiment& next) {
   if (!std::isfinite(next.recordings_needed)) {
     return "No experiment of the same kind would tell the two apart.";
   }
+  const double count = std::max(1.0, next.recordings_needed);
   return fmt::format(
-      "To tell the two apart: {:.0f} recordings more, {} (designed to a duality gap of {:.1g}; the "
-      "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, 10.5 is needed).",
-      std::max(1.0, next.recordings_needed), shares, next.duality_gap, next.distance_now,
-      next.distance_then, next.recordings);
+      "To tell the two apart: {:.0f} more recording{}, {} (designed to a duality gap of {:.1g}; "
+      "the "
+      "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, {:.3g} is "
+      "needed).",
+      count, count > 1.0 ? "s" : "", shares, next.duality_gap, next.distance_now,
+      next.distance_then, next.recordings, next.distance_needed);
 }
 
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
