@@ -14,6 +14,7 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/diagnosis/verdict/next_plan.hpp"
 #include "graybox/diagnosis/verdict/report_page.hpp"
@@ -117,6 +118,25 @@ void write_report(const Arguments& arguments, const Diagnosis& diagnosis,
                   verdict_json(diagnosis, hypotheses, files).dump(2) + "\n");
 }
 
+// Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
+std::vector<std::string> warnings_of(const Campaign& campaign) {
+  constexpr std::size_t kMost = 12;
+  std::vector<std::string> warnings;
+  for (const Finding& finding : examine_campaign(campaign)) warnings.push_back(finding.message);
+  for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
+    for (const Finding& finding : load_experiment(campaign, i).findings) {
+      warnings.push_back(finding.message);
+    }
+  }
+  if (warnings.size() > kMost) {
+    const std::size_t more = warnings.size() - kMost;
+    warnings.resize(kMost);
+    warnings.push_back(
+        fmt::format("{} more; 'graybox recordings {}' lists all", more, campaign.file.string()));
+  }
+  return warnings;
+}
+
 int exit_code_of(const Diagnosis& diagnosis) {
   return diagnosis.verdict == Verdict::kUnknown ? kShort : kDone;
 }
@@ -139,7 +159,7 @@ int execute(Arguments& arguments) {
     };
     diagnosis = diagnose(*problem, arguments.search);
   }
-  const DiagnosedFiles files{arguments.model, campaign.file.string()};
+  const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   if (!arguments.output.empty()) {
     write_report(arguments, diagnosis, problem->hypotheses(), files);
     write_next_plans(arguments, campaign, diagnosis);
@@ -151,6 +171,7 @@ int execute(Arguments& arguments) {
     for (const std::string& line : verdict_words(diagnosis, problem->hypotheses())) {
       fmt::print("{}\n", line);
     }
+    for (const std::string& line : files.warnings) fmt::print("The recordings: {}\n", line);
     if (!arguments.output.empty()) {
       fmt::print("wrote {}/report.html, verdict.json, model_extended.yaml, physics.yaml, figures\n",
                  arguments.output);

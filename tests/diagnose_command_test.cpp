@@ -2,8 +2,10 @@
 // own, bad input.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 
 #include "command_runner.hpp"
@@ -69,6 +71,19 @@ class Diagnose : public testing::CommandRunner {
     const std::size_t at = text.find(from);
     ASSERT_NE(at, std::string::npos) << from << " in " << text;
     write_text(file, text.replace(at, from.size(), to));
+  }
+  // What a sensor with this limit would have recorded.
+  void clip_last_column(const std::string& name, double limit) {
+    std::istringstream lines(read_text(folder_.file(name)));
+    std::string clipped, line;
+    std::getline(lines, line);
+    clipped = line + "\n";
+    while (std::getline(lines, line)) {
+      const std::size_t comma = line.rfind(',') + 1;
+      const double value = std::clamp(std::stod(line.substr(comma)), -limit, limit);
+      clipped += line.substr(0, comma) + std::to_string(value) + "\n";
+    }
+    write_text(folder_.file(name), clipped);
   }
   Json verdict(const std::string& options = {}, int exit_code = 0) {
     const Outcome outcome = graybox("diagnose model.yaml campaign --json " + options);
@@ -176,8 +191,20 @@ TEST_F(Diagnose, SaysThatASignOrUnitIsWrong) {
   EXPECT_EQ(unit["verdict"], "unknown");
   ASSERT_EQ(unit["channel_faults"].size(), 1U) << unit["words"];
   EXPECT_EQ(unit["channel_faults"][0]["channels"][0], "speed");
-  // Whoever insists gets an answer, which is not that nothing is missing.
-  EXPECT_NE(verdict("--ignore-faults", 1)["verdict"], "none");
+  // Whoever insists gets an answer: inertia and springs that are all free take up any unit.
+  EXPECT_EQ(verdict("--ignore-faults")["verdict"], "none");
+}
+
+TEST_F(Diagnose, SaysThatASensorIsSaturated) {
+  simulate();
+  for (const char* run : {"p1_l2_r1_e1.csv", "p1_l2_r2_e1.csv", "p1_l2_r3_e1.csv"}) {
+    clip_last_column(std::string("campaign/") + run, 6.0);
+  }
+  const Outcome outcome = graybox("diagnose model.yaml campaign --json");
+  const Json found = Json::parse(outcome.out);
+  ASSERT_FALSE(found["recording_warnings"].empty());
+  EXPECT_NE(found["recording_warnings"][0].get<std::string>().find("speed"), std::string::npos);
+  EXPECT_NE(found["verdict"], "none");
 }
 
 TEST_F(Diagnose, RefusesBadInput) {

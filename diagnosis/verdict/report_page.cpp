@@ -310,6 +310,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
                       html_escaped(files.campaign));
   page += "<div class=\"verdict\">\n";
   for (const std::string& line : words) page += paragraph(line);
+  for (const std::string& line : files.warnings) page += paragraph("The recordings: " + line);
   page += "</div>\n";
   if (!diagnosis.trouble.empty()) return page + "</body></html>\n";
   page += heading("The fit before and after") + fit_table(diagnosis);

@@ -253,6 +253,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
            diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
           {"words", verdict_words(diagnosis, hypotheses)},
           {"channel_faults", channel_faults_json(diagnosis)},
+          {"recording_warnings", files.warnings},
           {"mismatch", mismatch_json(diagnosis, hypotheses)},
           {"physics", physics},
           {"fit",

@@ -3,6 +3,7 @@
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
 //    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
 //    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
+//    "recording_warnings": ["..."],
 //    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,
 //                 "channels": ["y_3"], "bands_hz": [[5.0, 12.5]], "positions": ["..."],
 //                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
@@ -47,6 +48,7 @@ struct MismatchSummary {
 
 struct DiagnosedFiles {
   std::string model, campaign;
+  std::vector<std::string> warnings = {};  // what checks of the recordings found: clipped channels, ...
 };
 
 [[nodiscard]] nlohmann::ordered_json verdict_json(const Diagnosis& diagnosis,
