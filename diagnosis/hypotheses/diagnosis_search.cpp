@@ -12,6 +12,12 @@
 namespace graybox {
 namespace {
 
+// What was fitted, and where the laws started.
+struct Refit {
+  std::vector<LawStart> laws;
+  ExtendedFit fit;
+};
+
 // A refit with one more law, or with one law in the place of another.
 struct Trial {
   std::size_t hypothesis = 0;
@@ -192,6 +198,13 @@ class Search {
     return chosen;
   }
 
+  // Rivals of an effect are often what was tried when it was found.
+  const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby) {
+    const auto known = std::ranges::find(refits_, laws, &Refit::laws);
+    if (known != refits_.end()) return known->fit;
+    return refits_.emplace_back(Refit{laws, problem_.fit(laws, &nearby)}).fit;
+  }
+
   std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
                                 const std::vector<LawStart>& candidates,
                                 const ExtendedFit& nearby) {
@@ -200,7 +213,7 @@ class Search {
       if (!proceed("refitting with " + name_of(candidate.hypothesis))) break;
       std::vector<LawStart> laws = kept;
       laws.push_back(candidate);
-      Trial trial{candidate.hypothesis, problem_.fit(laws, &nearby)};
+      Trial trial{candidate.hypothesis, refit(laws, nearby)};
       if (trial.fit.usable) trials.push_back(std::move(trial));
     }
     std::stable_sort(trials.begin(), trials.end(),
@@ -324,7 +337,10 @@ class Search {
   void weigh_rivals_of(FoundEffect& effect, const ExtendedFit& without) {
     if (!proceed("weighing rivals of " + name_of(effect.law.hypothesis))) return;
     std::vector<LawStart> candidates;
-    for (const LawStart& start : shortlist(rank(without, 0))) {
+    ScoreTable table;
+    table.scores = result_.ranking;
+    if (!without.laws.empty()) table = rank(without, 0);
+    for (const LawStart& start : shortlist(table)) {
       if (start.hypothesis != effect.law.hypothesis) candidates.push_back(start);
     }
     const double best = bic(result_.after);
@@ -401,6 +417,7 @@ class Search {
   const MismatchProblem& problem_;
   const SearchOptions& options_;
   Diagnosis result_;
+  std::vector<Refit> refits_;
 };
 
 }  // namespace

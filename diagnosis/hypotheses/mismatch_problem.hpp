@@ -80,6 +80,8 @@ struct LawStart {
   // What the model's own parameters may be with that law, first of them first; those that are left
   // out, or all, start as in the fit nearby.
   std::vector<double> model_parameters{};
+
+  friend bool operator==(const LawStart&, const LawStart&) = default;
 };
 
 // One hypothesis in the light of a fit without it.
