@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -234,24 +235,29 @@ TEST(Detectability, OneDegreeOfFreedomNeedsTheDirectedNoncentrality) {
   EXPECT_NEAR(required_noncentrality(1.0), kDirectedNoncentrality, 0.02);
 }
 
-TEST(Detectability, DerivativesOfTheResponseAreThoseOfDifferences) {
-  for (const Family family : {Family::kTwoMass, Family::kChain, Family::kThreeAxis}) {
-    const auto system = draw_system(family, 3);
-    const LinearDynamics dynamics = system->linear(0);
-    const double w = 40.0, sample_time = system->plan().sample_time;
-    const ResponseAt at = response_at(dynamics, w, sample_time);
-    for (std::size_t p = 0; p < dynamics.derivatives.size(); ++p) {
-      const auto moved = [&](double step) {
-        LinearDynamics other = dynamics;
-        const auto& change = dynamics.derivatives[p];
-        if (change.mass.size() > 0) other.mass += step * change.mass;
-        if (change.damping.size() > 0) other.damping += step * change.damping;
-        if (change.stiffness.size() > 0) other.stiffness += step * change.stiffness;
-        return response_at(other, w, sample_time).response;
-      };
-      const Eigen::MatrixXcd difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-      EXPECT_LT((at.derivatives[p] - difference).norm(), 1e-6 * at.response.norm()) << p;
-    }
+// A rotor with viscous friction: v(t+1) = a v(t) + (1 - a) u(t) / d, a = exp(-d T_s / J).
+TEST(Detectability, ResponseIsThatOfTheSampledSystem) {
+  const auto system = draw_system(Family::kOneMass, 3);
+  const LinearDynamics dynamics = system->linear(0);
+  const double sample_time = system->plan().sample_time;
+  const double inertia = dynamics.mass(0, 0), damping = dynamics.damping(0, 0);
+  const auto closed_form = [&](double j, double d, double w) {
+    const double decay = std::exp(-d * sample_time / j);
+    return (1.0 - decay) / d / (std::polar(1.0, w * sample_time) - decay);
+  };
+  const SampledDynamics sampled(dynamics, sample_time);
+  for (const double w : {3.0, 40.0, 600.0}) {
+    const ResponseAt at = sampled.at(w);
+    const std::complex<double> expected = closed_form(inertia, damping, w);
+    EXPECT_LT(std::abs(at.response(0, 0) - expected), 1e-10 * std::abs(expected));
+    const double step = 1e-4;
+    const auto by_inertia = (closed_form(inertia * (1.0 + step), damping, w) -
+                             closed_form(inertia * (1.0 - step), damping, w)) /
+                            (2.0 * step);
+    EXPECT_LT(std::abs(at.derivatives[0](0, 0) - by_inertia), 1e-5 * std::abs(expected));
+    // Twice all masses, stiffnesses and dampings halve G: what an actuator's gain does is taken up.
+    EXPECT_LT(std::abs(at.derivatives[0](0, 0) + at.derivatives[1](0, 0) + expected),
+              1e-6 * std::abs(expected));
   }
 }
 
@@ -276,7 +282,33 @@ TEST(Detectability, SeesWhatTheFittedParametersCannotTakeUp) {
   const double doubled =
       noncentrality_of(detectability, *system, "viscous", "motor", 2.0 * damping);
   EXPECT_LT(fitted, 0.02 * seen);
+  // A gain that masses and dampings can take up, but for the loop's answer to it.
+  const double gain = detectability.noncentrality({element_of(
+      *find_hidden_law("gain", true), place_named(*system, "actuator force_motor"), {0.1})});
+  EXPECT_LT(gain, 1e-3 * required_noncentrality(detectability.degrees_of_freedom()));
   EXPECT_NEAR(doubled / seen, 4.0, 0.3);
+}
+
+TEST(ChallengeComposition, AddsNothingToWhatIsFitted) {
+  for (const Family family :
+       {Family::kOneMass, Family::kTwoMass, Family::kOscillator, Family::kChain}) {
+    const auto system = draw_system(family, 1);
+    for (const LawAtPlace& pair : possible_effects(*system, true)) {
+      const ChallengePlace& place = system->places()[pair.place];
+      const LinearDynamics dynamics = system->linear(0);
+      const bool is_stiffness = pair.law->name == "stiffness";
+      if (!is_stiffness && pair.law->name != "viscous") continue;
+      const Eigen::VectorXd& b = place.location.input;
+      for (const auto& change : dynamics.derivatives) {
+        const Eigen::MatrixXd& fitted = is_stiffness ? change.stiffness : change.damping;
+        if (fitted.size() == 0) continue;
+        const double along = b.dot(fitted * b) / b.squaredNorm();
+        EXPECT_GT((fitted - along * b * b.transpose() / b.squaredNorm()).norm(),
+                  1e-9 * fitted.norm())
+            << pair.law->name << " at " << place.location.name;
+      }
+    }
+  }
 }
 
 // ---- composition and draws -----------------------------------------------------------------------

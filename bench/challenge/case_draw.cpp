@@ -120,6 +120,20 @@ class Turns {
   std::map<std::pair<Family, std::size_t>, int> places_;
 };
 
+// A law that only adds to a parameter that a fit adjusts hides nothing: one whose matrix is a multiple of
+// b b^T, b the place's direction.
+bool is_fitted(const HiddenLaw& law, const ChallengePlace& place, const LinearDynamics& dynamics) {
+  const bool is_stiffness = law.name == "stiffness";
+  if (!is_stiffness && law.name != "viscous") return false;
+  if (place.location.input != place.location.output) return false;
+  const Eigen::MatrixXd own =
+      place.location.input * place.location.input.transpose() / place.location.input.squaredNorm();
+  return std::ranges::any_of(dynamics.derivatives, [&](const LinearDynamics::Derivative& change) {
+    const Eigen::MatrixXd& fitted = is_stiffness ? change.stiffness : change.damping;
+    return fitted.size() > 0 && fitted.isApprox((own.cwiseProduct(fitted)).sum() * own, 1e-9);
+  });
+}
+
 bool fits(const HiddenLaw& law, const ChallengePlace& place) {
   if ((law.places & place.kinds) == 0) return false;
   const bool rotates = place.location.units.deflection == "rad";
@@ -265,10 +279,12 @@ CaseTruth truth_of(const CaseOutline& outline, const CaseSystem& system) {
 
 std::vector<LawAtPlace> possible_effects(const CaseSystem& system, bool in_catalogue) {
   std::vector<LawAtPlace> pairs;
+  const LinearDynamics dynamics = system.linear(0);
   for (const HiddenLaw& law : hidden_laws()) {
     if (law.in_catalogue != in_catalogue) continue;
     for (std::size_t p = 0; p < system.places().size(); ++p) {
-      if (fits(law, system.places()[p])) pairs.push_back({&law, p});
+      const ChallengePlace& place = system.places()[p];
+      if (fits(law, place) && !is_fitted(law, place, dynamics)) pairs.push_back({&law, p});
     }
   }
   return pairs;

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <unsupported/Eigen/MatrixFunctions>
 
 #include "graybox/bench/challenge/case_experiment.hpp"
 #include "graybox/diagnosis/real_transform.hpp"
 #include "graybox/problems/distributions.hpp"
-#include "graybox/problems/frequency_response.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -23,14 +23,6 @@ using Eigen::VectorXd;
 MatrixXcd stiffness_at(const LinearDynamics& dynamics, double w) {
   return dynamics.stiffness.cast<Complex>() + Complex(0.0, w) * dynamics.damping -
          w * w * dynamics.mass.cast<Complex>();
-}
-
-MatrixXcd derivative_at(const LinearDynamics::Derivative& derivative, Index size, double w) {
-  MatrixXcd change = MatrixXcd::Zero(size, size);
-  if (derivative.stiffness.size() > 0) change += derivative.stiffness.cast<Complex>();
-  if (derivative.damping.size() > 0) change += Complex(0.0, w) * derivative.damping;
-  if (derivative.mass.size() > 0) change -= w * w * derivative.mass.cast<Complex>();
-  return change;
 }
 
 // Of the last period of each row, at some lines.
@@ -70,18 +62,56 @@ double required_noncentrality(double degrees_of_freedom, double level, double po
   return high;
 }
 
-ResponseAt response_at(const LinearDynamics& dynamics, double w, double sample_time) {
-  const Index n = dynamics.mass.rows();
-  const auto factors = stiffness_at(dynamics, w).partialPivLu();
-  const MatrixXcd selector =
-      dynamics.position_output.cast<Complex>() + Complex(0.0, w) * dynamics.velocity_output;
-  const MatrixXcd moved =
-      hold_factor(w, sample_time) * factors.solve(dynamics.input.cast<Complex>());
-  // D is symmetric in all models of a challenge, so D^-T S^T = D^-1 S^T.
-  const MatrixXcd seen = factors.solve(MatrixXcd(selector.transpose()));
-  ResponseAt result{selector * moved, {}};
-  for (const auto& derivative : dynamics.derivatives) {
-    result.derivatives.emplace_back(-seen.transpose() * derivative_at(derivative, n, w) * moved);
+namespace {
+
+constexpr double kStep = 1e-5;  // of a parameter, relative
+
+LinearDynamics moved(LinearDynamics dynamics, const LinearDynamics::Derivative& change,
+                     double step) {
+  if (change.mass.size() > 0) dynamics.mass += step * change.mass;
+  if (change.damping.size() > 0) dynamics.damping += step * change.damping;
+  if (change.stiffness.size() > 0) dynamics.stiffness += step * change.stiffness;
+  return dynamics;
+}
+
+}  // namespace
+
+SampledDynamics::SampledDynamics(const LinearDynamics& dynamics, double sample_time)
+    : sample_time_(sample_time), nominal_(sampled(dynamics, sample_time)) {
+  for (const auto& change : dynamics.derivatives) {
+    beside_.push_back({sampled(moved(dynamics, change, -kStep), sample_time),
+                       sampled(moved(dynamics, change, kStep), sample_time)});
+  }
+}
+
+SampledDynamics::StateSpace SampledDynamics::sampled(const LinearDynamics& dynamics,
+                                                     double sample_time) {
+  const Index n = dynamics.mass.rows(), inputs = dynamics.input.cols();
+  const auto mass = dynamics.mass.partialPivLu();
+  MatrixXd joint = MatrixXd::Zero(2 * n + inputs, 2 * n + inputs);
+  joint.block(0, n, n, n).setIdentity();
+  joint.block(n, 0, n, n) = -mass.solve(dynamics.stiffness);
+  joint.block(n, n, n, n) = -mass.solve(dynamics.damping);
+  joint.block(n, 2 * n, n, inputs) = mass.solve(dynamics.input);
+  const MatrixXd power = MatrixXd(joint * sample_time).exp();
+  StateSpace result{power.topLeftCorner(2 * n, 2 * n), power.topRightCorner(2 * n, inputs),
+                    MatrixXd(dynamics.position_output.rows(), 2 * n)};
+  result.output << dynamics.position_output, dynamics.velocity_output;
+  return result;
+}
+
+MatrixXcd SampledDynamics::response(const StateSpace& system, Complex shift) {
+  MatrixXcd pencil = -system.transition.cast<Complex>();
+  pencil.diagonal().array() += shift;
+  return system.output.cast<Complex>() * pencil.partialPivLu().solve(system.input.cast<Complex>());
+}
+
+ResponseAt SampledDynamics::at(double w) const {
+  const Complex shift = std::polar(1.0, w * sample_time_);
+  ResponseAt result{response(nominal_, shift), {}};
+  for (const auto& [below, above] : beside_) {
+    result.derivatives.emplace_back((response(above, shift) - response(below, shift)) /
+                                    (2.0 * kStep));
   }
   return result;
 }
@@ -94,10 +124,9 @@ Detectability::Detectability(const CaseSystem& system, std::uint64_t seed)
   for (const ExperimentSet& set : system.plan().sets) {
     if (set.validation) continue;
     Record record{set, spectra({}, set), {}};
-    const LinearDynamics dynamics = system.linear(set.position);
+    const SampledDynamics dynamics(system.linear(set.position), system.plan().sample_time);
     for (std::size_t k = 0; k < line_count_; ++k) {
-      record.responses.push_back(
-          response_at(dynamics, frequency(first_line_ + k), system.plan().sample_time));
+      record.responses.push_back(dynamics.at(frequency(first_line_ + k)));
     }
     records_.push_back(std::move(record));
   }

@@ -23,6 +23,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <complex>
 #include <cstdint>
 #include <vector>
 
@@ -43,12 +45,34 @@ inline constexpr double kDirectedNoncentrality = 10.5;
                                             double level = kDetectionLevel,
                                             double power = kDetectionPower);
 
-// G(w) = (S_0 + j w S_1) h(w) D^-1 B and dG/dtheta_p.
 struct ResponseAt {
   Eigen::MatrixXcd response;
-  std::vector<Eigen::MatrixXcd> derivatives;
+  std::vector<Eigen::MatrixXcd> derivatives;  // by the logarithm of each fitted parameter
 };
-[[nodiscard]] ResponseAt response_at(const LinearDynamics& dynamics, double w, double sample_time);
+
+// From inputs held between samples to sampled outputs, exactly: with x' = A x + B u, x = (q, q'),
+//
+//   G(w) = S (e^(j w T_s) - A_d)^-1 B_d,   [A_d B_d; 0 I] = exp([A B; 0 0] T_s)   (Van Loan 1978).
+//
+// G without the images of the hold would leave of every gain error what the images make of it, and call
+// detectable what the fitted parameters can take up. Derivatives are central differences.
+class SampledDynamics {
+ public:
+  SampledDynamics(const LinearDynamics& dynamics, double sample_time);
+  [[nodiscard]] ResponseAt at(double w) const;
+
+ private:
+  struct StateSpace {
+    Eigen::MatrixXd transition, input, output;
+  };
+  [[nodiscard]] static StateSpace sampled(const LinearDynamics& dynamics, double sample_time);
+  [[nodiscard]] static Eigen::MatrixXcd response(const StateSpace& system,
+                                                 std::complex<double> shift);
+
+  double sample_time_;
+  StateSpace nominal_;
+  std::vector<std::array<StateSpace, 2>> beside_;  // below and above, of each parameter
+};
 
 class Detectability {
  public:
