@@ -391,7 +391,10 @@ std::string sizes_table(const Score& score) {
 
 std::vector<NamedRate> rates_of(const Score& score) {
   const auto& cases = score.cases;
-  const auto is_null = [](const ScoredCase& each) { return is_kind(each, CaseKind::kNothing); };
+  // Without an answer there is neither an alarm nor the absence of one.
+  const auto is_null = [](const ScoredCase& each) {
+    return is_kind(each, CaseKind::kNothing) && each.answer.given;
+  };
   const auto is_two = [](const ScoredCase& each) {
     return is_kind(each, CaseKind::kTwoEffects) && each.truth.detectable();
   };

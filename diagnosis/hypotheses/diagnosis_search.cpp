@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "graybox/problems/distributions.hpp"
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
@@ -358,7 +359,12 @@ class Search {
   std::optional<NextExperiment> experiment_against(const Trial& rival) {
     if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
     const auto experiments = problem_.experiments_between(result_.after, rival.fit);
-    return experiments ? next_experiment(*experiments, options_.exclusion_margin) : std::nullopt;
+    if (!experiments) return {};
+    try {
+      return next_experiment(*experiments, options_.exclusion_margin);
+    } catch (const InputError&) {
+      return {};  // no experiment of this kind sees all parameters of the rival: no reason to end here
+    }
   }
 
   void add_twins(FoundEffect& effect) const {

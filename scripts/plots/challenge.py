@@ -72,7 +72,7 @@ def rates(axes, rows):
     axes.set_xlim(1, 21)
     axes.set_ylim(-10, 104)
     axes.set_xlabel("size of the effect over the smallest detectable one")
-    axes.set_ylabel("cases with one detectable effect, %")
+    axes.set_ylabel("cases with one detectable effect, % (no answer: neither)")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08), fontsize=8)
     axes.set_title("Detection and naming by size (bars: Wilson's 95 % intervals)", fontsize=9.5)
 
