@@ -59,8 +59,10 @@ std::vector<LawShape> asymmetric_coulomb(const MotionScale& scale) {
     LawShape shape;
     shape.basis = {{1.0, 0.0, v}, {0.0, 1.0, v}};
     shape.parameters = [v](const VectorXd& a) {
-      if (!(a.maxCoeff() > 0.0)) return std::vector<double>();
-      return std::vector<double>{std::max(a(0), 0.0), std::max(a(1), 0.0), v};
+      if (!(a.sum() > 0.0)) return std::vector<double>();
+      // Data that hardly see the difference of the levels still see their sum.
+      if (!(a.minCoeff() > 0.0)) return std::vector<double>{0.5 * a.sum(), 0.5 * a.sum(), v};
+      return std::vector<double>{a(0), a(1), v};
     };
     shapes.push_back(std::move(shape));
   }
@@ -95,18 +97,23 @@ LawShape ripple_of(double period) {
   return shape;
 }
 
-// Whole multiples of a turn where the place turns by at least one period of them; else waves of the
-// recorded range.
+// Whole multiples of a turn where the place turns by at least one period of them; besides waves of the
+// recorded range, half a wave apart, where those leave them out.
 std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& scale) {
   constexpr int kHarmonics = 64;
+  constexpr int kHalfWaves = 24;
+  constexpr double kTurn = 2.0 * std::numbers::pi;
   std::vector<LawShape> shapes;
+  if (!(scale.range > 0.0)) return shapes;
   for (int harmonic = 1; place.turns && harmonic <= kHarmonics; ++harmonic) {
-    const double period = 2.0 * std::numbers::pi / harmonic;
+    const double period = kTurn / harmonic;
     if (scale.range >= period) shapes.push_back(ripple_of(period));
   }
-  if (!shapes.empty()) return shapes;
-  for (const double waves : {0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0}) {
-    if (scale.range > 0.0) shapes.push_back(ripple_of(scale.range / waves));
+  for (int half_waves = 1; half_waves <= kHalfWaves; ++half_waves) {
+    const double period = 2.0 * scale.range / half_waves;
+    const bool is_whole_turn = period >= kTurn;
+    const bool is_there = period <= scale.range && period >= kTurn / kHarmonics;
+    if (!place.turns || !(is_whole_turn || is_there)) shapes.push_back(ripple_of(period));
   }
   return shapes;
 }
@@ -329,6 +336,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry) {
   const std::string& name = entry.name;
   if (name == "asymmetric_coulomb" || name == "dahl") return {"coulomb"};
   if (name == "stribeck") return {"coulomb"};
+  if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
   if (name == "mode") return {"inertia", "stiffness", "viscous"};

@@ -412,8 +412,7 @@ class Reader {
     const double power_a = a.covariance.trace().real(), power_b = b.covariance.trace().real();
     if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
     const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
-    const double samples =
-        (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
+    const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
     const double size = static_cast<double>(shape.rows());
     const double correction = samples > size ? samples / (samples - size) : 1.0;
     return correction * std::pow(power_a, 1.0 - share) * std::pow(power_b, share) * shape;

@@ -213,6 +213,61 @@ class PlaceObserver {
   const PeriodicData& data_;
 };
 
+// Pure noise over the lines of one recording, whitened, and a sign for each draw and group of
+// neighbouring lines: draw d is the noise with its signs, which is as normal and independent as the
+// noise itself. Draws then cost one product a group, and with thousands of groups in all recordings
+// they are nearly independent of each other.
+class NoiseDraws {
+ public:
+  NoiseDraws(const PeriodicData& data, int draws, std::uint64_t seed)
+      : outputs_(static_cast<Index>(data.outputs.size())),
+        first_(data.first_line),
+        lines_(data.last_line + 1) {
+    if (draws == 0) return;
+    constexpr Index kGroups = 2000;  // of all recordings together, at least
+    const auto records = static_cast<Index>(data.estimation.size());
+    groups_ = std::min(data.line_count(), std::max<Index>(16, kGroups / records + 1));
+    Random random(seed);
+    noise_ = MatrixXcd::Zero(outputs_, lines_);
+    for (Index k = first_; k < lines_; ++k) {
+      for (Index c = 0; c < outputs_; ++c) {
+        const double real = random.normal();
+        noise_(c, k) = Complex(real, random.normal());
+      }
+    }
+    signs_.resize(groups_, draws);
+    for (Index i = 0; i < signs_.size(); ++i) {
+      signs_.data()[i] = random.uniform() < 0.5 ? -1.0 : 1.0;
+    }
+  }
+
+  [[nodiscard]] Index draws() const { return signs_.cols(); }
+  // The noise through an answer (n_y x lines) at each line: answer^H noise.
+  [[nodiscard]] VectorXcd seen_by(const MatrixXcd& answer) const {
+    return answer.conjugate().cwiseProduct(noise_).colwise().sum().transpose();
+  }
+  // Re sum of conj(column) seen over all lines, for each draw.
+  [[nodiscard]] Eigen::RowVectorXd products(const Eigen::Ref<const VectorXcd>& column,
+                                            const VectorXcd& seen) const {
+    VectorXd sums = VectorXd::Zero(groups_);
+    const Index count = lines_ - first_;
+    for (Index k = first_; k < lines_; ++k) {
+      sums((k - first_) * groups_ / count) += (std::conj(column(k)) * seen(k)).real();
+    }
+    return sums.transpose() * signs_;
+  }
+  // The same of a whitened column over outputs and lines.
+  [[nodiscard]] Eigen::RowVectorXd products(const Eigen::Ref<const VectorXcd>& column) const {
+    const Eigen::Map<const MatrixXcd> whitened(column.data(), outputs_, lines_);
+    return products(VectorXcd::Ones(lines_), seen_by(whitened));
+  }
+
+ private:
+  Index outputs_, first_, lines_, groups_ = 0;
+  MatrixXcd noise_;
+  MatrixXd signs_;  // groups x draws
+};
+
 class Problem : public MismatchProblem {
  public:
   Problem(std::unique_ptr<PlantFamily> family, PeriodicData data,
@@ -446,10 +501,8 @@ class Problem : public MismatchProblem {
       const std::map<const CandidatePlace*, MotionScale>& scales) const;
   void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
                   const std::vector<Candidate>& list,
-                  const std::vector<std::vector<PlantChange>>& body_changes, const MatrixXcd& right,
-                  CandidateSums& sums) const;
-  [[nodiscard]] MatrixXcd right_sides(const MatrixXcd& residual, int draws,
-                                      std::uint64_t seed) const;
+                  const std::vector<std::vector<PlantChange>>& body_changes,
+                  const NoiseDraws& draws, CandidateSums& sums) const;
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
   void place_answer(SteadyStateSolver& solver, const ModelState& model,
@@ -587,37 +640,27 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
   return changes;
 }
 
-// Whitened residuals and draws of pure noise, [n_y (K + 1)] x (1 + draws), zero where lines do not
-// count.
-MatrixXcd Problem::right_sides(const MatrixXcd& residual, int draws, std::uint64_t seed) const {
-  MatrixXcd right = MatrixXcd::Zero(residual.size(), 1 + draws);
-  right.col(0) = Eigen::Map<const VectorXcd>(residual.data(), residual.size());
-  const Index first = data_.first_line * residual.rows();
-  Random random(seed);
-  for (Index d = 1; d <= draws; ++d) {
-    for (Index i = first; i < residual.size(); ++i) {
-      const double real = random.normal();
-      right(i, d) = Complex(real, random.normal());
-    }
-  }
-  return right;
-}
-
 void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
                          const MeasuredRecord& record, const std::vector<Candidate>& list,
                          const std::vector<std::vector<PlantChange>>& bodies,
-                         const MatrixXcd& right, CandidateSums& sums) const {
+                         const NoiseDraws& draws, CandidateSums& sums) const {
   const Index lines = data_.last_line + 1;
   const auto outputs = static_cast<Index>(data_.outputs.size());
   MatrixXcd jacobian;
   solver.differentiate(model, record, false, jacobian);
   sums.own_information += (jacobian.adjoint() * jacobian).real();
-  sums.own_scores += (jacobian.adjoint() * right).real();
+  const MatrixXcd& residuals = solver.state().residual;
+  const Eigen::Map<const VectorXcd> residual(residuals.data(), residuals.size());
+  sums.own_scores.col(0) += (jacobian.adjoint() * residual).real();
+  const Index count = draws.draws();
+  for (Index p = 0; count > 0 && p < jacobian.cols(); ++p) {
+    sums.own_scores.row(p).tail(count) += draws.products(jacobian.col(p));
+  }
   const PlaceObserver observer(solver, model, data_);
-  const Eigen::Ref<const VectorXcd> residual = right.col(0);
   MatrixXcd moved_jacobian = jacobian;
   bool is_moved = false;
-  MatrixXcd answer, seen_right(lines, right.cols()), seen_jacobian(lines, jacobian.cols());
+  MatrixXcd answer, seen_jacobian(lines, jacobian.cols());
+  VectorXcd seen_residual(lines), seen_noise;
   MatrixXcd seen_moved(lines, jacobian.cols());
   VectorXd gain(lines);
   VectorXcd force;
@@ -641,7 +684,8 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         sums.information[shape_index](0, 0) += own.squaredNorm();
         sums.nuisance.row(column) += nuisance;
         sums.moved_nuisance.row(column) += nuisance;
-        sums.scores.row(column) += (own.adjoint() * right).real();
+        sums.scores(column, 0) += own.dot(residual).real();
+        if (count > 0) sums.scores.row(column).tail(count) += draws.products(own);
       }
       continue;
     }
@@ -659,9 +703,10 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         add_block(jacobian, residual, sums.blocks[candidate.block]);
       }
       gain = answer.colwise().squaredNorm().transpose();
+      if (count > 0) seen_noise = draws.seen_by(answer);
       for (Index k = 0; k < lines; ++k) {
         const auto seen = answer.col(k).adjoint();
-        seen_right.row(k).noalias() = seen * right.middleRows(k * outputs, outputs);
+        seen_residual(k) = seen * residuals.col(k);
         seen_jacobian.row(k).noalias() = seen * jacobian.middleRows(k * outputs, outputs);
         if (is_moved) {
           seen_moved.row(k).noalias() = seen * moved_jacobian.middleRows(k * outputs, outputs);
@@ -686,7 +731,10 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
       sums.nuisance.middleRows(column, size) += nuisance;
       sums.moved_nuisance.middleRows(column, size) +=
           is_moved ? MatrixXd((columns.adjoint() * seen_moved).real()) : nuisance;
-      sums.scores.middleRows(column, size) += (columns.adjoint() * seen_right).real();
+      sums.scores.col(0).segment(column, size) += (columns.adjoint() * seen_residual).real();
+      for (Index j = 0; count > 0 && j < size; ++j) {
+        sums.scores.row(column + j).tail(count) += draws.products(columns.col(j), seen_noise);
+      }
       column += size;
       ++shape_index;
     }
@@ -703,11 +751,11 @@ void Problem::add_block(const MatrixXcd& jacobian, const Eigen::Ref<const Vector
 void Problem::differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
                                   const MeasuredRecord& record, const MatrixXcd& coordinates,
                                   MatrixXcd& jacobian) const {
-  const auto& changes = model.positions[record.position].changes;
-  for (std::size_t p = 0; p < changes.size(); ++p) {
+  const std::size_t own = model.positions[record.position].changes.size();
+  for (std::size_t p = 0; p < own; ++p) {
     Eigen::Map<MatrixXcd> column(jacobian.col(static_cast<Index>(p)).data(),
                                  static_cast<Index>(data_.outputs.size()), data_.last_line + 1);
-    solver.answer_of_plant(changes[p], coordinates, false, column);
+    solver.answer_of_parameter(record, p, coordinates, false, column);
   }
 }
 
@@ -751,10 +799,9 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   std::vector<CandidateSums> sums(kChunks, empty);
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t chunk) {
-    const MatrixXcd residual = solver.solve(model, record, nullptr).residual;
-    const MatrixXcd right =
-        right_sides(residual, null_draws, seed + 0x9e3779b97f4a7c15ULL * (i + 1));
-    add_record(solver, model, record, list, bodies, right, sums[chunk]);
+    solver.solve(model, record, nullptr);
+    const NoiseDraws draws(data_, null_draws, seed + 0x9e3779b97f4a7c15ULL * (i + 1));
+    add_record(solver, model, record, list, bodies, draws, sums[chunk]);
   });
   for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
   const CandidateSums& total = sums.front();

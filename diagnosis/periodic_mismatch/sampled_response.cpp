@@ -68,23 +68,35 @@ Eigen::MatrixXcd receptance(const LinearPlant& plant, double w) {
 }
 
 HeldImages::HeldImages(const LinearPlant& plant, double sample_time)
-    : mass_(plant.mass),
-      damping_(plant.damping),
-      stiffness_(plant.stiffness),
-      input_(plant.input),
-      position_output_(plant.position_output),
-      velocity_output_(plant.velocity_output),
-      sample_time_(sample_time),
-      fastest_pole_(fastest_pole(plant)) {
-  const Eigen::LLT<Eigen::MatrixXd> mass(mass_);
-  Eigen::MatrixXd term = mass.solve(input_);
-  Eigen::MatrixXd before = Eigen::MatrixXd::Zero(term.rows(), term.cols());
+    : plant_(plant), sample_time_(sample_time), fastest_pole_(fastest_pole(plant)) {
+  const Eigen::LLT<Eigen::MatrixXd> mass(plant.mass);
+  const auto keep = [&](const Eigen::MatrixXd& term, Terms& terms) {
+    terms.position.emplace_back(plant.position_output * term);
+    terms.velocity.emplace_back(plant.velocity_output * term);
+  };
+  const auto times = [](const Eigen::MatrixXd& change, const Eigen::MatrixXd& term) {
+    return change.size() > 0 ? Eigen::MatrixXd(change * term)
+                             : Eigen::MatrixXd::Zero(term.rows(), term.cols());
+  };
+  std::vector<Eigen::MatrixXd> series{Eigen::MatrixXd::Zero(plant.input.rows(), plant.input.cols()),
+                                      mass.solve(plant.input)};
   for (int n = 1; n <= kTerms; ++n) {
-    position_terms_.emplace_back(position_output_ * term);
-    velocity_terms_.emplace_back(velocity_output_ * term);
-    const Eigen::MatrixXd next = mass.solve(-damping_ * term - stiffness_ * before);
-    before = term;
-    term = next;
+    keep(series.back(), terms_);
+    series.emplace_back(
+        mass.solve(-plant.damping * series.back() - plant.stiffness * series[series.size() - 2]));
+  }
+  for (const PlantDerivative& change : plant.derivatives) {
+    Terms& terms = derivatives_.emplace_back();
+    Eigen::MatrixXd before = series.front();
+    Eigen::MatrixXd term = mass.solve(-times(change.mass, series[1]));
+    for (std::size_t n = 1; n <= kTerms; ++n) {
+      keep(term, terms);
+      const Eigen::MatrixXd next = mass.solve(
+          -times(change.mass, series[n + 1]) - times(change.damping, series[n]) -
+          times(change.stiffness, series[n - 1]) - plant.damping * term - plant.stiffness * before);
+      before = term;
+      term = next;
+    }
   }
 }
 
@@ -94,42 +106,72 @@ int HeldImages::direct_images(double w) const {
   return static_cast<int>(std::clamp(std::ceil(needed), 0.0, double{kMostDirectImages}));
 }
 
-Eigen::MatrixXcd HeldImages::direct_image(double image, const Eigen::MatrixXd& input) const {
-  Eigen::MatrixXcd dynamic(mass_.rows(), mass_.cols());
-  dynamic.real() = stiffness_ - image * image * mass_;
-  dynamic.imag() = image * damping_;
-  const Eigen::MatrixXcd moved = dynamic.partialPivLu().solve(input.cast<Complex>());
-  const Complex rate(0.0, image);
-  return (position_output_ * moved + rate * (velocity_output_ * moved)) / rate;
+Eigen::MatrixXcd HeldImages::moved(double image, const Eigen::MatrixXcd& force) const {
+  Eigen::MatrixXcd dynamic(plant_.mass.rows(), plant_.mass.cols());
+  dynamic.real() = plant_.stiffness - image * image * plant_.mass;
+  dynamic.imag() = image * plant_.damping;
+  return dynamic.partialPivLu().solve(force);
 }
 
-Eigen::MatrixXcd HeldImages::response(double w) const {
+Eigen::MatrixXcd HeldImages::seen(double image, const Eigen::MatrixXcd& coordinates) const {
+  return plant_.position_output * coordinates / Complex(0.0, image) +
+         plant_.velocity_output * coordinates;
+}
+
+Eigen::MatrixXcd HeldImages::summed(const Terms& terms, std::span<const double> sums) const {
   constexpr Complex i(0.0, 1.0);
+  Eigen::MatrixXcd result =
+      Eigen::MatrixXcd::Zero(plant_.velocity_output.rows(), plant_.input.cols());
+  for (std::size_t n = 0; n < kTerms; ++n) {
+    // h D^-1 = hold s^(n+2) a_n, and another j w_m = 1/s for velocities.
+    const auto power = static_cast<int>(n) + 2;
+    result += sums[n] / std::pow(i, power) * terms.velocity[n] +
+              sums[n + 1] / std::pow(i, power + 1) * terms.position[n];
+  }
+  return result;
+}
+
+Eigen::MatrixXcd HeldImages::response(double w, std::vector<Eigen::MatrixXcd>* derivatives) const {
   const double sample_rate = 2.0 * std::numbers::pi / sample_time_;
   const int direct = direct_images(w);
   std::array<double, kTerms + 2> sums{};  // p = 2 ... 9
   const double half_turn = std::numbers::pi / sample_rate;
   const double sine = std::sin(half_turn * w);
   sums[0] = half_turn * half_turn / (sine * sine) - 1.0 / (w * w);
-  Eigen::MatrixXcd result = Eigen::MatrixXcd::Zero(velocity_output_.rows(), input_.cols());
   for (int m = kImages; m >= 1; --m) {
     for (const int sign : {-1, 1}) {
       const double image = w + sign * m * sample_rate;
-      if (m <= direct) {
-        sums[0] -= 1.0 / (image * image);
-        result += direct_image(image, input_);
-      } else {
+      if (m > direct) {
         add_powers<double>(image, 1.0 / (image * image), std::span(sums).subspan(1));
+      } else {
+        sums[0] -= 1.0 / (image * image);
       }
     }
   }
-  for (int n = 1; n <= kTerms; ++n) {
-    // h D^-1 = hold s^(n+2) a_n, and another j w_m = 1/s for velocities.
-    const auto term = static_cast<std::size_t>(n) - 1;
-    result += sums[term] / std::pow(i, n + 1) * velocity_terms_[term] +
-              sums[term + 1] / std::pow(i, n + 2) * position_terms_[term];
+  Eigen::MatrixXcd result = summed(terms_, sums);
+  if (derivatives != nullptr) {
+    derivatives->clear();
+    for (const Terms& terms : derivatives_) derivatives->push_back(summed(terms, sums));
   }
-  return (1.0 - std::polar(1.0, -w * sample_time_)) / sample_time_ * result;
+  for (int m = -direct; m <= direct; ++m) {
+    if (m == 0) continue;
+    const double image = w + m * sample_rate;
+    const Eigen::MatrixXcd motion = moved(image, plant_.input.cast<Complex>());
+    result += seen(image, motion);
+    for (std::size_t p = 0; derivatives != nullptr && p < derivatives->size(); ++p) {
+      const PlantDerivative& change = plant_.derivatives[p];
+      Eigen::MatrixXcd force = Eigen::MatrixXcd::Zero(motion.rows(), motion.cols());
+      if (change.mass.size() > 0) force += image * image * (change.mass * motion);
+      if (change.damping.size() > 0) force -= Complex(0.0, image) * (change.damping * motion);
+      if (change.stiffness.size() > 0) force -= change.stiffness * motion;
+      (*derivatives)[p] += seen(image, moved(image, force));
+    }
+  }
+  const Complex hold = (1.0 - std::polar(1.0, -w * sample_time_)) / sample_time_;
+  if (derivatives != nullptr) {
+    for (Eigen::MatrixXcd& derivative : *derivatives) derivative *= hold;
+  }
+  return hold * result;
 }
 
 Eigen::VectorXcd HeldImages::filtered(Index input, double w,
@@ -138,12 +180,13 @@ Eigen::VectorXcd HeldImages::filtered(Index input, double w,
   const double sample_rate = 2.0 * std::numbers::pi / sample_time_;
   const int direct = direct_images(w);
   std::array<Complex, kTerms + 2> sums{};  // of H/w_m^p, p = 2 ... 9
-  Eigen::VectorXcd result = Eigen::VectorXcd::Zero(velocity_output_.rows());
+  Eigen::VectorXcd result = Eigen::VectorXcd::Zero(plant_.velocity_output.rows());
   for (int m = kFilteredImages; m >= 1; --m) {
     for (const int sign : {-1, 1}) {
       const double image = w + sign * m * sample_rate;
       if (m <= direct) {
-        result += filter(image) * direct_image(image, input_.col(input)).col(0);
+        const Eigen::VectorXcd force = plant_.input.col(input).cast<Complex>();
+        result += filter(image) * seen(image, moved(image, force)).col(0);
       } else {
         add_powers<Complex>(image, filter(image) / image, sums);
       }
@@ -151,8 +194,8 @@ Eigen::VectorXcd HeldImages::filtered(Index input, double w,
   }
   for (int n = 1; n <= kTerms; ++n) {
     const auto term = static_cast<std::size_t>(n) - 1;
-    result += sums[term] / std::pow(i, n + 1) * velocity_terms_[term].col(input) +
-              sums[term + 1] / std::pow(i, n + 2) * position_terms_[term].col(input);
+    result += sums[term] / std::pow(i, n + 1) * terms_.velocity[term].col(input) +
+              sums[term + 1] / std::pow(i, n + 2) * terms_.position[term].col(input);
   }
   return (1.0 - std::polar(1.0, -w * sample_time_)) / sample_time_ * result;
 }

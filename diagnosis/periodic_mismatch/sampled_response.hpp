@@ -19,6 +19,7 @@
 #include <Eigen/Core>
 #include <complex>
 #include <functional>
+#include <span>
 #include <vector>
 
 namespace graybox {
@@ -47,8 +48,9 @@ class HeldImages {
  public:
   HeldImages(const LinearPlant& plant, double sample_time);
 
-  // A(w), n_y x n_u.
-  [[nodiscard]] Eigen::MatrixXcd response(double w) const;
+  // A(w), n_y x n_u, and its derivatives by the plant's parameters where they are asked for.
+  [[nodiscard]] Eigen::MatrixXcd response(
+      double w, std::vector<Eigen::MatrixXcd>* derivatives = nullptr) const;
   // The column of A of one input that passes through H(w) between its hold and the plant (a delay, a
   // lag): the sum of the images with H(w_m) at each.
   [[nodiscard]] Eigen::VectorXcd filtered(
@@ -59,13 +61,21 @@ class HeldImages {
   static constexpr int kTerms = 6;
   // Images either side that are taken as they are.
   [[nodiscard]] int direct_images(double w) const;
-  // (S_0 + j w_m S_1) D(w_m)^-1 B / (j w_m), of the inputs asked for.
-  [[nodiscard]] Eigen::MatrixXcd direct_image(double image, const Eigen::MatrixXd& input) const;
+  // S_0 a_n B and S_1 a_n B, or their derivatives.
+  struct Terms {
+    std::vector<Eigen::MatrixXd> position, velocity;
+  };
+  [[nodiscard]] Eigen::MatrixXcd summed(const Terms& terms, std::span<const double> sums) const;
+  // D(w_m)^-1 f
+  [[nodiscard]] Eigen::MatrixXcd moved(double image, const Eigen::MatrixXcd& force) const;
+  // (S_0 / (j w_m) + S_1) q
+  [[nodiscard]] Eigen::MatrixXcd seen(double image, const Eigen::MatrixXcd& coordinates) const;
 
-  Eigen::MatrixXd mass_, damping_, stiffness_, input_, position_output_, velocity_output_;
+  LinearPlant plant_;
   double sample_time_;
-  double fastest_pole_ = 0.0;                                     // rad/s
-  std::vector<Eigen::MatrixXd> position_terms_, velocity_terms_;  // S_0 a_n B and S_1 a_n B
+  double fastest_pole_ = 0.0;  // rad/s
+  Terms terms_;
+  std::vector<Terms> derivatives_;
 };
 
 // (S_0 + j w S_1) D^-1 B h + A: the response from recorded inputs to recorded outputs.

@@ -112,11 +112,19 @@ ModelState evaluate_model(const PlantFamily& family, const PeriodicData& data,
       for (const PlantDerivative& derivative : response.plant.derivatives) {
         response.changes.push_back(entries_of(derivative));
       }
+      const bool has_masses =
+          with_derivatives &&
+          std::ranges::any_of(response.plant.derivatives,
+                              [](const PlantDerivative& change) { return change.mass.size() > 0; });
       response.held_images.emplace(response.plant, data.sample_time);
       for (Index k = 0; k <= data.last_line; ++k) {
         const double w = data.frequencies[at(k)];
         response.receptance.push_back(receptance(response.plant, w));
-        response.images.push_back(k == 0 ? MatrixXcd() : response.held_images->response(w));
+        std::vector<MatrixXcd> changes;
+        response.images.push_back(
+            k == 0 ? MatrixXcd()
+                   : response.held_images->response(w, has_masses ? &changes : nullptr));
+        if (has_masses) response.image_changes.push_back(std::move(changes));
         MatrixXcd seen = Complex(0.0, w) * response.plant.velocity_output.cast<Complex>();
         seen += response.plant.position_output;
         response.sight.emplace_back(seen * response.receptance.back());
@@ -592,6 +600,9 @@ void SteadyStateSolver::measure(const MeasuredRecord& record) {
     if (!periodic.is_linear()) motion_of(signal, motion_);
     force_lines(periodic, signal, motion_, force);
     state_.output.row(place.channel) += force.transpose();
+    if (law.entry->use == LawUse::kDelay || law.entry->name == "lag") {
+      filter_images(periodic, place.channel);
+    }
   }
   state_.residual.setZero(outputs, lines_ + 1);
   for (Index k = data_.first_line; k <= lines_; ++k) {
@@ -599,6 +610,20 @@ void SteadyStateSolver::measure(const MeasuredRecord& record) {
         data_.whitening[record.group][at(k)] * (record.output.col(k) - state_.output.col(k));
   }
   state_.chi_square = state_.residual.squaredNorm();
+}
+
+// A sensor that is late or slow looks at the motion between samples: each image passes through it at
+// its own frequency.
+void SteadyStateSolver::filter_images(const PeriodicLaw& law, Index channel) {
+  const auto filter = [&law](double w) { return 1.0 + *law.response(w); };
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    const double w = data_.frequencies[at(k)];
+    for (Index input = 0; input < input_.rows(); ++input) {
+      const Complex image = position_->held_images->filtered(input, w, filter)(channel) -
+                            filter(w) * position_->images[at(k)](channel, input);
+      state_.output(channel, k) += image * input_(input, k);
+    }
+  }
 }
 
 // ---- laws ------------------------------------------------------------------------------------------
@@ -737,6 +762,17 @@ void SteadyStateSolver::answer_of_plant(const PlantChange& change, const MatrixX
   respond(forces, exact, whitened);
 }
 
+void SteadyStateSolver::answer_of_parameter(const MeasuredRecord& record, std::size_t parameter,
+                                            const MatrixXcd& coordinates, bool exact,
+                                            Eigen::Ref<MatrixXcd> whitened) {
+  answer_of_plant(position_->changes[parameter], coordinates, exact, whitened);
+  if (position_->image_changes.empty()) return;
+  for (Index k = data_.first_line; k <= lines_; ++k) {
+    whitened.col(k) += data_.whitening[record.group][at(k)] *
+                       (position_->image_changes[at(k)][parameter] * input_.col(k));
+  }
+}
+
 MatrixXcd SteadyStateSolver::moved_coordinates(const VectorXd& b, const VectorXcd& force) const {
   const auto& receptances = state_.changed.empty() ? position_->receptance : state_.changed;
   MatrixXcd moved = state_.coordinates;
@@ -761,8 +797,8 @@ void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRec
   };
   Index p = 0, force_law = 0;
   std::size_t body = 0;
-  for (const PlantChange& change : position_->changes) {
-    answer_of_plant(change, state_.coordinates, exact, column_of(p++));
+  for (std::size_t own = 0; own < position_->changes.size(); ++own) {
+    answer_of_parameter(record, own, state_.coordinates, exact, column_of(p++));
   }
   for (const ActingLaw& law : model.laws) {
     if (is_body(*law.place, *law.entry)) {

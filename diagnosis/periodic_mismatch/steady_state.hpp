@@ -69,7 +69,10 @@ struct PositionResponse {
   std::vector<PlantChange> changes;          // by each parameter of the plant
   std::vector<Eigen::MatrixXcd> receptance;  // D^-1 of lines 0 ... K
   std::optional<HeldImages> held_images;
-  std::vector<Eigen::MatrixXcd> images;   // A of each line
+  std::vector<Eigen::MatrixXcd> images;  // A of each line
+  // dA by each parameter of each line, where some parameter is a mass: springs and dampers alone
+  // hardly change what happens above all modes.
+  std::vector<std::vector<Eigen::MatrixXcd>> image_changes;
   std::vector<Eigen::MatrixXcd> sight;    // (S_0 + j w S_1) D^-1
   std::vector<PlantChange> body_changes;  // by each parameter of body laws
 };
@@ -135,6 +138,10 @@ class SteadyStateSolver {
   // Whitened change of the output with a change of M, C and K under the motion q.
   void answer_of_plant(const PlantChange& change, const Eigen::MatrixXcd& coordinates, bool exact,
                        Eigen::Ref<Eigen::MatrixXcd> whitened);
+  // The same with one parameter of the model's own.
+  void answer_of_parameter(const MeasuredRecord& record, std::size_t parameter,
+                           const Eigen::MatrixXcd& coordinates, bool exact,
+                           Eigen::Ref<Eigen::MatrixXcd> whitened);
   // q of the last solution with -b F added to the forces, F given line by line.
   [[nodiscard]] Eigen::MatrixXcd moved_coordinates(const Eigen::VectorXd& b,
                                                    const Eigen::VectorXcd& force) const;
@@ -189,6 +196,7 @@ class SteadyStateSolver {
   [[nodiscard]] double size_in_noise(const Eigen::MatrixXcd& change) const;
   void iterate(const MeasuredRecord& record);
   void measure(const MeasuredRecord& record);
+  void filter_images(const PeriodicLaw& law, Eigen::Index channel);
   void change_receptance();
   [[nodiscard]] Eigen::VectorXcd law_derivative(const ActingLaw& law, const MeasuredRecord& record,
                                                 std::size_t i);
