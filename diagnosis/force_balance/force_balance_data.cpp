@@ -7,55 +7,98 @@
 #include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr Eigen::Index kFewestSamples = 50;
+// Of the estimation data. Samples closer than residuals forget each other say little more, but laws with
+// memory take their time for each.
+constexpr Eigen::Index kMostSamples = 6000;
 // What is left of a column after projection on the others, below which these data can't tell it from
 // them.
 constexpr double kDependent = 1e-6;
 
-void append(const MotionRecord& record, TorqueColumns& columns, ForceBalanceRows& rows) {
-  for (const Motion& piece : record.pieces) {
-    const Eigen::Index joints = piece.position.cols();
-    const Eigen::Index first = rows.base.torque.size();
-    const Eigen::Index count = piece.samples() * joints;
-    rows.base.joints = joints;
-    rows.base.torque.conservativeResize(first + count);
-    rows.base.columns.conservativeResize(first + count, columns.size());
-    for (Eigen::Index t = 0; t < piece.samples(); ++t) {
-      columns.evaluate(piece.position.row(t).transpose(), piece.velocity.row(t).transpose(),
-                       piece.acceleration.row(t).transpose());
-      const Eigen::Index row = first + t * joints;
-      rows.base.torque.segment(row, joints) = piece.torque.row(t).transpose() - columns.known();
-      rows.base.columns.middleRows(row, joints) = columns.matrix();
-    }
-    rows.base.piece_samples.push_back(piece.samples());
-    rows.pieces.push_back(piece);
-    rows.names.push_back(record.name);
-  }
+// Every stride-th sample.
+Motion thinned(const Motion& piece, Eigen::Index stride) {
+  const auto kept = Eigen::seq(Eigen::Index{0}, Eigen::last, stride);
+  return {piece.time(kept), piece.position(kept, Eigen::all), piece.velocity(kept, Eigen::all),
+          piece.acceleration(kept, Eigen::all), piece.torque(kept, Eigen::all)};
 }
 
-Eigen::MatrixXd chosen_columns(const Eigen::MatrixXd& columns,
-                               const std::vector<Eigen::Index>& chosen) {
-  Eigen::MatrixXd result(columns.rows(), static_cast<Eigen::Index>(chosen.size()));
-  for (std::size_t k = 0; k < chosen.size(); ++k) {
-    result.col(static_cast<Eigen::Index>(k)) = columns.col(chosen[k]);
+void thin(std::vector<Motion>& pieces) {
+  Eigen::Index samples = 0;
+  for (const Motion& piece : pieces) samples += piece.samples();
+  const Eigen::Index stride = samples / kMostSamples + 1;
+  if (stride == 1) return;
+  for (Motion& piece : pieces) piece = thinned(piece, stride);
+}
+
+// Rows of all pieces, in order.
+ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> names,
+                         const RigidRobotModel& robot, TorqueColumns& columns) {
+  ForceBalanceRows rows;
+  rows.pieces = std::move(pieces);
+  rows.names = std::move(names);
+  Eigen::Index samples = 0;
+  for (const Motion& piece : rows.pieces) samples += piece.samples();
+  const Eigen::Index joints = robot.size();
+  rows.measured.resize(samples, joints);
+  rows.force.resize(samples, joints);
+  rows.model = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
+                                             Eigen::MatrixXd(samples, columns.size())),
+                columns.size()};
+  rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
+                                                   Eigen::MatrixXd(samples, kStandardParameters)),
+                      kStandardParameters};
+  RigidBodyRegressor bodies(robot);
+  Eigen::Index row = 0;
+  for (const Motion& piece : rows.pieces) {
+    for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
+      const Eigen::VectorXd q = piece.position.row(t), velocity = piece.velocity.row(t),
+                            acceleration = piece.acceleration.row(t);
+      columns.evaluate(q, velocity, acceleration);
+      const Eigen::MatrixXd& links = bodies.evaluate(q, velocity, acceleration);
+      rows.measured.row(row) = piece.torque.row(t);
+      rows.force.row(row) = piece.torque.row(t) - columns.known().transpose();
+      for (Eigen::Index j = 0; j < joints; ++j) {
+        const auto at = static_cast<std::size_t>(j);
+        rows.model.in[at].row(row) = columns.matrix().row(j);
+        rows.flange_body.in[at].row(row) = links.row(j).tail<kStandardParameters>();
+      }
+    }
+  }
+  return rows;
+}
+
+Eigen::MatrixXd stacked(const BalanceColumns& columns) {
+  Eigen::Index rows = 0;
+  for (const Eigen::MatrixXd& block : columns.in) rows += block.rows();
+  Eigen::MatrixXd result(rows, columns.count);
+  rows = 0;
+  for (const Eigen::MatrixXd& block : columns.in) {
+    result.middleRows(rows, block.rows()) = block;
+    rows += block.rows();
   }
   return result;
+}
+
+void keep(const std::vector<Eigen::Index>& chosen, BalanceColumns& columns) {
+  for (Eigen::MatrixXd& block : columns.in) block = block(Eigen::all, chosen).eval();
+  columns.count = static_cast<Eigen::Index>(chosen.size());
 }
 
 void keep_base_parameters(const TorqueColumns& columns, ForceBalanceData& data) {
   if (columns.size() == 0) return;
   const BaseParameters base =
-      base_parameters(data.estimation.base.columns, columns.names(), kDependent);
+      base_parameters(stacked(data.estimation.model), columns.names(), kDependent);
   for (const Eigen::Index column : base.columns) {
     data.parameter_units.push_back(columns.units()[static_cast<std::size_t>(column)]);
   }
   data.parameter_names = base.names;
-  data.estimation.base.columns = chosen_columns(data.estimation.base.columns, base.columns);
-  data.validation.base.columns = chosen_columns(data.validation.base.columns, base.columns);
+  keep(base.columns, data.estimation.model);
+  keep(base.columns, data.validation.model);
 }
 
 // ---- places ---------------------------------------------------------------------------------------
@@ -106,33 +149,50 @@ void add_neighbours(const RigidRobotModel& robot, std::vector<CandidatePlace>& p
                       fmt::format("{{kind: element, deflection: {{{}: 1, {}: {:g}}}}}", joint.name,
                                   next.name, sign),
                       direction, joint));
+      places.back().is_compound = true;
     }
   }
+}
+
+void add_flange(std::vector<CandidatePlace>& places) {
+  CandidatePlace place;
+  place.location = flange_location();
+  place.yaml = "{kind: element, axis: flange}";
+  places.push_back(std::move(place));
 }
 
 }  // namespace
 
 ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
                                          const Campaign& campaign) {
-  ForceBalanceData data;
-  data.robot = load_rigid_robot(model);
-  TorqueColumns columns(data.robot);
-  for (const MotionRecord& record : read_motion_records(data.robot, campaign)) {
-    append(record, columns,
-           record.role == ExperimentRole::kEstimation ? data.estimation : data.validation);
+  const RigidRobotModel robot = load_rigid_robot(model);
+  std::vector<Motion> fitted, held_out;
+  std::vector<std::string> fitted_names, held_out_names;
+  for (MotionRecord& record : read_motion_records(robot, campaign)) {
+    const bool is_fitted = record.role == ExperimentRole::kEstimation;
+    for (Motion& piece : record.pieces) {
+      (is_fitted ? fitted : held_out).push_back(std::move(piece));
+      (is_fitted ? fitted_names : held_out_names).push_back(record.name);
+    }
   }
+  thin(fitted);
+  ForceBalanceData data;
+  TorqueColumns columns(robot);
+  data.estimation = rows_of(std::move(fitted), std::move(fitted_names), robot, columns);
+  data.validation = rows_of(std::move(held_out), std::move(held_out_names), robot, columns);
   if (data.estimation.samples() < kFewestSamples) {
     throw InputError(fmt::format("{}: {} samples for estimation; a diagnosis needs {}",
                                  campaign.file.string(), data.estimation.samples(),
                                  kFewestSamples));
   }
-  if (data.validation.empty()) {
-    data.validation.base.columns.resize(0, columns.size());
-    data.validation.base.torque.resize(0);
+  for (const RobotJoint& joint : robot.joints) {
+    data.coordinates.push_back({joint.name, units_of(joint)});
   }
+  data.flange = robot.flange;
   keep_base_parameters(columns, data);
-  add_joint_places(data.robot, data.places);
-  add_neighbours(data.robot, data.places);
+  add_joint_places(robot, data.places);
+  add_neighbours(robot, data.places);
+  add_flange(data.places);
   return data;
 }
 
@@ -145,29 +205,27 @@ namespace {
 
 // `scalar`: the force along b_out of one piece.
 template <typename Scalar>
-Eigen::VectorXd place_rows(const CandidatePlace& place, const ForceBalanceRows& rows,
-                           Scalar scalar) {
-  Eigen::VectorXd result(rows.base.torque.size());
+Eigen::VectorXd place_samples(const CandidatePlace& place, const ForceBalanceRows& rows,
+                              Scalar scalar) {
+  Eigen::VectorXd result(rows.samples());
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
-    const Eigen::VectorXd force = scalar(motion_at(place, piece));
-    for (Eigen::Index t = 0; t < force.size(); ++t, row += rows.base.joints) {
-      result.segment(row, rows.base.joints) = force(t) * place.location.output;
-    }
+    result.segment(row, piece.samples()) = scalar(motion_at(place, piece));
+    row += piece.samples();
   }
   return result;
 }
 
 }  // namespace
 
-Eigen::VectorXd law_rows(const CandidatePlace& place, const Law& law,
-                         const ForceBalanceRows& rows) {
-  return place_rows(place, rows,
-                    [&law](const PlaceMotion& motion) { return law_force(law, motion); });
+Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
+                            const ForceBalanceRows& rows) {
+  return place_samples(place, rows,
+                       [&law](const PlaceMotion& motion) { return law_force(law, motion); });
 }
 
-Eigen::VectorXd inertia_rows(const CandidatePlace& place, const ForceBalanceRows& rows) {
-  return place_rows(place, rows, [](const PlaceMotion& motion) { return motion.acceleration; });
+Eigen::VectorXd inertia_samples(const CandidatePlace& place, const ForceBalanceRows& rows) {
+  return place_samples(place, rows, [](const PlaceMotion& motion) { return motion.acceleration; });
 }
 
 }  // namespace graybox

@@ -1,5 +1,5 @@
-// What force_balance_mismatch works on: motions and torques of a rigid robot as rows of a linear
-// regression, and the places at which physics may be missing.
+// What force_balance_mismatch works on: motions and forces of several coordinates (a robot's joints) as
+// rows of a linear regression, and the places at which physics may be missing.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,30 +10,46 @@
 #include "graybox/diagnosis/force_balance/law_force.hpp"
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 
-// All recordings of one role. Rows are time-major, a row for each joint (weighted_regression.hpp).
+// Forces of one term of the balance, by coordinate: samples x columns, or nothing where the term does
+// not act.
+struct BalanceColumns {
+  std::vector<Eigen::MatrixXd> in;
+  Eigen::Index count = 0;  // of columns
+};
+
+// All recordings of one role. Samples of all pieces one after another.
 struct ForceBalanceRows {
-  TorqueRows base;                 // columns of the base parameters; torque less what is known
+  Eigen::MatrixXd measured;        // force, samples x coordinates
+  Eigen::MatrixXd force;           // less what is known
+  BalanceColumns model;            // columns of the model's own parameters
+  BalanceColumns flange_body;      // of the ten standard parameters of a body at the flange, if any
   std::vector<Motion> pieces;      // in the order of the rows
   std::vector<std::string> names;  // of each piece's recording
 
   [[nodiscard]] bool empty() const { return pieces.empty(); }
-  [[nodiscard]] Eigen::Index samples() const { return base.samples(); }
+  [[nodiscard]] Eigen::Index samples() const { return measured.rows(); }
+  [[nodiscard]] Eigen::Index coordinates() const { return measured.cols(); }
+};
+
+struct BalanceCoordinate {
+  std::string name;
+  PlaceUnits units;
 };
 
 struct ForceBalanceData {
-  RigidRobotModel robot;
-  std::vector<std::string> parameter_names, parameter_units;  // of the columns
+  std::vector<BalanceCoordinate> coordinates;
+  std::vector<std::string> parameter_names, parameter_units;  // of the model's columns
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
+  Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
 };
 
-// Base parameters are those that the estimation data can tell apart. Throws InputError as
-// force_balance_problem does.
+// Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can tell
+// apart. Throws InputError as force_balance_problem does.
 [[nodiscard]] ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
                                                        const Campaign& campaign);
 
@@ -41,10 +57,10 @@ struct ForceBalanceData {
 [[nodiscard]] PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);
 
 // A law's force in all rows: b_out f(z, z'), pieces one after another.
-[[nodiscard]] Eigen::VectorXd law_rows(const CandidatePlace& place, const Law& law,
-                                       const ForceBalanceRows& rows);
+[[nodiscard]] Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
+                                          const ForceBalanceRows& rows);
 // The same for an inertia of one: b_out z''.
-[[nodiscard]] Eigen::VectorXd inertia_rows(const CandidatePlace& place,
-                                           const ForceBalanceRows& rows);
+[[nodiscard]] Eigen::VectorXd inertia_samples(const CandidatePlace& place,
+                                              const ForceBalanceRows& rows);
 
 }  // namespace graybox

@@ -4,59 +4,155 @@
 #include <cmath>
 #include <limits>
 
+#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+
 namespace graybox {
 namespace {
 
-bool is_inertia(const LawEntry& entry) { return entry.use == LawUse::kInertia; }
+// `samples` along b_out.
+BalanceColumns along(const Eigen::VectorXd& output, const Eigen::MatrixXd& samples) {
+  BalanceColumns columns{std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(output.size())),
+                         samples.cols()};
+  for (Eigen::Index j = 0; j < output.size(); ++j) {
+    if (output(j) != 0.0) columns.in[static_cast<std::size_t>(j)] = output(j) * samples;
+  }
+  return columns;
+}
+
+BalanceColumns payload_columns(std::span<const double> parameters, const ForceBalanceData& data,
+                               const ForceBalanceRows& rows) {
+  const Eigen::Vector3d offset(parameters[1], parameters[2], parameters[3]);
+  const StandardParameters body =
+      standard_parameters({parameters[0], data.flange * offset, Eigen::Matrix3d::Zero()});
+  BalanceColumns columns{{}, 1};
+  for (const Eigen::MatrixXd& block : rows.flange_body.in) columns.in.emplace_back(block * body);
+  return columns;
+}
+
+BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
+                          const ForceBalanceData& data, const ForceBalanceRows& rows) {
+  if (law.entry->use == LawUse::kPayload) return payload_columns(parameters, data, rows);
+  const Eigen::VectorXd& output = law.place->location.output;
+  if (law.entry->use == LawUse::kInertia) {
+    return along(output, parameters[0] * inertia_samples(*law.place, rows));
+  }
+  return along(output, law_samples(*law.place, *law.entry->make(parameters), rows));
+}
+
+void append(BalanceColumns&& more, BalanceColumns& columns) {
+  if (columns.count == 0) {
+    columns = std::move(more);
+    return;
+  }
+  for (std::size_t j = 0; j < columns.in.size(); ++j) {
+    if (more.in[j].size() == 0) continue;
+    columns.in[j].conservativeResize(Eigen::NoChange, columns.count + more.count);
+    columns.in[j].rightCols(more.count) = more.in[j];
+  }
+  columns.count += more.count;
+}
 
 }  // namespace
 
 std::vector<std::size_t> PlacedLaw::linear() const {
   std::vector<std::size_t> result;
-  if (is_inertia(*entry)) return {0};
   for (std::size_t i = 0; i < entry->parameters.size(); ++i) {
     if (entry->parameters[i].is_linear) result.push_back(i);
   }
   return result;
 }
 
+std::vector<std::size_t> PlacedLaw::scaled() const {
+  std::vector<std::size_t> result;
+  if (!linear().empty()) return result;
+  for (std::size_t i = 0; i < entry->parameters.size(); ++i) {
+    if (entry->parameters[i].unit.starts_with('F')) result.push_back(i);
+  }
+  return result;
+}
+
 std::vector<std::size_t> PlacedLaw::refined() const {
   std::vector<std::size_t> result;
-  if (is_inertia(*entry)) return result;
+  if (entry->use != LawUse::kForce) return result;
+  const std::vector<std::size_t> scale = scaled();
   for (std::size_t i = 0; i < entry->parameters.size(); ++i) {
     const LawParameter& parameter = entry->parameters[i];
-    const bool is_scale =
-        parameter.name == "anchor_distance" || parameter.name == "reference_velocity";
+    const bool is_scale = parameter.name == "anchor_distance" ||
+                          parameter.name == "reference_velocity" ||
+                          (!scale.empty() && scale.front() == i);
     if (!parameter.is_linear && !is_scale) result.push_back(i);
   }
   return result;
 }
 
-Eigen::VectorXd shape_rows(const CandidatePlace& place, const LawEntry& entry,
-                           std::span<const double> parameters, const ForceBalanceRows& rows) {
-  if (is_inertia(entry)) return parameters[0] * inertia_rows(place, rows);
-  return law_rows(place, *entry.make(parameters), rows);
+Eigen::Index PlacedLaw::amplitudes() const {
+  const std::vector<std::size_t> own = linear();
+  return own.empty() ? 1 : static_cast<Eigen::Index>(own.size());
 }
 
-Eigen::MatrixXd linear_columns(const PlacedLaw& law, const ForceBalanceRows& rows) {
+void PlacedLaw::set_amplitudes(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  const std::vector<std::size_t> own = linear();
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    parameters[own[k]] = values(static_cast<Eigen::Index>(k));
+  }
+  for (const std::size_t index : scaled()) parameters[index] *= values(0);
+}
+
+BalanceColumns law_columns(const PlacedLaw& law, const ForceBalanceData& data,
+                           const ForceBalanceRows& rows) {
   const std::vector<std::size_t> linear = law.linear();
-  Eigen::MatrixXd columns(rows.base.torque.size(), static_cast<Eigen::Index>(linear.size()));
-  for (std::size_t k = 0; k < linear.size(); ++k) {
-    std::vector<double> unit = law.parameters;
+  if (linear.empty()) return law_force_column(law, data, rows);
+  std::vector<std::vector<double>> basis;
+  for (const std::size_t index : linear) {
+    std::vector<double>& unit = basis.emplace_back(law.parameters);
     for (const std::size_t other : linear) unit[other] = 0.0;
-    unit[linear[k]] = 1.0;
-    columns.col(static_cast<Eigen::Index>(k)) = shape_rows(*law.place, *law.entry, unit, rows);
+    unit[index] = 1.0;
+  }
+  return basis_columns(law, basis, data, rows);
+}
+
+BalanceColumns law_force_column(const PlacedLaw& law, const ForceBalanceData& data,
+                                const ForceBalanceRows& rows) {
+  return one_column(law, law.parameters, data, rows);
+}
+
+BalanceColumns law_slopes(const PlacedLaw& law, std::span<const std::size_t> parameters,
+                          const ForceBalanceData& data, const ForceBalanceRows& rows) {
+  constexpr double kStep = 1e-4;
+  BalanceColumns slopes;
+  for (const std::size_t index : parameters) {
+    std::vector<double> moved = law.parameters;
+    const double value = moved[index];
+    const bool is_angle = law.entry->parameters[index].unit == "rad";
+    const double step = kStep * (is_angle ? 1.0 : std::max(std::abs(value), 1e-9));
+    moved[index] = value + step;
+    BalanceColumns slope = one_column(law, moved, data, rows);
+    moved[index] = value - step;
+    const BalanceColumns below = one_column(law, moved, data, rows);
+    for (std::size_t j = 0; j < slope.in.size(); ++j) {
+      slope.in[j] = (slope.in[j] - below.in[j]).eval() / (2.0 * step);
+    }
+    append(std::move(slope), slopes);
+  }
+  return slopes;
+}
+
+BalanceColumns basis_columns(const PlacedLaw& law, std::span<const std::vector<double>> basis,
+                             const ForceBalanceData& data, const ForceBalanceRows& rows) {
+  BalanceColumns columns;
+  for (const std::vector<double>& parameters : basis) {
+    append(one_column(law, parameters, data, rows), columns);
   }
   return columns;
-}
-
-Eigen::VectorXd force_rows(const PlacedLaw& law, const ForceBalanceRows& rows) {
-  return shape_rows(*law.place, *law.entry, law.parameters, rows);
 }
 
 std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place) {
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
+    if (place.location.is_flange) {
+      if (entry.use == LawUse::kPayload) laws.push_back(&entry);
+      continue;
+    }
     if (entry.use != LawUse::kForce && entry.use != LawUse::kInertia) continue;
     // A hidden mass on a spring needs its own motion, which a force balance does not follow.
     if (entry.name == "mode") continue;
@@ -68,6 +164,7 @@ std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place) {
 
 MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& rows) {
   MotionScale scale;
+  if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const Motion& piece : rows.pieces) {
     const PlaceMotion motion = motion_at(place, piece);

@@ -17,21 +17,35 @@ struct PlacedLaw {
   const LawEntry* entry = nullptr;  // of the catalogue
   std::vector<double> parameters;
 
+  // Parameters in which the force is linear. Laws with memory have none; their force is multiplied by
+  // a factor if all parameters with the unit of a force (or of a force over something) are.
   [[nodiscard]] std::vector<std::size_t> linear() const;
-  // Those that are refined: not linear, and not one that only sets the scale of another (the distance
-  // of a balancer's anchor, for which its stiffness makes up; the velocity at which a friction is
-  // stated).
+  [[nodiscard]] std::vector<std::size_t> scaled() const;
+  // Those that shape the force, to be refined: not linear, and not one that only sets the scale of
+  // another (the first of scaled(); the distance of a balancer's anchor, for which its stiffness makes
+  // up; the velocity at which a friction is stated), nor where a payload's mass sits: at the flange.
   [[nodiscard]] std::vector<std::size_t> refined() const;
+  // Number of columns of law_columns, and their amplitudes written into the parameters.
+  [[nodiscard]] Eigen::Index amplitudes() const;
+  void set_amplitudes(const Eigen::Ref<const Eigen::VectorXd>& values);
 };
 
-// One column for each linear parameter, at the present values of the others.
-[[nodiscard]] Eigen::MatrixXd linear_columns(const PlacedLaw& law, const ForceBalanceRows& rows);
-// The force at the present values.
-[[nodiscard]] Eigen::VectorXd force_rows(const PlacedLaw& law, const ForceBalanceRows& rows);
-// Columns of a law of these parameters (a shape of law_shapes.hpp).
-[[nodiscard]] Eigen::VectorXd shape_rows(const CandidatePlace& place, const LawEntry& entry,
-                                         std::span<const double> parameters,
+// One column for each linear parameter, at the present values of the others; for a law without linear
+// parameters its force.
+[[nodiscard]] BalanceColumns law_columns(const PlacedLaw& law, const ForceBalanceData& data,
                                          const ForceBalanceRows& rows);
+// The force at the present values: one column.
+[[nodiscard]] BalanceColumns law_force_column(const PlacedLaw& law, const ForceBalanceData& data,
+                                              const ForceBalanceRows& rows);
+// Derivatives of the force by these parameters, central differences.
+[[nodiscard]] BalanceColumns law_slopes(const PlacedLaw& law,
+                                        std::span<const std::size_t> parameters,
+                                        const ForceBalanceData& data, const ForceBalanceRows& rows);
+// Columns of laws of these parameters (the basis of a shape of law_shapes.hpp).
+[[nodiscard]] BalanceColumns basis_columns(const PlacedLaw& law,
+                                           std::span<const std::vector<double>> basis,
+                                           const ForceBalanceData& data,
+                                           const ForceBalanceRows& rows);
 
 // The laws that can be hypotheses at a place of a force balance.
 [[nodiscard]] std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place);

@@ -6,73 +6,57 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <utility>
 
+#include "graybox/diagnosis/force_balance/balance_regression.hpp"
+#include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
+#include "graybox/diagnosis/force_balance/shape_refinement.hpp"
+#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "graybox/diagnosis/long_run_variance.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
 
+using Index = Eigen::Index;
+
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-// Rows that score tests look at: more do not change a ranking, but take longer.
-constexpr Eigen::Index kScoredRows = 20000;
 constexpr std::size_t kShownCurves = 6;
 
-// Samples over the autocorrelation time 1 + 2 sum rho, summed until rho falls below 0.05.
-double effective_samples(const Eigen::VectorXd& residuals) {
-  const Eigen::Index n = residuals.size();
-  const Eigen::VectorXd centred = residuals.array() - residuals.mean();
-  const double variance = centred.squaredNorm();
-  if (!(variance > 0.0)) return static_cast<double>(n);
-  double time = 1.0;
-  for (Eigen::Index lag = 1; lag < n / 4; ++lag) {
-    const double rho = centred.head(n - lag).dot(centred.tail(n - lag)) / variance;
-    if (rho < 0.05) break;
-    time += 2.0 * rho;
+// Columns of several terms over `noise`: coordinate after coordinate.
+Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
+                        Index samples) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples * noise.size(), columns.count);
+  for (Index j = 0; j < noise.size(); ++j) {
+    const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];
+    if (own.size() > 0) result.middleRows(j * samples, samples) = own / noise(j);
   }
-  return static_cast<double>(n) / time;
+  return result;
 }
 
-// Columns joined to those of the base parameters.
-TorqueRows joined(const TorqueRows& base, const std::vector<Eigen::MatrixXd>& more) {
-  TorqueRows rows = base;
-  for (const Eigen::MatrixXd& columns : more) {
-    const Eigen::Index first = rows.columns.cols();
-    rows.columns.conservativeResize(Eigen::NoChange, first + columns.cols());
-    rows.columns.rightCols(columns.cols()) = columns;
-  }
-  return rows;
+void append(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns) {
+  const Index first = columns.cols();
+  columns.conservativeResize(more.rows(), first + more.cols());
+  columns.rightCols(more.cols()) = more;
 }
 
-bool has_full_rank(const TorqueRows& rows, const Eigen::VectorXd& noise) {
-  if (rows.columns.cols() == 0) return true;
-  Eigen::MatrixXd scaled =
-      row_weights(noise, rows.columns.rows()).asDiagonal() * rows.columns;
-  for (Eigen::Index k = 0; k < scaled.cols(); ++k) {
-    const double length = scaled.col(k).norm();
-    if (!(length > 0.0) || !std::isfinite(length)) return false;
-    scaled.col(k) /= length;
-  }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factor;
-  factor.setThreshold(1e-7);
-  factor.compute(scaled);
-  return factor.rank() == scaled.cols();
-}
+// A parameter of a law or of the model, as one column of the information about all.
+struct Column {
+  std::size_t law = 0, parameter = 0;
+};
 
 class ForceBalanceProblem : public MismatchProblem {
  public:
   ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
-      : data_(std::move(data)), options_(std::move(options)) {
-    const WeightedRegression first = weighted_regression(data_.estimation.base);
-    noise_ = first.noise;
-    const Eigen::VectorXd rest = unpredicted(data_.estimation, first.residuals);
-    for (Eigen::Index j = 0; j < joints(); ++j) {
-      effective_.push_back(effective_samples(of_joint(rest, j)));
+      : data_(std::move(data)), options_(std::move(options)), regression_(data_.estimation) {
+    const BalanceFit first = regression_.fit({});
+    const Eigen::MatrixXd rest = unpredicted(data_.estimation, first.residuals);
+    for (Index j = 0; j < coordinates(); ++j) {
+      noises_.emplace_back(rest.col(j));
+      effective_.push_back(noises_.back().effective_samples());
     }
     list_hypotheses();
   }
@@ -86,24 +70,35 @@ class ForceBalanceProblem : public MismatchProblem {
   [[nodiscard]] bool noise_is_known() const override { return false; }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> starts,
-                                const ExtendedFit* /*nearby*/) const override {
-    std::vector<PlacedLaw> laws;
-    for (const LawStart& start : starts) laws.push_back(placed(start.hypothesis, start.parameters));
+                                const ExtendedFit* nearby) const override {
+    std::vector<RefinedLaw> refined;
+    for (const LawStart& start : starts) {
+      refined.push_back({placed(start.hypothesis, start.parameters), !is_fitted(start, nearby),
+                         &scales_[place_of_[start.hypothesis]]});
+    }
     ExtendedFit result;
     const auto fail = [&result](std::string trouble) {
       result.trouble = std::move(trouble);
       return result;
     };
-    if (!refine(laws)) return fail("the laws' shapes could not be refined");
-    const TorqueRows rows = joined(data_.estimation.base, all_linear_columns(laws));
-    if (!rows.columns.allFinite()) return fail("a law's force is not a number");
-    if (!has_full_rank(rows, noise_)) return fail("the data can't tell its parameters apart");
-    const WeightedRegression regression = weighted_regression(rows);
-    set_linear(laws, regression.parameters);
+    if (!refine_shapes(data_, regression_, refined, options_.keep_going)) {
+      return fail("the laws' shapes could not be refined");
+    }
+    std::vector<PlacedLaw> laws;
+    std::vector<BalanceColumns> columns;
+    for (const RefinedLaw& law : refined) {
+      laws.push_back(law.law);
+      columns.push_back(law_columns(law.law, data_, data_.estimation));
+    }
+    const BalanceFit fitted = regression_.fit(columns);
+    if (!fitted.full_rank) return fail("the data can't tell its parameters apart");
+    set_amplitudes(laws, fitted.amplitudes);
     if (!within_ranges(laws)) return fail("a law's parameter leaves its range");
     if (!slides(laws)) return fail("a friction never slides: it is a damper here");
     result.usable = true;
-    describe(starts, laws, rows, regression, result);
+    describe(starts, laws, fitted, result);
+    const std::vector<double> wald = wald_statistics(columns, fitted);
+    for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
     return result;
   }
 
@@ -125,7 +120,13 @@ class ForceBalanceProblem : public MismatchProblem {
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
     std::vector<ForcePicture> pictures;
-    for (const FittedLaw& law : fit.laws) pictures.push_back(picture(fit, law));
+    for (const FittedLaw& law : fit.laws) {
+      if (data_.places[place_of_[law.hypothesis]].location.is_flange) {
+        pictures.push_back({law.hypothesis, "", "", "", {}, {}, {}, {}});
+      } else {
+        pictures.push_back(picture(fit, law));
+      }
+    }
     return pictures;
   }
 
@@ -137,18 +138,15 @@ class ForceBalanceProblem : public MismatchProblem {
   }
 
  private:
-  [[nodiscard]] Eigen::Index joints() const { return data_.estimation.base.joints; }
-
-  [[nodiscard]] Eigen::VectorXd of_joint(const Eigen::VectorXd& rows, Eigen::Index joint) const {
-    return rows(Eigen::seq(joint, Eigen::last, joints()));
-  }
+  [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
 
   void list_hypotheses() {
     for (const CandidatePlace& place : data_.places) {
       scales_.push_back(motion_scale(place, data_.estimation));
       for (const LawEntry* entry : force_balance_laws(place)) {
         hypotheses_.push_back({place.location.name, place.yaml, entry->name,
-                               special_cases_of(*entry), entry->name == "ripple"});
+                               special_cases_of(*entry), place.is_compound,
+                               entry->name == "ripple"});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }
@@ -159,51 +157,20 @@ class ForceBalanceProblem : public MismatchProblem {
     return {&data_.places[place_of_[hypothesis]], entries_[hypothesis], std::move(parameters)};
   }
 
-  [[nodiscard]] std::vector<Eigen::MatrixXd> all_linear_columns(
-      const std::vector<PlacedLaw>& laws) const {
-    std::vector<Eigen::MatrixXd> columns;
-    for (const PlacedLaw& law : laws) columns.push_back(linear_columns(law, data_.estimation));
-    return columns;
+  // Whether `nearby` has this law with these parameters.
+  static bool is_fitted(const LawStart& start, const ExtendedFit* nearby) {
+    if (nearby == nullptr) return false;
+    return std::ranges::any_of(nearby->laws, [&start](const FittedLaw& law) {
+      return law.hypothesis == start.hypothesis &&
+             std::ranges::equal(law.parameters, start.parameters, {}, &LawParameterEstimate::value);
+    });
   }
 
-  // The parameters in which forces are not linear, by variable projection.
-  bool refine(std::vector<PlacedLaw>& laws) const {
-    std::vector<ParameterRange> ranges;
-    std::vector<double*> values;
+  static void set_amplitudes(std::vector<PlacedLaw>& laws, const Eigen::VectorXd& amplitudes) {
+    Index at = 0;
     for (PlacedLaw& law : laws) {
-      for (const std::size_t index : law.refined()) {
-        ranges.push_back(law.entry->parameters[index].range);
-        values.push_back(&law.parameters[index]);
-      }
-    }
-    if (values.empty()) return true;
-    Eigen::VectorXd start(static_cast<Eigen::Index>(values.size()));
-    for (std::size_t k = 0; k < values.size(); ++k)
-      start(static_cast<Eigen::Index>(k)) = *values[k];
-    const auto set = [&values](const Eigen::VectorXd& theta) {
-      for (std::size_t k = 0; k < values.size(); ++k)
-        *values[k] = theta(static_cast<Eigen::Index>(k));
-    };
-    const Eigen::VectorXd weights = row_weights(noise_, data_.estimation.base.torque.size());
-    const auto rest = [&](const Eigen::VectorXd& theta) -> Eigen::VectorXd {
-      set(theta);
-      const TorqueRows rows = joined(data_.estimation.base, all_linear_columns(laws));
-      if (!rows.columns.allFinite()) {
-        return Eigen::VectorXd::Constant(rows.torque.size(), kUnknown);
-      }
-      const Eigen::VectorXd p = solve_weighted(rows, noise_);
-      return weights.cwiseProduct(rows.torque - rows.columns * p);
-    };
-    const RefinementResult result = refine_parameters(start, ranges, rest, 60, options_.keep_going);
-    if (!result.values.allFinite() || result.interrupted) return false;
-    set(result.values);
-    return true;
-  }
-
-  void set_linear(std::vector<PlacedLaw>& laws, const Eigen::VectorXd& parameters) const {
-    Eigen::Index at = data_.estimation.base.columns.cols();
-    for (PlacedLaw& law : laws) {
-      for (const std::size_t index : law.linear()) law.parameters[index] = parameters(at++);
+      law.set_amplitudes(amplitudes.segment(at, law.amplitudes()));
+      at += law.amplitudes();
     }
   }
 
@@ -234,115 +201,161 @@ class ForceBalanceProblem : public MismatchProblem {
     return true;
   }
 
-  // Derivatives of all forces by the refined parameters, central differences.
-  [[nodiscard]] Eigen::MatrixXd shape_slopes(const std::vector<PlacedLaw>& laws) const {
-    std::vector<Eigen::VectorXd> slopes;
-    for (const PlacedLaw& law : laws) {
-      for (const std::size_t index : law.refined()) {
-        PlacedLaw moved = law;
-        const double value = law.parameters[index];
-        const double step = 1e-4 * std::max(std::abs(value), 1e-6);
-        moved.parameters[index] = value + step;
-        const Eigen::VectorXd above = force_rows(moved, data_.estimation);
-        moved.parameters[index] = value - step;
-        slopes.push_back((above - force_rows(moved, data_.estimation)) / (2.0 * step));
+  // Columns of all parameters that the fit has estimated, the model's first, over `noise`; which of
+  // the laws' they are.
+  [[nodiscard]] Eigen::MatrixXd information_columns(const std::vector<PlacedLaw>& laws,
+                                                    const Eigen::VectorXd& noise,
+                                                    std::vector<Column>& of_laws) const {
+    const Index samples = data_.estimation.samples();
+    Eigen::MatrixXd columns = stacked(data_.estimation.model, noise, samples);
+    for (std::size_t l = 0; l < laws.size(); ++l) {
+      const PlacedLaw& law = laws[l];
+      const std::vector<std::size_t> linear = law.linear(), scaled = law.scaled();
+      for (const std::size_t index : linear) of_laws.push_back({l, index});
+      if (!linear.empty()) {
+        append(stacked(law_columns(law, data_, data_.estimation), noise, samples), columns);
       }
+      std::vector<std::size_t> shaping = law.refined();
+      if (!scaled.empty()) shaping.insert(shaping.begin(), scaled.front());
+      if (shaping.empty()) continue;
+      for (const std::size_t index : shaping) of_laws.push_back({l, index});
+      append(stacked(law_slopes(law, shaping, data_, data_.estimation), noise, samples), columns);
     }
-    Eigen::MatrixXd result(data_.estimation.base.torque.size(),
-                           static_cast<Eigen::Index>(slopes.size()));
-    for (std::size_t k = 0; k < slopes.size(); ++k)
-      result.col(static_cast<Eigen::Index>(k)) = slopes[k];
+    return columns;
+  }
+
+  // Scores of least squares estimates by columns over the noise: row t, column k is what the residuals
+  // at time t add to the error of parameter k, x_k - truth = sum over t.
+  [[nodiscard]] Eigen::MatrixXd influences(const Eigen::MatrixXd& columns,
+                                           const BalanceFit& fitted) const {
+    const Eigen::VectorXd lengths = columns.colwise().norm();
+    const Eigen::MatrixXd scaled = columns * lengths.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd gram = scaled.transpose() * scaled;
+    const Eigen::MatrixXd weighted =
+        gram.ldlt().solve(Eigen::MatrixXd::Identity(gram.rows(), gram.cols())) *
+        lengths.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd influence = scaled * weighted;
+    const Index samples = data_.estimation.samples();
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples, columns.cols());
+    for (Index j = 0; j < coordinates(); ++j) {
+      const Eigen::VectorXd rest = fitted.residuals.col(j) / fitted.noise(j);
+      result += rest.asDiagonal() * influence.middleRows(j * samples, samples);
+    }
     return result;
   }
 
-  // Standard deviations of all linear, then all refined parameters; NaN where the data do not see one.
-  [[nodiscard]] Eigen::VectorXd deviations(const TorqueRows& rows,
-                                           const std::vector<PlacedLaw>& laws,
-                                           const WeightedRegression& regression) const {
-    const Eigen::MatrixXd slopes = shape_slopes(laws);
-    const TorqueRows all = joined(rows, {slopes});
-    Eigen::VectorXd result = Eigen::VectorXd::Constant(all.columns.cols(), kUnknown);
-    if (all.columns.allFinite() && has_full_rank(all, regression.noise)) {
-      Eigen::Index lags = 0;
-      return correlated_covariance(all, regression.residuals, regression.noise, lags)
-          .diagonal()
-          .cwiseSqrt();
+  // Covariance of estimates from their influences, which follow each other in time.
+  [[nodiscard]] Eigen::MatrixXd covariance(const Eigen::MatrixXd& influence, Index fitted) const {
+    std::vector<Index> pieces;
+    for (const Motion& piece : data_.estimation.pieces) pieces.push_back(piece.samples());
+    const PrewhitenedScores scores(influence, std::move(pieces));
+    const Index lags = andrews_lags(scores.whitened_correlations(), scores.samples());
+    const auto count = static_cast<double>(data_.estimation.force.size());
+    return count / (count - static_cast<double>(fitted)) * scores.long_run_variance(lags);
+  }
+
+  // Standard deviations of the model's parameters and of those of the laws; NaN where the data do not
+  // see one.
+  struct Deviations {
+    Eigen::VectorXd model;
+    std::vector<Column> parameters;
+    std::vector<double> of_parameters;
+  };
+  [[nodiscard]] Deviations deviations(const std::vector<PlacedLaw>& laws,
+                                      const BalanceFit& fitted) const {
+    Deviations result;
+    const Eigen::MatrixXd all = information_columns(laws, fitted.noise, result.parameters);
+    Eigen::MatrixXd basis(all.rows(), 0);
+    const std::vector<bool> is_seen = extend_basis(all, basis);
+    std::vector<Index> seen;
+    for (std::size_t k = 0; k < is_seen.size(); ++k) {
+      if (is_seen[k]) seen.push_back(static_cast<Index>(k));
     }
-    // A shape that the data do not determine is held for the others' sake.
-    result.head(rows.columns.cols()) = regression.covariance.diagonal().cwiseSqrt();
+    const Eigen::MatrixXd influence = influences(all(Eigen::all, seen), fitted);
+    Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
+    for (std::size_t k = 0; k < seen.size(); ++k) {
+      deviation(seen[k]) =
+          std::sqrt(covariance(influence.col(static_cast<Index>(k)), all.cols())(0, 0));
+    }
+    const Index model = data_.estimation.model.count;
+    result.model = deviation.head(model);
+    for (Index k = model; k < deviation.size(); ++k) result.of_parameters.push_back(deviation(k));
+    return result;
+  }
+
+  // Wald statistic of each law's amplitudes, shapes held.
+  [[nodiscard]] std::vector<double> wald_statistics(const std::vector<BalanceColumns>& laws,
+                                                    const BalanceFit& fitted) const {
+    const Index samples = data_.estimation.samples();
+    Eigen::MatrixXd columns = stacked(data_.estimation.model, fitted.noise, samples);
+    const Index model = columns.cols();
+    for (const BalanceColumns& law : laws) append(stacked(law, fitted.noise, samples), columns);
+    std::vector<double> result;
+    if (laws.empty()) return result;
+    const Eigen::MatrixXd influence = influences(columns, fitted);
+    Index first = 0;
+    for (const BalanceColumns& law : laws) {
+      const Eigen::MatrixXd own =
+          covariance(influence.middleCols(model + first, law.count), columns.cols());
+      const Eigen::VectorXd amplitudes = fitted.amplitudes.segment(first, law.count);
+      result.push_back(amplitudes.dot(own.completeOrthogonalDecomposition().solve(amplitudes)));
+      first += law.count;
+    }
     return result;
   }
 
   void describe(std::span<const LawStart> starts, const std::vector<PlacedLaw>& laws,
-                const TorqueRows& rows, const WeightedRegression& regression,
-                ExtendedFit& result) const {
-    const Eigen::VectorXd deviation = deviations(rows, laws, regression);
-    const Eigen::Index base = data_.estimation.base.columns.cols();
-    for (Eigen::Index k = 0; k < base; ++k) {
+                const BalanceFit& fitted, ExtendedFit& result) const {
+    const Deviations deviation = deviations(laws, fitted);
+    for (Index k = 0; k < fitted.model.size(); ++k) {
       const auto at = static_cast<std::size_t>(k);
       result.model_parameters.push_back({data_.parameter_names[at], data_.parameter_units[at],
-                                         regression.parameters(k), deviation(k)});
+                                         fitted.model(k), deviation.model(k)});
     }
-    Eigen::Index linear = base, refined = rows.columns.cols();
-    std::size_t count = static_cast<std::size_t>(rows.columns.cols());
-    for (std::size_t k = 0; k < laws.size(); ++k) {
-      const PlacedLaw& law = laws[k];
-      FittedLaw fitted{starts[k].hypothesis, {}};
+    for (std::size_t l = 0; l < laws.size(); ++l) {
+      const PlacedLaw& law = laws[l];
+      FittedLaw described;
+      described.hypothesis = starts[l].hypothesis;
       for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        fitted.parameters.push_back(
+        described.parameters.push_back(
             {law.entry->parameters[i].name,
              unit_at(law.entry->parameters[i].unit, law.place->location.units), law.parameters[i],
              kUnknown});
       }
-      for (const std::size_t index : law.linear()) {
-        fitted.parameters[index].standard_error = deviation(linear++);
-      }
-      for (const std::size_t index : law.refined()) {
-        fitted.parameters[index].standard_error = deviation(refined++);
-        ++count;
-      }
-      result.laws.push_back(std::move(fitted));
+      result.laws.push_back(std::move(described));
     }
-    result.parameter_count = count;
-    for (Eigen::Index j = 0; j < joints(); ++j) {
-      result.deviance +=
-          effective_[static_cast<std::size_t>(j)] * 2.0 * std::log(regression.noise(j));
+    for (std::size_t k = 0; k < deviation.parameters.size(); ++k) {
+      const Column& column = deviation.parameters[k];
+      result.laws[column.law].parameters[column.parameter].standard_error =
+          deviation.of_parameters[k];
     }
-    result.estimation = assess(data_.estimation, regression.residuals);
-    result.cross_validation = cross_validation(rows);
-  }
-
-  // Mean squared error over the first fit's noise, each fifth predicted by linear parameters from the
-  // others.
-  [[nodiscard]] double cross_validation(const TorqueRows& rows) const {
-    const Eigen::Index samples = rows.samples();
-    double square = 0.0;
-    for (Eigen::Index fold = 0; fold < kFolds; ++fold) {
-      std::vector<Eigen::Index> kept, out;
-      for (Eigen::Index row = 0; row < rows.torque.size(); ++row) {
-        (fold_of(row / rows.joints, samples) == fold ? out : kept).push_back(row);
-      }
-      TorqueRows rest;
-      rest.joints = rows.joints;
-      rest.columns = rows.columns(kept, Eigen::all);
-      rest.torque = rows.torque(kept);
-      rest.piece_samples = {rest.samples()};
-      if (!has_full_rank(rest, noise_)) return std::numeric_limits<double>::infinity();
-      const Eigen::VectorXd p = solve_weighted(rest, noise_);
-      const Eigen::VectorXd error = rows.torque(out) - rows.columns(out, Eigen::all) * p;
-      square += row_weights(noise_, error.size()).cwiseProduct(error).squaredNorm();
+    result.parameter_count =
+        static_cast<std::size_t>(fitted.model.size()) + deviation.parameters.size();
+    for (Index j = 0; j < coordinates(); ++j) {
+      result.deviance += effective_[static_cast<std::size_t>(j)] * 2.0 * std::log(fitted.noise(j));
     }
-    return square / static_cast<double>(rows.torque.size());
+    result.estimation = assess(data_.estimation, fitted.residuals);
+    result.held_out = fitted.held_out;
   }
 
   // Errors with given values of everything.
-  [[nodiscard]] Eigen::VectorXd residuals(const ExtendedFit& fit,
+  [[nodiscard]] Eigen::MatrixXd residuals(const ExtendedFit& fit,
                                           const ForceBalanceRows& rows) const {
-    Eigen::VectorXd result = rows.base.torque;
-    for (Eigen::Index k = 0; k < rows.base.columns.cols(); ++k) {
-      result -= fit.model_parameters[static_cast<std::size_t>(k)].value * rows.base.columns.col(k);
+    Eigen::MatrixXd result = rows.force;
+    const auto subtract = [&result](const BalanceColumns& columns, const Eigen::VectorXd& values) {
+      for (Index j = 0; j < result.cols(); ++j) {
+        const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];
+        if (own.size() > 0) result.col(j) -= own * values;
+      }
+    };
+    Eigen::VectorXd model(static_cast<Index>(fit.model_parameters.size()));
+    for (Index k = 0; k < model.size(); ++k) {
+      model(k) = fit.model_parameters[static_cast<std::size_t>(k)].value;
     }
-    for (const FittedLaw& law : fit.laws) result -= force_rows(placed_of(law), rows);
+    subtract(rows.model, model);
+    for (const FittedLaw& law : fit.laws) {
+      subtract(law_force_column(placed_of(law), data_, rows), Eigen::VectorXd::Ones(1));
+    }
     return result;
   }
 
@@ -353,89 +366,75 @@ class ForceBalanceProblem : public MismatchProblem {
     return placed(law.hypothesis, std::move(parameters));
   }
 
-  // Relative errors are of all joints' rows together, as tables of published results have them.
+  // Relative errors are of all coordinates together, as tables of published results have them.
   [[nodiscard]] Assessment assess(const ForceBalanceRows& rows,
-                                  const Eigen::VectorXd& error) const {
-    double variance = 0.0, error_variance = 0.0;
-    const Eigen::VectorXd torque = measured_torque(rows);
-    const double n = static_cast<double>(rows.samples());
-    for (Eigen::Index j = 0; j < joints(); ++j) {
-      const Eigen::VectorXd signal = of_joint(torque, j), rest = of_joint(error, j);
-      variance += (signal.array() - signal.mean()).matrix().squaredNorm() / n;
-      error_variance += (rest.array() - rest.mean()).matrix().squaredNorm() / n;
-    }
+                                  const Eigen::MatrixXd& error) const {
+    const auto centred_square = [](const Eigen::MatrixXd& values) {
+      return (values.rowwise() - values.colwise().mean()).squaredNorm();
+    };
+    const double variance = centred_square(rows.measured);
     Assessment result;
-    result.chi_square = row_weights(noise_, error.size()).cwiseProduct(error).squaredNorm();
+    result.chi_square = (error * regression_.noise().cwiseInverse().asDiagonal()).squaredNorm();
     result.degrees_of_freedom = static_cast<double>(error.size());
-    result.nrmse = 100.0 * std::sqrt(error.squaredNorm() / n / variance);
-    result.variance_accounted_for = 100.0 * (1.0 - error_variance / variance);
+    result.nrmse = 100.0 * std::sqrt(error.squaredNorm() / variance);
+    result.variance_accounted_for = 100.0 * (1.0 - centred_square(error) / variance);
     return result;
-  }
-
-  [[nodiscard]] Eigen::VectorXd measured_torque(const ForceBalanceRows& rows) const {
-    Eigen::VectorXd torque(rows.base.torque.size());
-    Eigen::Index row = 0;
-    for (const Motion& piece : rows.pieces) {
-      for (Eigen::Index t = 0; t < piece.samples(); ++t, row += joints()) {
-        torque.segment(row, joints()) = piece.torque.row(t).transpose();
-      }
-    }
-    return torque;
   }
 
   [[nodiscard]] ForcePicture picture(const ExtendedFit& fit, const FittedLaw& law) const {
     const PlacedLaw placed_law = placed_of(law);
-    const Eigen::VectorXd own = force_rows(placed_law, data_.estimation);
-    const Eigen::VectorXd asked = residuals(fit, data_.estimation) + own;
+    const BalanceColumns own = law_force_column(placed_law, data_, data_.estimation);
+    const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
     const Eigen::VectorXd& direction = placed_law.place->location.output;
+    Eigen::VectorXd law_force = Eigen::VectorXd::Zero(rest.rows());
+    for (Index j = 0; j < coordinates(); ++j) {
+      const Eigen::MatrixXd& block = own.in[static_cast<std::size_t>(j)];
+      if (block.size() > 0) law_force += direction(j) * block.col(0);
+    }
+    law_force /= direction.squaredNorm();
+    const Eigen::VectorXd force = law_force + rest * direction / direction.squaredNorm();
     const PlaceUnits& units = placed_law.place->location.units;
     ForcePicture result{
         law.hypothesis, units.deflection, units.deflection + "/s", units.force, {}, {}, {}, {}};
-    Eigen::Index row = 0;
     for (const Motion& piece : data_.estimation.pieces) {
       const PlaceMotion motion = motion_at(*placed_law.place, piece);
-      for (Eigen::Index t = 0; t < piece.samples(); ++t, row += joints()) {
-        result.deflection.push_back(motion.deflection(t));
-        result.rate.push_back(motion.rate(t));
-        result.force.push_back(direction.dot(asked.segment(row, joints())) /
-                               direction.squaredNorm());
-        result.law_force.push_back(direction.dot(own.segment(row, joints())) /
-                                   direction.squaredNorm());
-      }
+      result.deflection.insert(result.deflection.end(), motion.deflection.begin(),
+                               motion.deflection.end());
+      result.rate.insert(result.rate.end(), motion.rate.begin(), motion.rate.end());
     }
+    result.force.assign(force.begin(), force.end());
+    result.law_force.assign(law_force.begin(), law_force.end());
     return result;
   }
 
-  // The first recording of a role, every joint, the worst first.
+  // The first recording of a role, every coordinate.
   void add_curves(const ExtendedFit& fit, const ForceBalanceRows& rows, bool held_out,
                   std::vector<ResidualCurve>& curves) const {
-    const Eigen::VectorXd error = residuals(fit, rows);
+    const Eigen::MatrixXd error = residuals(fit, rows);
     const Motion& piece = rows.pieces.front();
-    std::vector<ResidualCurve> own;
-    for (Eigen::Index j = 0; j < joints(); ++j) {
-      const RobotJoint& joint = data_.robot.joints[static_cast<std::size_t>(j)];
+    for (Index j = 0; j < coordinates() && curves.size() < kShownCurves; ++j) {
+      const BalanceCoordinate& coordinate = data_.coordinates[static_cast<std::size_t>(j)];
       ResidualCurve curve;
-      curve.channel = "torque of " + joint.name;
-      curve.unit = joint.is_prismatic ? "N" : "N m";
+      curve.channel = "force of " + coordinate.name;
+      if (coordinate.units.force == "N m") curve.channel = "torque of " + coordinate.name;
+      curve.unit = coordinate.units.force;
       curve.experiment = rows.names.front() + (held_out ? ", kept out of the fit" : "");
       curve.over_time = true;
       curve.held_out = held_out;
-      for (Eigen::Index t = 0; t < piece.samples(); ++t) {
-        curve.axis.push_back(piece.time(t));
-        curve.measured.push_back(piece.torque(t, j));
-        curve.residual.push_back(error(t * joints() + j));
-      }
-      own.push_back(std::move(curve));
-    }
-    for (ResidualCurve& curve : own) {
-      if (curves.size() < kShownCurves) curves.push_back(std::move(curve));
+      const auto own = Eigen::seqN(Index{0}, piece.samples());
+      const Eigen::VectorXd measured = rows.measured(own, j), rest = error(own, j);
+      curve.axis.assign(piece.time.begin(), piece.time.end());
+      curve.measured.assign(measured.begin(), measured.end());
+      curve.residual.assign(rest.begin(), rest.end());
+      curves.push_back(std::move(curve));
     }
   }
 
   ForceBalanceData data_;
   ForceBalanceOptions options_;
-  Eigen::VectorXd noise_;          // of the first fit, by joint
-  std::vector<double> effective_;  // samples, by joint
+  BalanceRegression regression_;
+  std::vector<ColouredNoise> noises_;  // by coordinate
+  std::vector<double> effective_;      // samples, by coordinate
   std::vector<Hypothesis> hypotheses_;
   std::vector<const LawEntry*> entries_;
   std::vector<std::size_t> place_of_;
@@ -444,62 +443,44 @@ class ForceBalanceProblem : public MismatchProblem {
 
 // ---- scores ---------------------------------------------------------------------------------------
 
-// Rows for the score tests: every stride-th, over the noise, with draws of pure noise beside them.
-struct ScoredRows {
-  std::vector<Eigen::Index> kept;
-  Eigen::VectorXd weights;
-  Eigen::MatrixXd right;  // residual, then draws
-
-  [[nodiscard]] Eigen::MatrixXd scaled(const Eigen::MatrixXd& columns) const {
-    return weights.asDiagonal() * columns(kept, Eigen::all);
-  }
-};
-
-ScoredRows scored_rows(const Eigen::VectorXd& residuals, const Eigen::VectorXd& noise,
-                       Eigen::Index joints, int draws, std::uint64_t seed) {
-  ScoredRows rows;
-  const Eigen::Index stride = residuals.size() / kScoredRows + 1;
-  for (Eigen::Index sample = 0; sample < residuals.size() / joints; sample += stride) {
-    for (Eigen::Index j = 0; j < joints; ++j) rows.kept.push_back(sample * joints + j);
-  }
-  rows.weights = row_weights(noise, residuals.size())(rows.kept);
-  rows.right.resize(rows.weights.size(), 1 + draws);
-  rows.right.col(0) = rows.weights.cwiseProduct(residuals(rows.kept));
-  Random random(seed);
-  for (Eigen::Index k = rows.right.rows(); k < rows.right.size(); ++k) {
-    rows.right.data()[k] = random.normal();
-  }
-  return rows;
-}
-
-Eigen::VectorXd rms_by_joint(const Eigen::VectorXd& residuals, Eigen::Index joints) {
-  Eigen::VectorXd rms(joints);
-  for (Eigen::Index j = 0; j < joints; ++j) {
-    const Eigen::VectorXd own = residuals(Eigen::seq(j, Eigen::last, joints));
-    rms(j) = std::sqrt(own.squaredNorm() / static_cast<double>(own.size()));
-  }
-  const double floor = 1e-12 * std::max(rms.maxCoeff(), 1e-300);
-  return rms.cwiseMax(floor);
+// Root mean squares by coordinate.
+Eigen::VectorXd rms_of(const Eigen::MatrixXd& residuals) {
+  const Eigen::VectorXd rms =
+      (residuals.colwise().squaredNorm() / static_cast<double>(residuals.rows())).cwiseSqrt();
+  return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
 }
 
 ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                                        int null_draws, std::uint64_t seed) const {
-  const Eigen::VectorXd rest = residuals(fit, data_.estimation);
-  const ScoredRows rows =
-      scored_rows(rest, rms_by_joint(rest, joints()), joints(), null_draws, seed);
+  const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
+  const Eigen::VectorXd rms = rms_of(rest);
+  const Index samples = rest.rows();
+  const double worth = sample_count() / static_cast<double>(rest.size());
+  Eigen::MatrixXd right(rest.size(), 1 + null_draws);
+  right.col(0) = (rest * rms.cwiseInverse().asDiagonal()).reshaped();
+  // Draws follow each other in time as the noise does. They are judged as the data are: a sample is
+  // worth `worth` of an independent one.
+  Random random(seed);
+  for (Index b = 1; b <= null_draws; ++b) {
+    for (Index j = 0; j < coordinates(); ++j) {
+      const Eigen::VectorXd draw = noises_[static_cast<std::size_t>(j)].draw(random);
+      right.col(b).segment(j * samples, samples) =
+          draw * std::sqrt(worth * static_cast<double>(samples) / draw.squaredNorm());
+    }
+  }
   std::vector<PlacedLaw> present;
   for (const FittedLaw& law : fit.laws) present.push_back(placed_of(law));
-  std::vector<Eigen::MatrixXd> fitted = all_linear_columns(present);
-  fitted.push_back(shape_slopes(present));
-  const Eigen::MatrixXd nuisance = rows.scaled(joined(data_.estimation.base, fitted).columns);
-  const double thinning = static_cast<double>(rest.size()) / static_cast<double>(rows.kept.size());
-  const double square = rows.right.col(0).squaredNorm();
-  const ScoreTest test({nuisance.transpose() * nuisance, nuisance.transpose() * rows.right},
-                       {square, sample_count() - static_cast<double>(nuisance.cols())});
+  std::vector<Column> unused;
+  Eigen::MatrixXd basis(rest.size(), 0);
+  (void)extend_basis(information_columns(present, rms, unused), basis);
+  const double square = right.col(0).squaredNorm();
+  const double freedom =
+      std::max(sample_count() - static_cast<double>(basis.cols()), 0.5 * sample_count());
+  const ScoreTest test(
+      {Eigen::MatrixXd::Identity(basis.cols(), basis.cols()), basis.transpose() * right},
+      {square, freedom});
   ScoreTable table;
   table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
-  // A sample is worth less than one where residuals are correlated, more where rows were left out.
-  const double inflation = std::sqrt(static_cast<double>(rest.size()) / sample_count() / thinning);
   for (const std::size_t hypothesis : asked) {
     HypothesisScore best;
     best.start.hypothesis = hypothesis;
@@ -507,18 +488,29 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
     const LawEntry& entry = *entries_[hypothesis];
     best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
     best.shapes = 0;
-    for (const LawShape& shape : law_shapes(entry, place, scales_[place_of_[hypothesis]])) {
-      Eigen::MatrixXd columns(data_.estimation.base.torque.size(),
-                              static_cast<Eigen::Index>(shape.basis.size()));
-      for (std::size_t k = 0; k < shape.basis.size(); ++k) {
-        columns.col(static_cast<Eigen::Index>(k)) =
-            shape_rows(place, entry, shape.basis[k], data_.estimation);
-      }
-      const Eigen::MatrixXd scaled = rows.scaled(columns);
-      if (!scaled.allFinite() || !(scaled.norm() > 0.0)) continue;
+    const PlacedLaw law{&place, &entry, {}};
+    const std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
+    std::vector<std::vector<double>> every_basis;
+    for (const LawShape& shape : shapes) {
+      every_basis.insert(every_basis.end(), shape.basis.begin(), shape.basis.end());
+    }
+    if (every_basis.empty()) {
+      table.scores.push_back(std::move(best));
+      continue;
+    }
+    const Eigen::MatrixXd columns =
+        stacked(basis_columns(law, every_basis, data_, data_.estimation), rms, samples);
+    const Eigen::MatrixXd with_basis = columns.transpose() * basis;
+    const Eigen::MatrixXd with_right = columns.transpose() * right;
+    Index first = 0;
+    for (const LawShape& shape : shapes) {
+      const auto count = static_cast<Index>(shape.basis.size());
+      const auto own = columns.middleCols(first, count);
+      const CandidateProducts products{own.transpose() * own, with_basis.middleRows(first, count),
+                                       with_right.middleRows(first, count)};
+      first += count;
+      if (!products.information.allFinite() || !(products.information.trace() > 0.0)) continue;
       ++best.shapes;
-      const CandidateProducts products{scaled.transpose() * scaled, scaled.transpose() * nuisance,
-                                       scaled.transpose() * rows.right};
       test.lower_minimum_p_values(products, table.null_minima);
       CandidateScore score = test.score(products);
       if (score.statistic <= best.score.statistic) continue;
@@ -526,7 +518,7 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
       if (parameters.empty()) continue;
       best.start.parameters = std::move(parameters);
       best.amplitude = score.amplitudes(0);
-      best.amplitude_deviation = inflation * std::sqrt(score.amplitude_covariance(0, 0));
+      best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0) / worth);
       best.explained_share = score.statistic / square;
       best.score = std::move(score);
     }

@@ -13,23 +13,28 @@ double phi_1(double x) { return std::abs(x) < 1e-8 ? 1.0 + 0.5 * x : std::expm1(
 }  // namespace
 
 Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion) {
+  constexpr double kShare = 1e-3;  // of the step, for the slope along it
   const Eigen::Index n = motion.deflection.size();
   const std::size_t states = law.state_count();
-  std::array<double, kMaxLawStates> storage{};
+  std::array<double, kMaxLawStates> storage{}, change{}, moved{}, moved_change{};
   const std::span<double> state(storage.data(), states);
   Eigen::VectorXd force(n);
   if (n > 0 && states > 0) law.rest(motion.deflection(0), state);
-  LawDerivatives slopes;
   for (Eigen::Index k = 0; k < n; ++k) {
     force(k) = law.force(motion.deflection(k), motion.rate(k), state);
     if (states == 0 || k + 1 == n) continue;
     const double step = motion.time(k + 1) - motion.time(k);
     const double z = 0.5 * (motion.deflection(k) + motion.deflection(k + 1));
     const double rate = 0.5 * (motion.rate(k) + motion.rate(k + 1));
-    law.differentiate(z, rate, state, slopes);
+    law.state_rate(z, rate, state, change);
     for (std::size_t i = 0; i < states; ++i) {
-      const LawDerivative& change = slopes.state_rate[i];
-      storage[i] += step * phi_1(step * change.by_state[i]) * change.value;
+      const double ahead = kShare * step * change[i];
+      if (ahead == 0.0) continue;
+      moved = storage;
+      moved[i] += ahead;
+      law.state_rate(z, rate, {moved.data(), states}, moved_change);
+      const double slope = (moved_change[i] - change[i]) / ahead;
+      storage[i] += step * phi_1(step * slope) * change[i];
     }
   }
   return force;

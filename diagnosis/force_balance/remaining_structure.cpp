@@ -9,6 +9,12 @@ namespace graybox {
 namespace {
 
 constexpr Eigen::Index kBins = 16;
+constexpr Eigen::Index kFolds = 5;
+
+// Contiguous fifths of consecutive samples: the fold of each.
+Eigen::Index fold_of(Eigen::Index sample, Eigen::Index samples) {
+  return std::min(kFolds - 1, sample * kFolds / std::max<Eigen::Index>(1, samples));
+}
 
 // The bin of each value, edges at quantiles.
 std::vector<Eigen::Index> bins_of(const std::vector<double>& values) {
@@ -93,30 +99,23 @@ Eigen::VectorXd prediction_errors(const StepColumns& columns, const Eigen::Vecto
 
 }  // namespace
 
-Eigen::Index fold_of(Eigen::Index sample, Eigen::Index samples) {
-  return std::min(kFolds - 1, sample * kFolds / std::max<Eigen::Index>(1, samples));
-}
-
-Eigen::VectorXd unpredicted(const ForceBalanceRows& rows, const Eigen::VectorXd& residuals) {
-  const Eigen::Index joints = rows.base.joints;
-  Eigen::VectorXd rest = residuals;
-  for (Eigen::Index joint = 0; joint < joints; ++joint) {
-    const auto own = Eigen::seq(joint, Eigen::last, joints);
-    rest(own) = prediction_errors(step_columns(rows, joint), residuals(own));
+Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
+  Eigen::MatrixXd rest = residuals;
+  for (Eigen::Index joint = 0; joint < rest.cols(); ++joint) {
+    rest.col(joint) = prediction_errors(step_columns(rows, joint), residuals.col(joint));
   }
   return rest;
 }
 
-double remaining_structure(const ForceBalanceRows& rows, const Eigen::VectorXd& residuals) {
-  const Eigen::Index joints = rows.base.joints;
-  const Eigen::VectorXd rest = unpredicted(rows, residuals);
+double remaining_structure(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
+  const Eigen::MatrixXd rest = unpredicted(rows, residuals);
   double before = 0.0, after = 0.0;
-  for (Eigen::Index joint = 0; joint < joints; ++joint) {
-    const double square = residuals(Eigen::seq(joint, Eigen::last, joints)).squaredNorm();
+  for (Eigen::Index joint = 0; joint < rest.cols(); ++joint) {
+    const double square = residuals.col(joint).squaredNorm();
     if (!(square > 0.0)) continue;
     // Each joint counts alike, whatever its unit.
     before += 1.0;
-    after += rest(Eigen::seq(joint, Eigen::last, joints)).squaredNorm() / square;
+    after += rest.col(joint).squaredNorm() / square;
   }
   return before > 0.0 ? std::max(0.0, 1.0 - after / before) : 0.0;
 }

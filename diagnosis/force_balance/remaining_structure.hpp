@@ -11,15 +11,11 @@
 
 namespace graybox {
 
-// `residuals`: of the rows.
+// `residuals`: samples x coordinates.
 [[nodiscard]] double remaining_structure(const ForceBalanceRows& rows,
-                                         const Eigen::VectorXd& residuals);
+                                         const Eigen::MatrixXd& residuals);
 // What that regression does not predict, sample by sample.
-[[nodiscard]] Eigen::VectorXd unpredicted(const ForceBalanceRows& rows,
-                                          const Eigen::VectorXd& residuals);
-
-// Contiguous fifths of `samples` consecutive samples: the fold of each.
-[[nodiscard]] Eigen::Index fold_of(Eigen::Index sample, Eigen::Index samples);
-inline constexpr Eigen::Index kFolds = 5;
+[[nodiscard]] Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows,
+                                          const Eigen::MatrixXd& residuals);
 
 }  // namespace graybox

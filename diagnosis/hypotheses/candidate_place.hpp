@@ -16,6 +16,7 @@ struct CandidatePlace {
   bool has_free_damping = false;
   bool has_free_inertia = false;
   bool turns = false;        // an axis that comes round: ripple has periods of whole turns
+  bool is_compound = false;  // sum or difference of two places
   bool is_coupling = false;  // b_in differs from b_out
 };
 

@@ -51,6 +51,7 @@ class Search {
       extend();
       prune();
       simplify();
+      if (!problem_.noise_is_known()) exchange();
       weigh_rivals();
     }
     verify();
@@ -62,6 +63,12 @@ class Search {
   [[nodiscard]] double bic(const ExtendedFit& fit) const {
     return fit.deviance +
            static_cast<double>(fit.parameter_count) * std::log(problem_.sample_count());
+  }
+
+  // Less is better: BIC or, where the noise is not known, the error of blocks kept out relative to that
+  // of `common`.
+  [[nodiscard]] double criterion(const ExtendedFit& fit, const ExtendedFit& common) const {
+    return problem_.noise_is_known() ? bic(fit) : -held_out_gain(common, fit).mean;
   }
 
   bool proceed(const std::string& step) {
@@ -103,13 +110,18 @@ class Search {
     return std::find(laws.begin(), laws.end(), hypothesis.law) != laws.end();
   }
 
-  // All hypotheses but those that are excluded, only named or, unless repeatable, in the fit already.
+  [[nodiscard]] bool is_closed(const Hypothesis& hypothesis) const {
+    return hypothesis.is_compound && !compounds_are_open_;
+  }
+
+  // All hypotheses but those that are excluded, closed, only named or, unless repeatable, in the fit
+  // already.
   [[nodiscard]] std::vector<std::size_t> open_hypotheses(const ExtendedFit& fit) const {
     std::vector<std::size_t> open;
     for (std::size_t i = 0; i < problem_.hypotheses().size(); ++i) {
       const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
       const Hypothesis& hypothesis = problem_.hypotheses()[i];
-      if (hypothesis.only_named || is_excluded(hypothesis)) continue;
+      if (hypothesis.only_named || is_excluded(hypothesis) || is_closed(hypothesis)) continue;
       if (hypothesis.repeatable || std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
         open.push_back(i);
       }
@@ -190,6 +202,7 @@ class Search {
     for (const HypothesisScore& score : table.scores) {
       if (chosen.size() >= options_.shortlist) break;
       if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
+      if (is_closed(problem_.hypotheses()[score.start.hypothesis])) continue;
       const std::string& place = problem_.hypotheses()[score.start.hypothesis].place;
       if (chosen.size() < crowd || places.count(place) == 0) {
         chosen.push_back(score.start);
@@ -217,28 +230,48 @@ class Search {
       Trial trial{candidate.hypothesis, refit(laws, nearby)};
       if (trial.fit.usable) trials.push_back(std::move(trial));
     }
-    std::stable_sort(trials.begin(), trials.end(),
-                     [&](const Trial& a, const Trial& b) { return bic(a.fit) < bic(b.fit); });
+    std::stable_sort(trials.begin(), trials.end(), [&](const Trial& a, const Trial& b) {
+      return criterion(a.fit, nearby) < criterion(b.fit, nearby);
+    });
     return trials;
   }
 
-  // Whether the deviance falls by more than chance allows for the best of all hypotheses
-  // (Bonferroni), and prediction gains by it.
+  // Whether a law that is the last of `with` has an effect: more than chance allows for the best of all
+  // hypotheses (Bonferroni).
   [[nodiscard]] bool significant(const ExtendedFit& without, const ExtendedFit& with) const {
-    if (!problem_.noise_is_known() &&
-        !(with.cross_validation <
-          (1.0 - options_.cross_validation_gain) * without.cross_validation)) {
-      return false;
-    }
     if (with.parameter_count <= without.parameter_count) return with.deviance < without.deviance;
     const double added = static_cast<double>(with.parameter_count - without.parameter_count);
     const double count = static_cast<double>(problem_.hypotheses().size());
-    return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
+    if (problem_.noise_is_known()) {
+      return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
+    }
+    return chi_square_tail(with.laws.back().wald_statistic, added) < options_.level / count &&
+           predicts_better(without, with);
+  }
+
+  // Where the noise is not known.
+  [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with) const {
+    const HeldOutGain gain = held_out_gain(without, with);
+    return gain.mean >= options_.held_out_gain &&
+           gain.mean > options_.held_out_errors * gain.standard_error;
+  }
+
+  // How much worse `fit` is than `reference`, so that `exclusion_margin` excludes it: by BIC or, where
+  // the noise is not known, by the squared standard errors of what it loses on blocks kept out.
+  [[nodiscard]] double disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {
+    if (problem_.noise_is_known()) return bic(fit) - bic(reference);
+    const HeldOutGain gain = held_out_gain(fit, reference);
+    const double errors = gain.mean / std::max(gain.standard_error, 1e-300);
+    return errors * std::abs(errors);
+  }
+  [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
+    return problem_.noise_is_known() ? disadvantage(fit, reference) > options_.exclusion_margin
+                                     : predicts_better(fit, reference);
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
     if (options_.effect_limit > 0) return options_.effect_limit;
-    return problem_.noise_is_known() ? 4 : 12;
+    return problem_.noise_is_known() ? 4 : 24;
   }
 
   [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const {
@@ -248,6 +281,12 @@ class Search {
   }
 
   void extend() {
+    compounds_are_open_ = !result_.after.laws.empty();
+    add_laws();
+    compounds_are_open_ = true;
+  }
+
+  void add_laws() {
     ScoreTable table;
     table.scores = result_.ranking;
     while (result_.after.laws.size() < effect_limit() && !result_.interrupted) {
@@ -258,12 +297,42 @@ class Search {
       }
       const std::vector<Trial> trials =
           refit_each(starts_of(result_.after), shortlist(table), result_.after);
-      const auto best = std::find_if(trials.begin(), trials.end(), [this](const Trial& trial) {
-        return significant(result_.after, trial.fit);
-      });
-      if (best == trials.end()) return;
+      const Trial* best = choose(result_.after, trials);
+      if (best == nullptr && compounds_are_open_) return;
+      if (best == nullptr) {
+        compounds_are_open_ = true;
+        continue;
+      }
       result_.after = best->fit;
     }
+  }
+
+  [[nodiscard]] const std::string& place_of(const Trial& trial) const {
+    return problem_.hypotheses()[trial.hypothesis].place;
+  }
+
+  // The best of those that are significant; where the noise is not known the one of fewest parameters
+  // among those at its place that it does not excel (the rule of one standard error: Breiman and others 1984).
+  [[nodiscard]] const Trial* choose(const ExtendedFit& without,
+                                    const std::vector<Trial>& trials) const {
+    const Trial* best = nullptr;
+    const ExtendedFit* top = nullptr;
+    for (const Trial& trial : trials) {
+      if (!significant(without, trial.fit)) continue;
+      if (best == nullptr) {
+        best = &trial;
+        top = &trial.fit;
+        if (problem_.noise_is_known()) break;
+        continue;
+      }
+      const HeldOutGain gain = held_out_gain(trial.fit, *top);
+      if (place_of(trial) == place_of(*best) &&
+          trial.fit.parameter_count < best->fit.parameter_count &&
+          gain.mean <= gain.standard_error) {
+        best = &trial;
+      }
+    }
+    return best;
   }
 
   [[nodiscard]] ExtendedFit fit_without(const ExtendedFit& fit, std::size_t law) const {
@@ -276,7 +345,10 @@ class Search {
     for (std::size_t law = 0; law < result_.after.laws.size() && result_.after.laws.size() > 1;) {
       if (!proceed("leaving out " + name_of(result_.after.laws[law].hypothesis))) return;
       ExtendedFit without = fit_without(result_.after, law);
-      if (without.usable && bic(without) <= bic(result_.after)) {
+      const bool is_superfluous =
+          without.usable && (problem_.noise_is_known() ? bic(without) <= bic(result_.after)
+                                                       : !predicts_better(without, result_.after));
+      if (is_superfluous) {
         result_.after = std::move(without);
         law = 0;
       } else {
@@ -302,7 +374,7 @@ class Search {
       }
       const std::vector<Trial> trials = refit_each(starts_of(without), plainer, without);
       if (!trials.empty() && trials.front().fit.parameter_count < result_.after.parameter_count &&
-          bic(trials.front().fit) <= bic(result_.after) + options_.exclusion_margin) {
+          !excludes(result_.after, trials.front().fit)) {
         result_.after = trials.front().fit;
         law = static_cast<std::size_t>(-1);  // the others stand in another order now
       }
@@ -314,13 +386,43 @@ class Search {
            std::count(richer.special_cases.begin(), richer.special_cases.end(), plain.law) > 0;
   }
 
+  // Laws found early stood in for several; once the others are there, another may fit better in
+  // their place. Until none does; then further laws may be missing again.
+  void exchange() {
+    constexpr int kRounds = 12;
+    for (int round = 0; round < kRounds && exchange_one(); ++round) {
+      extend();
+      prune();
+      simplify();
+    }
+  }
+
+  bool exchange_one() {
+    for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
+      const ExtendedFit without = fit_without(result_.after, law);
+      if (!without.usable ||
+          !proceed("exchanging " + name_of(result_.after.laws[law].hypothesis))) {
+        continue;
+      }
+      std::vector<LawStart> candidates;
+      for (const LawStart& start : shortlist(rank(without, 0))) {
+        if (start.hypothesis != result_.after.laws[law].hypothesis) candidates.push_back(start);
+      }
+      const std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
+      if (trials.empty() || !predicts_better(result_.after, trials.front().fit)) continue;
+      result_.after = trials.front().fit;
+      return true;
+    }
+    return false;
+  }
+
   void weigh_rivals() {
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       FoundEffect effect;
       effect.law = result_.after.laws[law];
       const ExtendedFit without = fit_without(result_.after, law);
       if (without.usable) {
-        effect.bic_difference = bic(without) - bic(result_.after);
+        effect.bic_difference = disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
         weigh_rivals_of(effect, without);
       }
@@ -344,10 +446,9 @@ class Search {
     for (const LawStart& start : shortlist(table)) {
       if (start.hypothesis != effect.law.hypothesis) candidates.push_back(start);
     }
-    const double best = bic(result_.after);
     for (const Trial& trial : refit_each(starts_of(without), candidates, without)) {
-      Rival rival{trial.fit.laws.back(), bic(trial.fit) - best, {}};
-      if (rival.bic_difference > options_.exclusion_margin) {
+      Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
+      if (excludes(result_.after, trial.fit)) {
         effect.excluded.push_back(std::move(rival));
       } else if (!generalises(trial, effect.law)) {
         if (effect.rivals.empty()) rival.next = experiment_against(trial);
@@ -401,8 +502,9 @@ class Search {
   void verify_without_noise() {
     result_.remaining_structure = problem_.remaining_structure(result_.after);
     const bool generalises =
-        !result_.validation_after ||
-        result_.validation_after->nrmse <= options_.generalisation * result_.after.estimation.nrmse;
+        !result_.validation_after || result_.validation_after->chi_square_per_dof() <=
+                                         options_.generalisation * options_.generalisation *
+                                             result_.after.estimation.chi_square_per_dof();
     result_.verified = generalises && result_.remaining_structure &&
                        *result_.remaining_structure <= options_.structure_tolerance;
   }
@@ -422,6 +524,8 @@ class Search {
 
   const MismatchProblem& problem_;
   const SearchOptions& options_;
+  // Compound places are looked at when single ones explain no more.
+  bool compounds_are_open_ = true;
   Diagnosis result_;
   std::vector<Refit> refits_;
 };
@@ -440,6 +544,22 @@ std::string_view to_string(Verdict verdict) {
       break;
   }
   return "unknown";
+}
+
+HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with) {
+  // Blocks whose parameters the others do not determine can't be predicted.
+  if (!with.held_out.allFinite()) return {-std::numeric_limits<double>::infinity(), 0.0};
+  if (!without.held_out.allFinite()) return {std::numeric_limits<double>::infinity(), 0.0};
+  // Equal errors, zeros among them, gain nothing.
+  const Eigen::ArrayXXd ratios = (without.held_out.array() == with.held_out.array())
+                                     .select(1.0, without.held_out.array() / with.held_out.array());
+  const Eigen::VectorXd gains = ratios.log().rowwise().sum();
+  const auto blocks = static_cast<double>(gains.size());
+  HeldOutGain result;
+  result.mean = gains.mean();
+  const double square = (gains.array() - result.mean).square().sum();
+  result.standard_error = std::sqrt(square / (blocks - 1.0) / blocks);
+  return result;
 }
 
 double practical_size_p_value(const Assessment& assessment, double tolerance) {

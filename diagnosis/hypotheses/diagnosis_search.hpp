@@ -10,14 +10,22 @@
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the
 //      best, keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
-//      if its deviance falls by more than the family-wise chi-square threshold and, where the noise is
-//      not known, its cross-validated error by `cross_validation_gain` at least.
-//   4. Prune backwards: laws without which BIC is lower go, and laws that only generalise another
-//      of fewer parameters give way to it unless they are better by `exclusion_margin`.
+//      if its deviance falls by more than the family-wise chi-square threshold. Where the noise is not
+//      known, it may have any memory, and n is not known either. There a law must be significant by a
+//      Wald test that allows for memory, and must predict: with contiguous blocks of the recordings kept
+//      out in turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard
+//      errors over the blocks. Compound places (Hypothesis::is_compound) come when single ones explain no
+//      more: main effects before interactions. The law that predicts best is kept, or one of fewer parameters that is not
+//      worse by more than one standard error.
+//   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, and
+//      laws that only generalise another of fewer parameters give way to it unless they are better by
+//      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
+//      predicts better now are exchanged, and steps 3 and 4 repeated.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those whose BIC is not worse
-//      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995) can't be excluded and form one
-//      class with it. A law that only generalises another of the class, and is no better by
-//      more than what its parameters cost, is left out. Twins (mismatch_problem.hpp) are rivals always.
+//      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does not
+//      predict better, can't be excluded and form one class with it. A law that only generalises
+//      another of the class, and is no better by more than what its parameters cost, is left out.
+//      Twins (mismatch_problem.hpp) are rivals always.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
@@ -55,11 +63,12 @@ enum class Verdict : std::int8_t { kNone, kExplained, kAmbiguous, kUnknown };
 struct SearchOptions {
   double level = 0.05;  // alpha of detection, family-wise
   double verification_level = 0.01;
-  double tolerance = 0.05;              // of the noise's variance, in verification
-  double exclusion_margin = 10.0;       // of BIC
-  std::size_t shortlist = 8;            // refits an effect
-  std::size_t effect_limit = 0;         // 0: 4, or 12 where the noise is not known
-  double cross_validation_gain = 0.01;  // relative, of the squared error
+  double tolerance = 0.05;         // of the noise's variance, in verification
+  double exclusion_margin = 10.0;  // of BIC
+  std::size_t shortlist = 8;       // refits an effect
+  std::size_t effect_limit = 0;    // 0: 4, or 24 where the noise is not known
+  double held_out_gain = 0.01;     // logarithmic, of the squared error
+  double held_out_errors = 2.0;    // standard errors of that gain
   double generalisation = 1.5;
   double structure_tolerance = 0.1;
   int null_draws = 199;                    // at least 2 / level are taken
@@ -87,7 +96,9 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
-  double bic_difference = 0.0;  // to the best of its class
+  // To the best of its class; where the noise is not known, of the prediction of blocks kept out, in
+  // squared standard errors, negative where it is better.
+  double bic_difference = 0.0;
   std::optional<NextExperiment> next =
       {};  // that tells it from the law found; of the nearest alone
 };
@@ -95,7 +106,7 @@ struct Rival {
 struct FoundEffect {
   FittedLaw law;
   double explained_share = 0.0;  // of the excess of chi-square that was there before it
-  double bic_difference = 0.0;   // of the model without it
+  double bic_difference = 0.0;   // of the model without it, likewise
   std::vector<Rival> rivals;     // not excluded
   std::vector<Rival> excluded;   // the best of those that are, by their distance
 };
@@ -121,6 +132,15 @@ struct Diagnosis {
 };
 
 [[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});
+
+// What a law gains on blocks kept out in turn: the logarithm of the squared error without it over that
+// with it, summed over outputs; mean over blocks and its standard error. Where the noise is not known.
+// (By logarithms, one block that the others predict badly does not outweigh all.)
+struct HeldOutGain {
+  double mean = 0.0;
+  double standard_error = 0.0;
+};
+[[nodiscard]] HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with);
 
 // The rest is larger than noise: p-value of chi-square against a noncentrality of tolerance x dof.
 [[nodiscard]] double practical_size_p_value(const Assessment& assessment, double tolerance);

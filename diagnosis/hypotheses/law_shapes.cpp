@@ -327,6 +327,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "balancer") return balancer();
   if (name == "asymmetric_viscous") return {asymmetric_viscous()};
   if (name == "sublinear_friction") return sublinear_friction(scale);
+  if (name == "payload") return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true)};
   if (entry.parameters.size() > 1) return {};
   const bool is_positive = entry.parameters.front().range != ParameterRange::kAny;
   return {single_amplitude({1.0}, 0, is_positive)};

@@ -31,6 +31,9 @@ struct Hypothesis {
   // Laws of the catalogue that this one is for some of its parameters (a Coulomb friction for equal
   // levels in both directions). Where such a law explains the data as well, this one is not a rival.
   std::vector<std::string> special_cases;
+  // At a combination of places that are hypotheses of their own (sum or difference of two joints): taken
+  // only for what those leave.
+  bool is_compound = false;
   bool repeatable = false;  // may be found more than once at its place, as harmonics of a ripple
   // Other hypotheses that such recordings can't tell from this one at any parameters, because the
   // model's own take up the difference. Each is `only_named`: never fitted, but a rival of this one.
@@ -48,6 +51,9 @@ struct LawParameterEstimate {
 struct FittedLaw {
   std::size_t hypothesis = 0;
   std::vector<LawParameterEstimate> parameters;  // in the catalogue's order
+  // Where the noise is not known: of the law's amplitudes being zero, with a covariance that allows for
+  // residuals that follow each other; chi-square with the law's parameters as degrees of freedom at most.
+  double wald_statistic = 0.0;
 };
 
 // How a fitted model does on one set of recordings.
@@ -68,9 +74,9 @@ struct ExtendedFit {
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
   std::size_t parameter_count = 0;
   Assessment estimation;
-  // Mean squared error of cross-validation, on one scale for all fits of the problem; NaN where it is
-  // not needed because the noise is known.
-  double cross_validation = std::numeric_limits<double>::quiet_NaN();
+  // Where the noise is not known: mean squared errors of contiguous blocks of the recordings (rows),
+  // each predicted by the others, in each output (columns).
+  Eigen::MatrixXd held_out;
 };
 
 // Where a fit by a law of this hypothesis may start.

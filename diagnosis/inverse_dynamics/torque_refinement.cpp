@@ -46,6 +46,12 @@ class Scaling {
     }
   }
 
+  [[nodiscard]] Index size() const { return start_.size(); }
+  // d theta / d moved.
+  [[nodiscard]] double slope(const Eigen::VectorXd& theta, Index k) const {
+    return is_logarithmic(k) ? theta(k) : scale(k);
+  }
+
   [[nodiscard]] bool is_at_limit(const double* moved, Index k) const {
     return is_logarithmic(k) && std::abs(moved[k]) > 0.999 * std::log(kLargestFactor);
   }
@@ -74,6 +80,33 @@ struct ProjectedResidual {
   }
 };
 
+// Residuals that bring their derivatives by theta.
+class SlopedResidual : public ceres::CostFunction {
+ public:
+  SlopedResidual(const Scaling& scaling, const ProjectedResiduals& residuals, Index count)
+      : scaling_(scaling), residuals_(residuals) {
+    set_num_residuals(static_cast<int>(count));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(scaling.size()));
+  }
+  bool Evaluate(double const* const* moved, double* values, double** slopes) const override {
+    const Eigen::VectorXd theta = scaling_.values(moved[0]);
+    const bool wanted = slopes != nullptr && slopes[0] != nullptr;
+    Eigen::VectorXd residuals;
+    Eigen::MatrixXd jacobian;
+    if (!residuals_(theta, residuals, wanted ? &jacobian : nullptr)) return false;
+    std::ranges::copy(residuals, values);
+    if (!wanted) return true;
+    for (Index k = 0; k < theta.size(); ++k) jacobian.col(k) *= scaling_.slope(theta, k);
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+        slopes[0], jacobian.rows(), jacobian.cols()) = jacobian;
+    return true;
+  }
+
+ private:
+  const Scaling& scaling_;
+  const ProjectedResiduals& residuals_;
+};
+
 class StopOnRequest : public ceres::IterationCallback {
  public:
   explicit StopOnRequest(const std::function<bool()>& keep_going) : keep_going_(keep_going) {}
@@ -87,19 +120,12 @@ class StopOnRequest : public ceres::IterationCallback {
 
 }  // namespace
 
-RefinementResult refine_parameters(
-    const Eigen::VectorXd& start, const std::vector<ParameterRange>& ranges,
-    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals, int max_steps,
-    const std::function<bool()>& keep_going) {
-  const Scaling scaling(start, ranges);
-  std::vector<double> moved(static_cast<std::size_t>(start.size()), 0.0);
-  ceres::NumericDiffOptions differences;
-  differences.relative_step_size = kDifference;
-  auto cost =
-      std::make_unique<ceres::DynamicNumericDiffCostFunction<ProjectedResidual, ceres::CENTRAL>>(
-          new ProjectedResidual{&scaling, &residuals}, ceres::TAKE_OWNERSHIP, differences);
-  cost->AddParameterBlock(static_cast<int>(start.size()));
-  cost->SetNumResiduals(static_cast<int>(residuals(start).size()));
+namespace {
+
+RefinementResult solve_problem(std::unique_ptr<ceres::CostFunction> cost, const Scaling& scaling,
+                               int max_steps, double tolerance,
+                               const std::function<bool()>& keep_going) {
+  std::vector<double> moved(static_cast<std::size_t>(scaling.size()), 0.0);
   ceres::Problem problem;
   problem.AddResidualBlock(cost.release(), nullptr, moved.data());
   scaling.bound(problem, moved.data());
@@ -107,8 +133,8 @@ RefinementResult refine_parameters(
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = max_steps;
-  options.function_tolerance = kTolerance;
-  options.parameter_tolerance = kTolerance;
+  options.function_tolerance = tolerance;
+  options.parameter_tolerance = tolerance;
   options.logging_type = ceres::SILENT;
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
@@ -120,6 +146,36 @@ RefinementResult refine_parameters(
     result.at_limit[k] = scaling.is_at_limit(moved.data(), static_cast<Index>(k));
   }
   return result;
+}
+
+}  // namespace
+
+RefinementResult refine_parameters(
+    const Eigen::VectorXd& start, const std::vector<ParameterRange>& ranges,
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals, int max_steps,
+    const std::function<bool()>& keep_going) {
+  const Scaling scaling(start, ranges);
+  ceres::NumericDiffOptions differences;
+  differences.relative_step_size = kDifference;
+  auto cost =
+      std::make_unique<ceres::DynamicNumericDiffCostFunction<ProjectedResidual, ceres::CENTRAL>>(
+          new ProjectedResidual{&scaling, &residuals}, ceres::TAKE_OWNERSHIP, differences);
+  cost->AddParameterBlock(static_cast<int>(start.size()));
+  cost->SetNumResiduals(static_cast<int>(residuals(start).size()));
+  return solve_problem(std::move(cost), scaling, max_steps, kTolerance, keep_going);
+}
+
+RefinementResult refine_parameters(const Eigen::VectorXd& start,
+                                   const std::vector<ParameterRange>& ranges,
+                                   const ProjectedResiduals& residuals, int max_steps,
+                                   double tolerance, const std::function<bool()>& keep_going) {
+  const Scaling scaling(start, ranges);
+  Eigen::VectorXd first;
+  if (!residuals(start, first, nullptr)) {
+    return {start, std::vector<bool>(static_cast<std::size_t>(start.size())), false, false};
+  }
+  return solve_problem(std::make_unique<SlopedResidual>(scaling, residuals, first.size()), scaling,
+                       max_steps, tolerance, keep_going);
 }
 
 }  // namespace graybox

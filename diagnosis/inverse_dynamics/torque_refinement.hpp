@@ -19,7 +19,18 @@ struct RefinementResult {
   bool interrupted = false;
 };
 
-// `residuals`: of the linear fit at theta; their number stays the same. `keep_going` as in
+// Residuals of the linear fit at theta and, where it is not null, their derivatives; false where
+// there are none. `tolerance`: relative, of the squared sum and of a step.
+using ProjectedResiduals = std::function<bool(
+    const Eigen::VectorXd& theta, Eigen::VectorXd& residuals, Eigen::MatrixXd* jacobian)>;
+
+[[nodiscard]] RefinementResult refine_parameters(const Eigen::VectorXd& start,
+                                                 const std::vector<ParameterRange>& ranges,
+                                                 const ProjectedResiduals& residuals, int max_steps,
+                                                 double tolerance,
+                                                 const std::function<bool()>& keep_going);
+
+// The same by central differences. `residuals`: of the linear fit at theta; their number stays the same. `keep_going` as in
 // inverse_dynamics_fit.hpp.
 [[nodiscard]] RefinementResult refine_parameters(
     const Eigen::VectorXd& start, const std::vector<ParameterRange>& ranges,

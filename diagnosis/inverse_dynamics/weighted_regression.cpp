@@ -49,19 +49,6 @@ Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
   return result;
 }
 
-// Andrews 1991 (6.4): L = 1.1447 (a N)^(1/3), a a mean of 4 r^2/((1-r)^2 (1+r)^2) over AR(1) models,
-// weighted by the squares of their spectra at zero for variance one, ((1-r^2)/(1-r)^2)^2.
-Index andrews_lags(const Eigen::VectorXd& correlations, Index samples) {
-  double numerator = 0.0, denominator = 0.0;
-  for (const double r : correlations) {
-    const double spread = (1.0 - r * r) * (1.0 - r * r) / std::pow(1.0 - r, 4.0);
-    numerator += spread * 4.0 * r * r / ((1.0 - r) * (1.0 - r) * (1.0 + r) * (1.0 + r));
-    denominator += spread;
-  }
-  const double ratio = numerator / denominator * static_cast<double>(samples);
-  return std::min(static_cast<Index>(1.1447 * std::cbrt(ratio)), samples / 4);
-}
-
 double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   Eigen::MatrixXd scaled = row_weights(noise, rows.torque.size()).asDiagonal() * rows.columns;
   scaled.array().rowwise() /= scaled.colwise().norm().array().eval();
@@ -80,6 +67,17 @@ WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::Vecto
 }
 
 }  // namespace
+
+Index andrews_lags(const Eigen::VectorXd& correlations, Index samples) {
+  double numerator = 0.0, denominator = 0.0;
+  for (const double r : correlations) {
+    const double spread = (1.0 - r * r) * (1.0 - r * r) / std::pow(1.0 - r, 4.0);
+    numerator += spread * 4.0 * r * r / ((1.0 - r) * (1.0 - r) * (1.0 + r) * (1.0 + r));
+    denominator += spread;
+  }
+  const double ratio = numerator / denominator * static_cast<double>(samples);
+  return std::min(static_cast<Index>(1.1447 * std::cbrt(ratio)), samples / 4);
+}
 
 Eigen::VectorXd row_weights(const Eigen::VectorXd& noise, Index rows) {
   return noise.cwiseInverse().replicate(rows / noise.size(), 1);

@@ -61,4 +61,9 @@ enum class JointNoise {
                                                     const Eigen::VectorXd& noise,
                                                     Eigen::Index& lags);
 
+// Andrews 1991 (6.4): L = 1.1447 (a N)^(1/3), a a mean of 4 r^2/((1-r)^2 (1+r)^2) over AR(1) models of
+// these correlations, weighted by the squares of their spectra at zero for variance one,
+// ((1-r^2)/(1-r)^2)^2; at most N/4.
+[[nodiscard]] Eigen::Index andrews_lags(const Eigen::VectorXd& correlations, Eigen::Index samples);
+
 }  // namespace graybox

@@ -1,0 +1,79 @@
+// Least squares of a force balance with columns of laws beside those of the model, many times over: the
+// model's columns are compressed once.
+//
+// Rows of coordinate j are divided by a noise s_j of their own (weighted_regression.hpp). With the
+// model's columns W = Q R, Q^T Q = I, a fit with laws' columns L needs of the samples only the products
+// of L with Q, L and the force, by coordinate and block: noise iterations and cross-validation work on
+// these (Frisch and Waugh 1933; the normal equations of an orthonormal Q lose nothing).
+//
+// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
+//
+// Cost: O(N p^2) once, O(N p m) a fit with m columns, O(B (p + m)^3) for B blocks.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
+
+namespace graybox {
+
+struct BalanceFit {
+  bool full_rank = false;      // else nothing below is set
+  Eigen::VectorXd model;       // parameters of the model's columns
+  Eigen::VectorXd amplitudes;  // of the laws' columns
+  Eigen::VectorXd noise;       // s_j
+  Eigen::MatrixXd residuals;   // samples x coordinates
+  Eigen::MatrixXd
+      held_out;  // mean squared error of each block (rows) in each coordinate, predicted
+                 // by the others; not finite where they don't determine the parameters
+};
+
+class BalanceRegression {
+ public:
+  static constexpr Eigen::Index kBlocks = 10;
+
+  // `rows` must outlive it. The model's columns must be independent.
+  explicit BalanceRegression(const ForceBalanceRows& rows);
+
+  // s_j of the model alone: the unit of projected().
+  [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
+  [[nodiscard]] BalanceFit fit(std::span<const BalanceColumns> laws) const;
+
+  // Over noise(), less what the model's columns imitate; rows of all coordinates, one after another.
+  [[nodiscard]] Eigen::MatrixXd projected(const BalanceColumns& columns) const;
+  [[nodiscard]] const Eigen::VectorXd& projected_force() const { return projected_force_; }
+
+  // Orthonormal columns for the span of the model's, over `noise` instead of noise().
+  [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
+
+ private:
+  // Products of [Q, force] with themselves in one block and coordinate.
+  struct Products {
+    Eigen::MatrixXd basis;
+    Eigen::VectorXd basis_force;
+    double force = 0.0;
+  };
+  struct System;  // of one fit
+
+  [[nodiscard]] Eigen::Index coordinates() const { return rows_.coordinates(); }
+  [[nodiscard]] std::size_t index(Eigen::Index block, Eigen::Index coordinate) const {
+    return static_cast<std::size_t>(block * coordinates() + coordinate);
+  }
+  [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;
+
+  const ForceBalanceRows& rows_;
+  Eigen::VectorXd noise_;
+  Eigen::MatrixXd basis_;     // Q, coordinate after coordinate
+  Eigen::MatrixXd triangle_;  // R
+  Eigen::VectorXd scaled_force_, projected_force_;
+  std::vector<Eigen::Index> begins_;  // of the blocks, and the end
+  std::vector<Products> products_;
+};
+
+// Adds what an orthonormal basis lacks of each column; whether more than 1e-5 of its length was left.
+[[nodiscard]] std::vector<bool> extend_basis(const Eigen::MatrixXd& columns,
+                                             Eigen::MatrixXd& basis);
+
+}  // namespace graybox

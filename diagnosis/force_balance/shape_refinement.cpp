@@ -1,0 +1,269 @@
+#include "graybox/diagnosis/force_balance/shape_refinement.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr std::size_t kStarts = 4;   // of a new law
+constexpr int kOwnSteps = 30;        // of one law
+constexpr int kCommonSteps = 15;     // of all
+constexpr double kTolerance = 1e-6;  // of the squared rest
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// One law's columns, projected, at the last parameters asked for.
+class ProjectedLaw {
+ public:
+  ProjectedLaw(const ForceBalanceData& data, const BalanceRegression& regression, PlacedLaw law)
+      : data_(data), regression_(regression), law_(std::move(law)) {
+    set(law_.parameters);
+  }
+
+  void set(const std::vector<double>& parameters) {
+    if (columns_.size() > 0 && parameters == law_.parameters) return;
+    law_.parameters = parameters;
+    columns_ = regression_.projected(law_columns(law_, data_, data_.estimation));
+  }
+  [[nodiscard]] const PlacedLaw& law() const { return law_; }
+  [[nodiscard]] const Eigen::MatrixXd& columns() const { return columns_; }
+  [[nodiscard]] Eigen::MatrixXd slopes(const Eigen::VectorXd& amplitudes) const {
+    PlacedLaw actual = law_;
+    actual.set_amplitudes(amplitudes);
+    const std::vector<std::size_t> refined = law_.refined();
+    Eigen::MatrixXd result =
+        regression_.projected(law_slopes(actual, refined, data_, data_.estimation));
+    // Where amplitudes scale refined parameters, too, the step was in the scaled ones.
+    const std::vector<std::size_t> scaled = law_.scaled();
+    for (std::size_t k = 0; k < refined.size(); ++k) {
+      if (std::ranges::find(scaled, refined[k]) != scaled.end()) {
+        result.col(static_cast<Index>(k)) *= amplitudes(0);
+      }
+    }
+    return result;
+  }
+
+ private:
+  const ForceBalanceData& data_;
+  const BalanceRegression& regression_;
+  PlacedLaw law_;
+  Eigen::MatrixXd columns_;
+};
+
+// The projected problem in the shapes of `moving` laws, the others' shapes held.
+class ShapeProblem {
+ public:
+  ShapeProblem(std::vector<ProjectedLaw>& laws, std::vector<std::size_t> moving,
+               const Eigen::VectorXd& force)
+      : laws_(laws), moving_(std::move(moving)), force_(force) {}
+
+  [[nodiscard]] std::vector<ParameterRange> ranges() const {
+    std::vector<ParameterRange> result;
+    for (const std::size_t l : moving_) {
+      const PlacedLaw& law = laws_[l].law();
+      for (const std::size_t index : law.refined()) {
+        result.push_back(law.entry->parameters[index].range);
+      }
+    }
+    return result;
+  }
+  [[nodiscard]] Eigen::VectorXd values() const {
+    std::vector<double> result;
+    for (const std::size_t l : moving_) {
+      const PlacedLaw& law = laws_[l].law();
+      for (const std::size_t index : law.refined()) result.push_back(law.parameters[index]);
+    }
+    return Eigen::Map<const Eigen::VectorXd>(result.data(), static_cast<Index>(result.size()));
+  }
+  void set(const Eigen::VectorXd& theta) {
+    Index at = 0;
+    for (const std::size_t l : moving_) {
+      std::vector<double> parameters = laws_[l].law().parameters;
+      for (const std::size_t index : laws_[l].law().refined()) parameters[index] = theta(at++);
+      laws_[l].set(parameters);
+    }
+  }
+
+  bool evaluate(const Eigen::VectorXd& theta, Eigen::VectorXd& residuals,
+                Eigen::MatrixXd* jacobian) {
+    set(theta);
+    if (!is_plausible()) return false;
+    Index count = 0;
+    for (const ProjectedLaw& law : laws_) count += law.columns().cols();
+    Eigen::MatrixXd columns(force_.size(), count);
+    Index at = 0;
+    for (const ProjectedLaw& law : laws_) {
+      columns.middleCols(at, law.columns().cols()) = law.columns();
+      at += law.columns().cols();
+    }
+    if (!columns.allFinite()) return false;
+    const Eigen::RowVectorXd lengths = columns.colwise().norm().cwiseMax(1e-300);
+    columns.array().rowwise() /= lengths.array();
+    const Eigen::MatrixXd gram = columns.transpose() * columns;
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factor(gram);
+    const Eigen::VectorXd scaled = factor.solve(columns.transpose() * force_);
+    residuals = force_ - columns * scaled;
+    if (jacobian == nullptr) return residuals.allFinite();
+    const Eigen::VectorXd amplitudes = scaled.cwiseQuotient(lengths.transpose());
+    jacobian->resize(force_.size(), theta.size());
+    at = 0;
+    Index first = 0;
+    for (std::size_t l = 0; l < laws_.size(); ++l) {
+      const Index own = laws_[l].columns().cols();
+      if (std::ranges::find(moving_, l) != moving_.end()) {
+        const Eigen::MatrixXd slopes = laws_[l].slopes(amplitudes.segment(first, own));
+        jacobian->middleCols(at, slopes.cols()) = -slopes;
+        at += slopes.cols();
+      }
+      first += own;
+    }
+    *jacobian -= columns * factor.solve(columns.transpose() * *jacobian);
+    return residuals.allFinite() && jacobian->allFinite();
+  }
+  [[nodiscard]] double square(const Eigen::VectorXd& theta) {
+    Eigen::VectorXd residuals;
+    return evaluate(theta, residuals, nullptr) ? residuals.squaredNorm() : kInfinity;
+  }
+
+ private:
+  // Exponents beyond these make corners, and overflow on motion larger than that of the fit.
+  [[nodiscard]] bool is_plausible() const {
+    constexpr double kLeast = 0.05, kMost = 20.0;
+    for (const std::size_t l : moving_) {
+      const PlacedLaw& law = laws_[l].law();
+      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+        const LawParameter& parameter = law.entry->parameters[i];
+        if (parameter.unit == "1" && parameter.range == ParameterRange::kPositive &&
+            !(law.parameters[i] >= kLeast && law.parameters[i] <= kMost)) {
+          return false;
+        }
+      }
+    }
+    return true;
+  }
+
+  std::vector<ProjectedLaw>& laws_;
+  std::vector<std::size_t> moving_;
+  const Eigen::VectorXd& force_;
+};
+
+// Square of the rest after refinement from the problem's values, which become the refined ones.
+double refine(ShapeProblem& problem, int steps, const std::function<bool()>& keep_going,
+              bool& interrupted) {
+  const Eigen::VectorXd start = problem.values();
+  if (start.size() == 0) return problem.square(start);
+  const double before = problem.square(start);
+  if (!std::isfinite(before)) return kInfinity;
+  const RefinementResult result = refine_parameters(
+      start, problem.ranges(),
+      [&problem](const Eigen::VectorXd& theta, Eigen::VectorXd& residuals,
+                 Eigen::MatrixXd* jacobian) {
+        return problem.evaluate(theta, residuals, jacobian);
+      },
+      steps, kTolerance, keep_going);
+  interrupted = interrupted || result.interrupted;
+  const double after = result.values.allFinite() ? problem.square(result.values) : kInfinity;
+  if (after <= before) return after;
+  return problem.square(start);
+}
+
+// Parameters of the laws' shapes at the amplitudes that suit them best, least rest first.
+std::vector<std::vector<double>> best_shapes(const RefinedLaw& law, std::vector<ProjectedLaw>& laws,
+                                             std::size_t own, const ForceBalanceData& data,
+                                             const BalanceRegression& regression) {
+  Index others = 0;
+  for (std::size_t l = 0; l < laws.size(); ++l) others += l == own ? 0 : laws[l].columns().cols();
+  Eigen::MatrixXd fixed(regression.projected_force().size(), others);
+  others = 0;
+  for (std::size_t l = 0; l < laws.size(); ++l) {
+    if (l == own) continue;
+    fixed.middleCols(others, laws[l].columns().cols()) = laws[l].columns();
+    others += laws[l].columns().cols();
+  }
+  Eigen::MatrixXd basis(fixed.rows(), 0);
+  (void)extend_basis(fixed, basis);
+  const Eigen::VectorXd& force = regression.projected_force();
+  const Eigen::VectorXd rest = force - basis * (basis.transpose() * force);
+  std::vector<std::pair<double, std::vector<double>>> found;
+  for (const LawShape& shape : law_shapes(*law.law.entry, *law.law.place, *law.scale)) {
+    Eigen::MatrixXd columns =
+        regression.projected(basis_columns(law.law, shape.basis, data, data.estimation));
+    if (!columns.allFinite()) continue;
+    columns -= basis * (basis.transpose() * columns);
+    const Eigen::MatrixXd gram = columns.transpose() * columns;
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> normal(gram);
+    const Eigen::VectorXd right = columns.transpose() * rest;
+    const Eigen::VectorXd amplitudes = normal.solve(right);
+    std::vector<double> parameters = shape.parameters(amplitudes);
+    if (parameters.empty()) continue;
+    found.emplace_back(-amplitudes.dot(right), std::move(parameters));
+  }
+  std::ranges::stable_sort(found, {}, &std::pair<double, std::vector<double>>::first);
+  std::vector<std::vector<double>> result;
+  for (auto& [gain, parameters] : found) result.push_back(std::move(parameters));
+  return result;
+}
+
+// The best of several starts, the other laws' shapes held.
+bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::size_t own,
+                const ForceBalanceData& data, const BalanceRegression& regression,
+                const std::function<bool()>& keep_going) {
+  std::vector<std::vector<double>> starts{law.law.parameters};
+  if (law.law.refined().size() > 1) {
+    for (std::vector<double>& start : best_shapes(law, laws, own, data, regression)) {
+      if (starts.size() >= kStarts) break;
+      if (start != law.law.parameters) starts.push_back(std::move(start));
+    }
+  }
+  std::vector<double> best = law.law.parameters;
+  double least = kInfinity;
+  bool interrupted = false;
+  for (const std::vector<double>& start : starts) {
+    laws[own].set(start);
+    ShapeProblem problem(laws, {own}, regression.projected_force());
+    const double square = refine(problem, kOwnSteps, keep_going, interrupted);
+    if (interrupted) return false;
+    if (square < least) {
+      least = square;
+      best = laws[own].law().parameters;
+    }
+  }
+  laws[own].set(best);
+  return std::isfinite(least);
+}
+
+}  // namespace
+
+bool refine_shapes(const ForceBalanceData& data, const BalanceRegression& regression,
+                   std::vector<RefinedLaw>& laws, const std::function<bool()>& keep_going) {
+  std::vector<ProjectedLaw> projected;
+  std::vector<std::size_t> moving;
+  for (std::size_t l = 0; l < laws.size(); ++l) {
+    projected.emplace_back(data, regression, laws[l].law);
+    if (!laws[l].law.refined().empty()) moving.push_back(l);
+  }
+  if (moving.empty()) return true;
+  for (const std::size_t l : moving) {
+    if (!laws[l].is_new) continue;
+    if (!refine_new(laws[l], projected, l, data, regression, keep_going)) return false;
+  }
+  bool interrupted = false;
+  ShapeProblem all(projected, moving, regression.projected_force());
+  if (moving.size() > 1 || !laws[moving.front()].is_new) {
+    if (!std::isfinite(refine(all, kCommonSteps, keep_going, interrupted)) || interrupted) {
+      return false;
+    }
+  }
+  for (std::size_t l = 0; l < laws.size(); ++l)
+    laws[l].law.parameters = projected[l].law().parameters;
+  return true;
+}
+
+}  // namespace graybox
