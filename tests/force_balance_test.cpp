@@ -6,6 +6,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/force_balance/law_force.hpp"
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
@@ -41,8 +42,10 @@ channels:
   }
   void TearDown() override { fs::remove_all(folder_); }
 
+  // `memory`: correlation of the noise from sample to sample.
   template <typename Force>
-  void record(Force force, double noise, std::uint64_t seed) {
+  void record(Force force, double noise, std::uint64_t seed, double memory = 0.0) {
+    memory_ = memory;
     Random random(seed);
     write("run_1.csv", force, noise, 0.0, random);
     write("run_2.csv", force, noise, 1.3, random);
@@ -66,12 +69,16 @@ experiments:
   fs::path folder_;
 
  private:
+  double memory_ = 0.0;
+
   template <typename Force>
   void write(const std::string& name, Force force, double noise, double phase, Random& random) {
     std::ofstream file(folder_ / name);
     file.precision(12);
     file << "force,x,v,a\n";
+    double disturbance = random.normal();
     for (int k = 0; k < 1500; ++k) {
+      disturbance = memory_ * disturbance + std::sqrt(1.0 - memory_ * memory_) * random.normal();
       const double t = 0.01 * k;
       double x = 0.0, v = 0.0, a = 0.0;
       for (const auto& [amplitude, w] :
@@ -80,7 +87,7 @@ experiments:
         v += amplitude * w * std::cos(w * t + phase);
         a -= amplitude * w * w * std::sin(w * t + phase);
       }
-      file << 12.0 * a + force(x, v) + noise * random.normal() << ',' << x << ',' << v << ',' << a
+      file << 12.0 * a + force(x, v) + noise * disturbance << ',' << x << ',' << v << ',' << a
            << '\n';
     }
   }
@@ -99,6 +106,64 @@ TEST_F(ForceBalance, FindsNothingInAMassAlone) {
   }
   // At 5 %, four of twelve have a probability of 0.2 %.
   EXPECT_LT(alarms, 4);
+}
+
+TEST_F(ForceBalance, FindsNothingInNoiseThatFollowsItself) {
+  int alarms = 0, laws = 0;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    record([](double, double) { return 0.0; }, 0.5, seed, 0.9);
+    const Diagnosis diagnosis = diagnose(*problem());
+    alarms += diagnosis.detection.detected ? 1 : 0;
+    laws += diagnosis.effects.empty() ? 0 : 1;
+  }
+  EXPECT_LT(alarms, 4);
+  EXPECT_LT(laws, 2);
+}
+
+TEST_F(ForceBalance, FindsFrictionInNoiseThatFollowsItself) {
+  record([](double, double v) { return 8.0 * std::tanh(v / 0.01); }, 1.0, 3, 0.9);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "coulomb");
+  const LawParameterEstimate& level = diagnosis.effects[0].law.parameters.front();
+  EXPECT_NEAR(level.value, 8.0, 4.0 * level.standard_error);
+}
+
+TEST_F(ForceBalance, FindsBristlesByAHysteresis) {
+  // Bristles of Dahl's law, integrated in fine steps by themselves.
+  double bristle = 0.0, last = 0.0;
+  record(
+      [&](double x, double) {
+        const double stiffness = 400.0, level = 6.0;
+        for (int step = 0; step < 20; ++step) {
+          const double moved = (x - last) / 20.0;
+          bristle += moved - stiffness * std::abs(moved) * bristle / level;
+        }
+        last = x;
+        return stiffness * bristle;
+      },
+      0.2, 4);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_FALSE(diagnosis.effects.empty());
+  EXPECT_LT(diagnosis.validation_after->nrmse, 0.5 * diagnosis.validation_before->nrmse);
+  const std::string law = named(*data, diagnosis.effects[0]).law;
+  EXPECT_TRUE(law == "dahl" || law == "bouc_wen" || law == "lugre" || law == "play_and_slip")
+      << law;
+}
+
+TEST(ColouredNoise, KnowsWhatSamplesOfAKnownMemoryAreWorth) {
+  Random random(5);
+  Eigen::VectorXd values(20000);
+  double value = 0.0;
+  for (double& each : values) each = value = 0.8 * value + random.normal();
+  const ColouredNoise noise(values);
+  // (1 + a)/(1 - a) = 9 samples to one.
+  EXPECT_NEAR(noise.effective_samples(), 20000.0 / 9.0, 300.0);
+  const Eigen::VectorXd draw = noise.draw(random);
+  EXPECT_NEAR(draw.head(19999).dot(draw.tail(19999)) / draw.squaredNorm(), 0.8, 0.03);
+  EXPECT_NEAR(draw.squaredNorm() / values.squaredNorm(), 1.0, 0.15);
 }
 
 TEST_F(ForceBalance, NamesFrictionWithItsParameters) {

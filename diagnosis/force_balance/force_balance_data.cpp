@@ -192,7 +192,7 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
   add_neighbours(robot, data.places);
-  add_flange(data.places);
+  if (robot.size() > 1) add_flange(data.places);  // on one axis a payload is an inertia
   return data;
 }
 

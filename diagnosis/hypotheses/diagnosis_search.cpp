@@ -13,6 +13,10 @@
 namespace graybox {
 namespace {
 
+// Standard errors of prediction that keep a law and exclude a rival, where the noise is not known: fewer
+// than bring a law in, so that no law comes and goes.
+constexpr double kExclusionErrors = 2.0;
+
 // What was fitted, and where the laws started.
 struct Refit {
   std::vector<LawStart> laws;
@@ -246,14 +250,22 @@ class Search {
       return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
     }
     return chi_square_tail(with.laws.back().wald_statistic, added) < options_.level / count &&
-           predicts_better(without, with);
+           every_law_stands(with) && predicts_better(without, with, options_.held_out_errors);
+  }
+
+  // Laws that make up for each other have amplitudes that the data do not determine.
+  [[nodiscard]] bool every_law_stands(const ExtendedFit& fit) const {
+    return std::all_of(fit.laws.begin(), fit.laws.end(), [this](const FittedLaw& law) {
+      return chi_square_tail(law.wald_statistic, static_cast<double>(law.parameters.size())) <
+             options_.level;
+    });
   }
 
   // Where the noise is not known.
-  [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with) const {
+  [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with,
+                                     double errors) const {
     const HeldOutGain gain = held_out_gain(without, with);
-    return gain.mean >= options_.held_out_gain &&
-           gain.mean > options_.held_out_errors * gain.standard_error;
+    return gain.mean >= options_.held_out_gain && gain.mean > errors * gain.standard_error;
   }
 
   // How much worse `fit` is than `reference`, so that `exclusion_margin` excludes it: by BIC or, where
@@ -266,7 +278,7 @@ class Search {
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
     return problem_.noise_is_known() ? disadvantage(fit, reference) > options_.exclusion_margin
-                                     : predicts_better(fit, reference);
+                                     : predicts_better(fit, reference, kExclusionErrors);
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
@@ -346,8 +358,9 @@ class Search {
       if (!proceed("leaving out " + name_of(result_.after.laws[law].hypothesis))) return;
       ExtendedFit without = fit_without(result_.after, law);
       const bool is_superfluous =
-          without.usable && (problem_.noise_is_known() ? bic(without) <= bic(result_.after)
-                                                       : !predicts_better(without, result_.after));
+          without.usable &&
+          (problem_.noise_is_known() ? bic(without) <= bic(result_.after)
+                                     : !predicts_better(without, result_.after, kExclusionErrors));
       if (is_superfluous) {
         result_.after = std::move(without);
         law = 0;
@@ -409,7 +422,10 @@ class Search {
         if (start.hypothesis != result_.after.laws[law].hypothesis) candidates.push_back(start);
       }
       const std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
-      if (trials.empty() || !predicts_better(result_.after, trials.front().fit)) continue;
+      if (trials.empty() || !every_law_stands(trials.front().fit) ||
+          !predicts_better(result_.after, trials.front().fit, options_.held_out_errors)) {
+        continue;
+      }
       result_.after = trials.front().fit;
       return true;
     }

@@ -11,6 +11,7 @@ import continuous
 import criteria
 import exact_designs
 import paper
+import real_diagnosis
 import real_recordings
 import responses
 import robust
@@ -21,7 +22,7 @@ import verify
 
 # One module for each group of figures: draw(folder) reads its tables and draws what they allow.
 GROUPS = [study, paper, exact_designs, criteria, robust, spectrum, continuous, sequential, responses,
-          verify, real_recordings, challenge]
+          verify, real_recordings, real_diagnosis, challenge]
 
 
 def main():

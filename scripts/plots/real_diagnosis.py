@@ -1,0 +1,39 @@
+"""Real recordings: the error on data kept out of the fit, before and after the diagnosis."""
+
+import numpy
+
+import matplotlib.pyplot as plt
+
+from style import BLACK, BLUE, GREY, ORANGE, read_table, save
+
+
+def draw(folder):
+    file = folder / "tables" / "real_diagnosis.csv"
+    if not file.exists():
+        return
+    rows = read_table(file)
+    names = list(dict.fromkeys(row["set"] for row in rows))
+    whole = {row["set"]: row for row in rows if row["catalogue"] == "whole"}
+    less = {row["set"]: row for row in rows if row["catalogue"] != "whole"}
+    figure, axes = plt.subplots(figsize=(7.0, 0.8 * len(names) + 1.4))
+    y = numpy.arange(len(names))
+    for shift, label, colour, values in (
+            (-0.27, "naive model", GREY, [whole[name]["held_out_before"] for name in names]),
+            (0.0, "after diagnosis", BLUE, [whole[name]["held_out_after"] for name in names]),
+            (0.27, "its laws taken out of the catalogue", ORANGE,
+             [less[name]["held_out_after"] if name in less else "" for name in names])):
+        known = [(place, float(value)) for place, value in zip(y, values) if value]
+        axes.barh([place + shift for place, _ in known], [value for _, value in known], height=0.25,
+                  color=colour, label=label)
+    for place, name in zip(y, names):
+        if whole[name]["literature"]:
+            axes.plot([float(whole[name]["literature"])] * 2, [place - 0.4, place + 0.4], color=BLACK, lw=1.8,
+                      label="by hand" if place == 0 else None)
+    axes.set_yticks(y, [f"{name}\n{whole[name]['verdict']}, {whole[name]['laws']} laws" for name in names])
+    axes.invert_yaxis()
+    axes.set_xlabel("error on data kept out of the fit, NRMSE [%]")
+    axes.grid(axis="y", visible=False)
+    axes.legend(fontsize=7, loc="lower right")
+    axes.set_title("What the diagnosis leaves of the error on real recordings", loc="left")
+    figure.tight_layout()
+    save(folder, figure, "real_diagnosis")

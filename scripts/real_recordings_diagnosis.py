@@ -1,0 +1,78 @@
+#!/usr/bin/env python3
+"""Missing physics in real recordings: `graybox diagnose` with a naive model of each machine, with the whole
+catalogue and with the laws taken out that belong to the machine.
+
+    GRAYBOX_RECORDINGS=folder scripts/real_recordings_diagnosis.py GRAYBOX [SET ...] > table.csv
+
+Errors are NRMSE in percent; `literature` is the error that others reached by hand on data kept out of the
+fit, in their own measure (docs/diagnose.md), and never used here.
+"""
+import csv
+import json
+import subprocess
+import sys
+import time
+
+from recordings_table import campaigns, root
+
+FRICTION = ["coulomb", "asymmetric_coulomb", "stribeck", "sublinear_friction", "viscous",
+            "asymmetric_viscous", "quadratic_drag"]
+MEMORY = ["dahl", "lugre", "bouc_wen", "play_and_slip"]
+# set, model, campaign, laws taken out in the second run, reached by hand
+SETS = [("EMPS", "emps", "emps", FRICTION + MEMORY, 6.1),
+        ("Friction damper", "friction_damper", "friction_damper", MEMORY, 22.3),
+        ("Cogging motor", "cogging_motor", "cogging_motor", ["ripple"], 18.6),
+        ("TX40", "tx40", "tx40", FRICTION + MEMORY, 8.0),
+        ("KR300", "kr300", "kr300", ["balancer"], None)]
+
+
+def diagnose(graybox, model, campaign, without):
+    command = [graybox, "diagnose", str(root / f"docs/examples/rigid/{model}.yaml"),
+               str(campaigns / f"{campaign}.yaml"), "--json"]
+    for law in without:
+        command += ["--without", law]
+    start = time.monotonic()
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode == 2:
+        sys.exit(done.stderr)
+    return json.loads(done.stdout), time.monotonic() - start
+
+
+def number(value):
+    return "" if value is None else f"{value:.4g}"
+
+
+def words(law):
+    parameters = ", ".join(
+        f"{name} {number(each['value'])} +- {number(each['standard_error']) or '?'} {each['unit']}"
+        for name, each in law["parameters"].items())
+    return f"{law['law']} at {law['place']}: {parameters}"
+
+
+def error(fit, role):
+    return number((fit.get(role) or {}).get("nrmse"))
+
+
+def main():
+    graybox, chosen = sys.argv[1], sys.argv[2:]
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(["set", "catalogue", "verdict", "laws", "fit_before", "fit_after", "held_out_before",
+                     "held_out_after", "literature", "remaining_structure", "seconds", "found"])
+    for name, model, campaign, law, literature in SETS:
+        if chosen and name not in chosen:
+            continue
+        for without in ([], law):
+            answer, seconds = diagnose(graybox, model, campaign, without)
+            before, after = answer["fit"]["before"], answer["fit"]["after"]
+            writer.writerow([name, f"without {' '.join(without)}" if without else "whole",
+                             answer["verdict"], len(answer["physics"]),
+                             error(before, "estimation"), error(after, "estimation"),
+                             error(before, "validation"), error(after, "validation"),
+                             "" if literature is None else literature,
+                             number(answer["remaining_structure"]), f"{seconds:.1f}",
+                             "; ".join(map(words, answer["physics"]))])
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
