@@ -6,16 +6,16 @@
 // The force of each place is balanced directly, so a hypothesis is more columns beside W: no
 // simulation, no start values, and the picture of a law is the residual at its place.
 //
-// Fit. Parameters in which the force is linear by weighted least squares (weighted_regression.hpp), the
-// others of the laws by variable projection (torque_refinement.hpp). Standard errors allow for residuals
-// that are correlated in time.
+// Fit. Parameters in which the force is linear by weighted least squares on compressed columns
+// (balance_regression.hpp), the others of the laws by variable projection (shape_refinement.hpp).
+// Standard errors and Wald statistics allow for residuals that are correlated in time.
 //
-// Noise is not known: its deviation s_j at each joint is that of the residuals. With n_j effective
-// samples (their number over the autocorrelation time of what the first fit leaves, less what of that
-// depends on the motion: remaining_structure.hpp)
-//   deviance = sum_j n_j ln s_j^2.
-// A law has to pay in a cross-validation, too: five contiguous fifths of the recordings, each predicted
-// by linear parameters from the others.
+// Noise is not known: its deviation s_j at each joint is that of the residuals, its memory that of an
+// autoregressive model of what the first fit leaves, less what of that depends on the motion
+// (coloured_noise.hpp, remaining_structure.hpp); n_j effective samples give deviance = sum n_j ln s_j^2.
+// A law has to pay in a cross-validation, too: ten contiguous blocks of the recordings, each predicted
+// by linear parameters from the others (ExtendedFit::held_out).
+//
 //
 // What is left. Noise being unknown, no chi-square can say whether the rest is noise. Instead:
 // does it still depend on the motion? The share of its variance that a cross-validated regression on
