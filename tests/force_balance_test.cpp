@@ -130,29 +130,6 @@ TEST_F(ForceBalance, FindsFrictionInNoiseThatFollowsItself) {
   EXPECT_NEAR(level.value, 8.0, 4.0 * level.standard_error);
 }
 
-TEST_F(ForceBalance, FindsBristlesByAHysteresis) {
-  // Bristles of Dahl's law, integrated in fine steps by themselves.
-  double bristle = 0.0, last = 0.0;
-  record(
-      [&](double x, double) {
-        const double stiffness = 400.0, level = 6.0;
-        for (int step = 0; step < 20; ++step) {
-          const double moved = (x - last) / 20.0;
-          bristle += moved - stiffness * std::abs(moved) * bristle / level;
-        }
-        last = x;
-        return stiffness * bristle;
-      },
-      0.2, 4);
-  const auto data = problem();
-  const Diagnosis diagnosis = diagnose(*data);
-  ASSERT_FALSE(diagnosis.effects.empty());
-  EXPECT_LT(diagnosis.validation_after->nrmse, 0.5 * diagnosis.validation_before->nrmse);
-  const std::string law = named(*data, diagnosis.effects[0]).law;
-  EXPECT_TRUE(law == "dahl" || law == "bouc_wen" || law == "lugre" || law == "play_and_slip")
-      << law;
-}
-
 TEST(ColouredNoise, KnowsWhatSamplesOfAKnownMemoryAreWorth) {
   Random random(5);
   Eigen::VectorXd values(20000);
