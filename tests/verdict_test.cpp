@@ -111,7 +111,7 @@ TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
   next.distance_then = 19.0;
   next.recordings = 12.0;
   next.recordings_needed = 7.0;
-  diagnosis.effects[0].rivals = {{{2, {}}, 1.5, next}};
+  diagnosis.effects[0].rivals = {{{2, {{"half_gap", "rad", 1e-3, 1e-4}}}, 1.5, next}};
   std::string all;
   for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
   EXPECT_NE(all.find("7 more recordings, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
