@@ -77,6 +77,18 @@ TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
   EXPECT_NE(all.find("no more than noise"), std::string::npos) << all;
 }
 
+TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
+  Diagnosis diagnosis = explained();
+  diagnosis.noise_is_known = false;
+  diagnosis.effects[0].excluded[0].bic_difference = 25.0;
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_EQ(all.find("BIC"), std::string::npos) << all;
+  EXPECT_NE(all.find("backlash at joint_3.gearbox (prediction worse by 5 standard errors)"),
+            std::string::npos)
+      << all;
+}
+
 TEST(VerdictWords, SayItAsAnEngineerWould) {
   const auto sentence = [](const char* place, const char* law, double value) {
     const Hypothesis hypothesis{place, "", law, {}};

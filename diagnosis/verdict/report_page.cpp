@@ -233,10 +233,11 @@ std::string law_rows(const FittedLaw& law, std::span<const Hypothesis> hypothese
          number_cell(bic, "{:+.3g}") + "</tr>\n";
 }
 
-std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                         bool noise_is_known) {
   std::string rows =
-      "<table><tr><th>law and place</th><th></th><th>parameters</th>"
-      "<th class=\"n\">BIC</th></tr>\n" +
+      std::string("<table><tr><th>law and place</th><th></th><th>parameters</th><th class=\"n\">") +
+      (noise_is_known ? "BIC" : "prediction, squared standard errors") + "</th></tr>\n" +
       law_rows(effect.law, hypotheses, 0.0, "found");
   for (const Rival& rival : effect.rivals) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
@@ -321,7 +322,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
     page += heading("Effect " + std::to_string(effect + 1) + ": " +
                     element_name(diagnosis.effects[effect], hypotheses)) +
-            effect_table(diagnosis.effects[effect], hypotheses) +
+            effect_table(diagnosis.effects[effect], hypotheses, diagnosis.noise_is_known) +
             drawn(law_figures(diagnosis, hypotheses, effect));
   }
   if (!diagnosis.effects.empty() && !diagnosis.mismatch_after.empty()) {

@@ -42,13 +42,24 @@ std::string parameters_words(const FittedLaw& law) {
   return words;
 }
 
-std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+// Evidence against an explanation: of BIC, or of prediction where the noise is not known.
+std::string evidence_words(double difference, bool noise_is_known) {
+  if (noise_is_known) return fmt::format("BIC {:+.3g}", difference);
+  return fmt::format("prediction {} by {:.2g} standard errors",
+                     difference < 0.0 ? "better" : "worse", std::sqrt(std::abs(difference)));
+}
+
+std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                         bool noise_is_known) {
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
+  const std::string found = fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
+                                        hypothesis_words(hypothesis), parameters_words(effect.law));
+  if (!noise_is_known) {
+    return fmt::format("{} Without it: {}.", found, evidence_words(effect.bic_difference, false));
+  }
   return fmt::format(
-      "Found: {} ({}): {}. It explains {:.1f} % of what was too much; without it BIC is {:.3g} "
-      "higher.",
-      law_sentence(hypothesis, effect.law), hypothesis_words(hypothesis),
-      parameters_words(effect.law), 100.0 * effect.explained_share, effect.bic_difference);
+      "{} It explains {:.1f} % of what was too much; without it BIC is {:.3g} higher.", found,
+      100.0 * effect.explained_share, effect.bic_difference);
 }
 
 std::string next_words(const NextExperiment& next) {
@@ -71,24 +82,25 @@ std::string next_words(const NextExperiment& next) {
 }
 
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
-                std::vector<std::string>& lines) {
+                bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
     if (rival.law.parameters.empty()) {
       lines.push_back(fmt::format("Not excluded in its place: {}, the same in such recordings.",
                                   hypothesis_words(hypotheses[rival.law.hypothesis])));
       continue;
     }
-    lines.push_back(fmt::format("Not excluded in its place: {}: {} (BIC {:+.2g}).",
+    lines.push_back(fmt::format("Not excluded in its place: {}: {} ({}).",
                                 hypothesis_words(hypotheses[rival.law.hypothesis]),
-                                parameters_words(rival.law), rival.bic_difference));
+                                parameters_words(rival.law),
+                                evidence_words(rival.bic_difference, noise_is_known)));
     if (rival.next) lines.push_back(next_words(*rival.next));
   }
   constexpr std::size_t kNamed = 3;
   std::string excluded;
   for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
-    excluded += fmt::format("{}{} (BIC {:+.3g})", excluded.empty() ? "" : "; ",
+    excluded += fmt::format("{}{} ({})", excluded.empty() ? "" : "; ",
                             hypothesis_words(hypotheses[effect.excluded[i].law.hypothesis]),
-                            effect.excluded[i].bic_difference);
+                            evidence_words(effect.excluded[i].bic_difference, noise_is_known));
   }
   if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
 }
@@ -161,8 +173,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   }
   if (!diagnosis.trouble.empty()) return lines;
   for (const FoundEffect& effect : diagnosis.effects) {
-    lines.push_back(effect_words(effect, hypotheses));
-    add_rivals(effect, hypotheses, lines);
+    lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
+    add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
           diagnosis.noise_is_known, lines);
