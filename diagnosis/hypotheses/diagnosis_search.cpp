@@ -17,6 +17,11 @@ namespace {
 // than bring a law in, so that no law comes and goes.
 constexpr double kExclusionErrors = 2.0;
 
+// Fits of the model as it is after the first, each from so many refits; what must come of it.
+constexpr int kFirstFits = 3;
+constexpr std::size_t kTriedTrials = 3;
+constexpr double kShortOfOptimum = 1.0;  // of the deviance
+
 // What was fitted, and where the laws started.
 struct Refit {
   std::vector<LawStart> laws;
@@ -51,6 +56,7 @@ class Search {
     if (!options_.ignore_channel_faults && has_channel_faults()) return std::move(result_);
     if (!fit_as_it_is()) return std::move(result_);
     detect();
+    while (result_.detection.detected && fit_better()) detect();
     if (result_.detection.detected) {
       extend();
       prune();
@@ -98,15 +104,42 @@ class Search {
   bool fit_as_it_is() {
     proceed("fitting the model as it is");
     result_.before = problem_.fit({}, nullptr);
-    result_.after = result_.before;
     if (!result_.before.usable) {
+      result_.after = result_.before;
       result_.trouble = "the model as it is can't be fitted: " + result_.before.trouble;
       return false;
     }
+    describe_fit_as_it_is();
+    return true;
+  }
+
+  // What looks like missing physics may be a fit that stopped short of its optimum. With a law more the
+  // parameters have come elsewhere: from there the model alone is fitted once more.
+  bool fit_better() {
+    if (!problem_.noise_is_known() || first_fits_ == kFirstFits) return false;
+    ++first_fits_;
+    ScoreTable table;
+    table.scores = result_.ranking;
+    const std::vector<Trial> trials = refit_each({}, shortlist(table), result_.before);
+    ExtendedFit best = result_.before;
+    for (std::size_t i = 0; i < std::min(kTriedTrials, trials.size()); ++i) {
+      if (!proceed("fitting the model as it is once more")) return false;
+      ExtendedFit again = problem_.fit({}, &trials[i].fit);
+      if (again.usable && again.deviance < best.deviance) best = std::move(again);
+    }
+    if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
+    result_.before = std::move(best);
+    result_.detectable.clear();
+    refits_.clear();
+    describe_fit_as_it_is();
+    return true;
+  }
+
+  void describe_fit_as_it_is() {
+    result_.after = result_.before;
     result_.mismatch_before = problem_.mismatch(result_.before);
     result_.curves_before = problem_.residual_curves(result_.before);
     result_.validation_before = problem_.validate(result_.before);
-    return true;
   }
 
   [[nodiscard]] bool is_excluded(const Hypothesis& hypothesis) const {
@@ -150,6 +183,7 @@ class Search {
     // Half the level must lie within the draws' minima.
     const int needed = static_cast<int>(std::ceil(2.0 / options_.level));
     ScoreTable table = rank(result_.before, std::max(options_.null_draws, needed));
+    result_.detection = {};
     Detection& detection = result_.detection;
     for (const HypothesisScore& score : table.scores) {
       detection.smallest_p_value = std::min(detection.smallest_p_value, score.score.p_value);
@@ -544,6 +578,7 @@ class Search {
   bool compounds_are_open_ = true;
   Diagnosis result_;
   std::vector<Refit> refits_;
+  int first_fits_ = 0;  // after the first
 };
 
 }  // namespace

@@ -7,6 +7,8 @@
 //      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
 //      Where the noise is not known, the first is replaced by the share of the residuals that still
 //      depends on the motion (step 6).
+//      Where something is detected and the noise is known, the model alone is fitted again from where
+//      refits with a law have led: a fit that stopped short of its optimum looks like missing physics.
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the
 //      best, keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
