@@ -233,12 +233,6 @@ class RobotFit {
 
 }  // namespace
 
-std::vector<ResponseMeasurement> robot_measurements(const RobotModel& robot,
-                                                    const Campaign& campaign, ExperimentRole role,
-                                                    const RobotFitOptions& options) {
-  return measurements_of(estimates_of(robot, campaign, role, options));
-}
-
 FitReport fit_robot_campaign(const RobotModel& robot, const Campaign& campaign,
                              const RobotFitOptions& options) {
   return RobotFit(robot, campaign, options).run();

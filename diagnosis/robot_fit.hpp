@@ -36,16 +36,9 @@ struct RobotFitOptions {
   std::function<void(std::size_t, std::size_t)> report;  // recordings read, of all
 };
 
-// The measurements of a campaign that are for this role. Throws InputError where recordings can't be
-// used, or do not belong to this robot: other numbers of motors or joints, units, sample time or hold.
-// Empty where keep_going stopped it.
-[[nodiscard]] std::vector<ResponseMeasurement> robot_measurements(const RobotModel& robot,
-                                                                  const Campaign& campaign,
-                                                                  ExperimentRole role,
-                                                                  const RobotFitOptions& options);
-
 // Model and campaign names of the report are left to the caller. Status "interrupted" where
-// keep_going stopped it before there was anything.
+// keep_going stopped it before there was anything. Throws InputError where recordings can't be used, or
+// do not belong to this robot: other numbers of motors or joints, units, sample time or hold.
 [[nodiscard]] FitReport fit_robot_campaign(const RobotModel& robot, const Campaign& campaign,
                                            const RobotFitOptions& options = {});
 

@@ -129,7 +129,6 @@ class Search {
     }
     if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
     result_.before = std::move(best);
-    result_.detectable.clear();
     refits_.clear();
     describe_fit_as_it_is();
     return true;
@@ -184,6 +183,7 @@ class Search {
     const int needed = static_cast<int>(std::ceil(2.0 / options_.level));
     ScoreTable table = rank(result_.before, std::max(options_.null_draws, needed));
     result_.detection = {};
+    result_.detectable.clear();
     Detection& detection = result_.detection;
     for (const HypothesisScore& score : table.scores) {
       detection.smallest_p_value = std::min(detection.smallest_p_value, score.score.p_value);

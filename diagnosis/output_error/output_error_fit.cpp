@@ -456,18 +456,4 @@ OutputErrorFit fit_output_error(OutputErrorProblem& problem, const OutputErrorOp
   return fit;
 }
 
-OutputErrorFit evaluate_output_error(OutputErrorProblem& problem,
-                                     const OutputErrorOptions& options) {
-  OutputErrorFit fit;
-  const auto whole = problem.whole_recordings(ExperimentRole::kEstimation);
-  fit.theta = problem.start();
-  fit.free = problem.free_parameters();
-  fit.model = problem.model();
-  fit.initial = validation_states(problem, fit.theta, whole, options);
-  fit.steps_per_sample = problem.steps_per_sample();
-  score(problem, options, fit);
-  fit.status = fit.estimation.finite ? OutputErrorStatus::kConverged : OutputErrorStatus::kDiverged;
-  return fit;
-}
-
 }  // namespace graybox

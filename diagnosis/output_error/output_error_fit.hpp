@@ -126,8 +126,4 @@ struct OutputErrorFit {
 [[nodiscard]] OutputErrorFit fit_output_error(OutputErrorProblem& problem,
                                               const OutputErrorOptions& options = {});
 
-// The scores of given parameters, without a fit.
-[[nodiscard]] OutputErrorFit evaluate_output_error(OutputErrorProblem& problem,
-                                                   const OutputErrorOptions& options = {});
-
 }  // namespace graybox
