@@ -12,6 +12,7 @@
 #include <numbers>
 #include <optional>
 
+#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
@@ -169,8 +170,10 @@ class Reader {
     for (Index k = 1; k <= data_.last_line; ++k)
       layout.lines.push_back(static_cast<std::size_t>(k));
     RealTransform transform(layout.period * layout.periods);
-    LineSpectra spectra = line_spectra(record_spectra(signals, transform), layout, {});
+    const MatrixXcd bins = record_spectra(signals, transform);
+    LineSpectra spectra = line_spectra(bins, layout, {});
     ReadRecord result;
+    keep_bins(bins, layout.periods, result.record);
     for (const Index c : outputs) {
       result.outputs.push_back(recording.data.signals[at(c)].name);
       result.units.push_back(recording.data.signals[at(c)].unit);
@@ -185,6 +188,18 @@ class Reader {
       find_mean_offset(signals, reference, static_cast<Index>(excitation.period), result.record);
     }
     return result;
+  }
+
+  // Up to half a line beyond the last.
+  void keep_bins(const MatrixXcd& bins, std::size_t periods, MeasuredRecord& record) const {
+    record.periods = static_cast<Index>(periods);
+    if (periods < 2) return;
+    const Index last = std::min(record.periods * data_.last_line + record.periods / 2,
+                                static_cast<Index>(bins.rows()) - 1);
+    const MatrixXcd scaled =
+        bins.topRows(last + 1).transpose() / std::sqrt(static_cast<double>(periods));
+    record.output_bins = scaled.topRows(family_.output_count());
+    record.input_bins = scaled.bottomRows(family_.input_count());
   }
 
   // Outputs, inputs and noise of lines 0 ... K, and the mean period of the inputs.
@@ -278,28 +293,10 @@ class Reader {
     }
   }
 
-  // Rms of the outputs of a group at each line.
-  [[nodiscard]] MatrixXd output_level(std::size_t group) const {
-    MatrixXd power = MatrixXd::Zero(family_.output_count(), data_.last_line + 1);
-    double count = 0.0;
-    for (const auto* records : {&data_.estimation, &data_.validation}) {
-      for (const MeasuredRecord& record : *records) {
-        if (record.group != group) continue;
-        power += record.output.cwiseAbs2();
-        count += 1.0;
-      }
-    }
-    return (power / std::max(count, 1.0)).cwiseSqrt();
-  }
-
-  [[nodiscard]] MatrixXcd whitening_of(MatrixXcd covariance, const VectorXd& level) const {
-    covariance.diagonal().real() += (options_.model_accuracy * level).cwiseAbs2();
-    const Eigen::LLT<MatrixXcd> factor(covariance);
-    if (factor.info() != Eigen::Success || !(covariance.diagonal().real().minCoeff() > 0.0)) {
-      refuse(campaign_, "an output has neither noise nor signal at some lines");
-    }
-    const Index n = covariance.rows();
-    return std::sqrt(2.0) * factor.matrixL().solve(MatrixXcd::Identity(n, n));
+  [[nodiscard]] MatrixXcd whitened_by(const MatrixXcd& covariance, const VectorXd& level) const {
+    const auto whitening = whitening_of(covariance, level, options_.model_accuracy);
+    if (!whitening) refuse(campaign_, "an output has neither noise nor signal at some lines");
+    return *whitening;
   }
 
   [[nodiscard]] std::vector<MatrixXcd> stated_whitening(std::size_t group) const {
@@ -314,11 +311,11 @@ class Reader {
       }
       variance(at++) = channel.noise * channel.noise;
     }
-    const MatrixXd level = output_level(group);
+    const MatrixXd level = output_level(data_, group);
     std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
     for (Index k = data_.first_line; k <= data_.last_line; ++k) {
       result[static_cast<std::size_t>(k)] =
-          whitening_of(variance.cast<std::complex<double>>().asDiagonal(), level.col(k));
+          whitened_by(variance.cast<std::complex<double>>().asDiagonal(), level.col(k));
     }
     return result;
   }
@@ -378,12 +375,9 @@ class Reader {
       data_.noise_degrees_of_freedom +=
           2.0 * static_cast<double>(outputs) * scatter[at].degrees_of_freedom;
     }
-    return interpolated(pool_covariances(scatter, frequencies, wanted_samples()), lines,
-                        frequencies, output_level(group));
-  }
-
-  [[nodiscard]] double wanted_samples() const {
-    return std::max(options_.noise_samples, 8.0 * static_cast<double>(family_.output_count()));
+    return interpolated(
+        pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs)), lines,
+        frequencies, output_level(data_, group));
   }
 
   [[nodiscard]] std::vector<MatrixXcd> interpolated(const std::vector<OutputCovariance>& pooled,
@@ -401,7 +395,7 @@ class Reader {
       const double share =
           span > 0.0 ? std::clamp(std::log(w / frequencies[left]) / span, 0.0, 1.0) : 0.0;
       result[static_cast<std::size_t>(k)] =
-          whitening_of(between(pooled[left], pooled[other], share), level.col(k));
+          whitened_by(between(pooled[left], pooled[other], share), level.col(k));
     }
     return result;
   }
@@ -413,9 +407,8 @@ class Reader {
     if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
     const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
     const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
-    const double size = static_cast<double>(shape.rows());
-    const double correction = samples > size ? samples / (samples - size) : 1.0;
-    return correction * std::pow(power_a, 1.0 - share) * std::pow(power_b, share) * shape;
+    return inverse_bias(samples, shape.rows()) * std::pow(power_a, 1.0 - share) *
+           std::pow(power_b, share) * shape;
   }
 
   const Campaign& campaign_;
@@ -427,6 +420,10 @@ class Reader {
 };
 
 }  // namespace
+
+double wanted_noise_samples(const PeriodicDataOptions& options, Index outputs) {
+  return std::max(options.noise_samples, 8.0 * static_cast<double>(outputs));
+}
 
 std::size_t PeriodicData::position_of(const std::vector<double>& angles) const {
   return static_cast<std::size_t>(std::ranges::find(degrees, angles) - degrees.begin());

@@ -32,6 +32,9 @@ struct PeriodicDataOptions {
   std::function<bool()> keep_going;
 };
 
+// Degrees of freedom that a covariance of so many outputs is pooled to.
+[[nodiscard]] double wanted_noise_samples(const PeriodicDataOptions& options, Eigen::Index outputs);
+
 struct MeasuredRecord {
   std::string name;
   std::size_t position = 0;  // of PeriodicData::positions
@@ -40,7 +43,10 @@ struct MeasuredRecord {
   Eigen::MatrixXcd output;       // n_y x (K + 1), line 0 not used
   Eigen::MatrixXcd input;        // n_u x (K + 1)
   Eigen::MatrixXd input_period;  // n_u x N, mean of the periods
-  Eigen::VectorXd mean_offset;   // of the held coordinates (PlantFamily); empty: none known
+  // The spectra of all periods together, scaled alike: line k is bin k P. Empty for a single period.
+  Eigen::Index periods = 1;                  // P
+  Eigen::MatrixXcd output_bins, input_bins;  // n_y and n_u x bins from 0 on
+  Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
 };
 
 struct PeriodicData {

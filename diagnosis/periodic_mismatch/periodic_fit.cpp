@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -250,6 +251,31 @@ PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
                          const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                          const PeriodicFitOptions& options) {
   return PeriodicFitter(family, data, laws, options).run(starts);
+}
+
+PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData& data,
+                                   const std::vector<VectorXd>& starts,
+                                   const std::vector<ActingLaw>& laws,
+                                   const PeriodicFitOptions& options) {
+  PeriodicData raised = data;
+  PeriodicFit best;
+  for (const double share : {0.3, 0.03, 0.003}) {
+    raised.whitening = whitening_with_errors(data, share);
+    if (best.parameters.size() > 0) {
+      best = fit_periodic(family, raised, {best.parameters}, best.laws, options);
+      continue;
+    }
+    for (const VectorXd& start : starts) {
+      PeriodicFit fit = fit_periodic(family, raised, {start}, laws, options);
+      if (fit.parameters.size() == 0) continue;
+      if (best.parameters.size() == 0 || fit.chi_square < best.chi_square) best = std::move(fit);
+    }
+    if (best.parameters.size() == 0) break;
+  }
+  // Where the data have another idea all the same: laws that hold at none of these shares.
+  std::vector<VectorXd> last = starts;
+  if (best.parameters.size() > 0) last.push_back(best.parameters);
+  return fit_periodic(family, data, last, laws, options);
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

@@ -36,6 +36,16 @@ struct PeriodicFit {
                                        const std::vector<ActingLaw>& laws,
                                        const PeriodicFitOptions& options);
 
+// Far from the optimum resonances make chi-square rugged, and it has minima where two of them are swapped.
+// Data whose noise is raised to a share of the outputs' level are smooth, for everywhere the model is
+// allowed to be wrong by that share: the fit goes on from 0.3 of the level, each start for itself, and with
+// the best of them to 0.03, 0.003 and none.
+[[nodiscard]] PeriodicFit fit_periodic_gradually(const PlantFamily& family,
+                                                 const PeriodicData& data,
+                                                 const std::vector<Eigen::VectorXd>& starts,
+                                                 const std::vector<ActingLaw>& laws,
+                                                 const PeriodicFitOptions& options);
+
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.
 [[nodiscard]] Eigen::VectorXd standard_errors(const Eigen::MatrixXd& information);

@@ -21,6 +21,8 @@
 #include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/random.hpp"
@@ -95,8 +97,10 @@ struct PlaceMotion {
 
 class PlaceObserver {
  public:
-  PlaceObserver(SteadyStateSolver& solver, const ModelState& model, const PeriodicData& data)
-      : solver_(solver), model_(model), data_(data) {}
+  // `follows_data`: else the motion is the model's throughout.
+  PlaceObserver(SteadyStateSolver& solver, const ModelState& model, const PeriodicData& data,
+                bool follows_data)
+      : solver_(solver), model_(model), data_(data), follows_data_(follows_data) {}
 
   // `answer`: whitened, of a force at the place (not used at signals).
   [[nodiscard]] PlaceMotion observe(const MeasuredRecord& record, const Location& place,
@@ -159,6 +163,7 @@ class PlaceObserver {
   // the residuals in it would be correlated with them, and any law would seem to explain them.
   [[nodiscard]] VectorXcd virtual_force(const MatrixXcd& residual, const MatrixXcd& answer) const {
     VectorXcd force = VectorXcd::Zero(data_.last_line + 1);
+    if (!follows_data_) return force;
     for (Index k = data_.first_line; k <= data_.last_line; ++k) {
       const double gain = answer.col(k).squaredNorm();
       if (!(gain > 0.0)) continue;
@@ -174,6 +179,7 @@ class PlaceObserver {
   [[nodiscard]] VectorXcd measured(const MeasuredRecord& record, Index channel) const {
     const SteadyState& state = solver_.state();
     VectorXcd signal = state.output.row(channel).transpose();
+    if (!follows_data_) return signal;
     for (Index k = data_.first_line; k <= data_.last_line; ++k) {
       if (state.residual.col(k).squaredNorm() >
           2.0 * (kSignificant + static_cast<double>(state.residual.rows()))) {
@@ -211,6 +217,7 @@ class PlaceObserver {
   SteadyStateSolver& solver_;
   const ModelState& model_;
   const PeriodicData& data_;
+  bool follows_data_;
 };
 
 // Pure noise over the lines of one recording, whitened, and a sign for each draw and group of
@@ -287,6 +294,37 @@ class Problem : public MismatchProblem {
     return find_channel_faults(compared_responses(*family_, data_, start_));
   }
 
+  // Fits the model as it is to recordings freed of their transients by polynomials, then frees them with
+  // the fitted model, until the fit no longer moves.
+  void clear_transients(const PeriodicDataOptions& options) {
+    constexpr int kRounds = 5;
+    constexpr double kAtRest = 0.1;  // standard errors
+    if (data_.estimation.front().output_bins.size() == 0 || !channel_faults().empty()) return;
+    ExtendedFit now = fit({}, nullptr);
+    double moved = std::numeric_limits<double>::infinity();
+    for (int round = 0; round < kRounds && now.usable && moved > kAtRest; ++round) {
+      graybox::clear_transients(*family_, state_of(now), options, data_);
+      cleared_start_ = start_;
+      std::vector<ActingLaw> laws = base_laws_;
+      take_model_parameters(now, *cleared_start_, laws);
+      const ExtendedFit next = fit({}, nullptr);
+      moved = largest_move(now, next);
+      now = next;
+    }
+  }
+
+  // Of the model's parameters, in standard errors of the second fit.
+  static double largest_move(const ExtendedFit& from, const ExtendedFit& to) {
+    double largest = 0.0;
+    for (std::size_t p = 0; p < to.model_parameters.size(); ++p) {
+      const LawParameterEstimate& estimate = to.model_parameters[p];
+      if (!(estimate.standard_error > 0.0)) continue;
+      largest = std::max(largest, std::abs(estimate.value - from.model_parameters[p].value) /
+                                      estimate.standard_error);
+    }
+    return largest;
+  }
+
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
     VectorXd start = start_;
@@ -302,14 +340,16 @@ class Problem : public MismatchProblem {
       if (const auto other = response_start(*family_, data_, options_.threads)) {
         starts.push_back(*other);
       }
+      if (cleared_start_) starts.push_back(*cleared_start_);
     } else if (!laws.empty() && !laws.back().model_parameters.empty()) {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    const PeriodicFit fitted =
-        fit_periodic(*family_, data_, starts, acting,
-                     {options_.iteration_limit, options_.threads, options_.keep_going});
-    return report(fitted, laws);
+    const PeriodicFitOptions how{options_.iteration_limit, options_.threads, options_.keep_going};
+    return report(is_first && !cleared_start_
+                      ? fit_periodic_gradually(*family_, data_, starts, acting, how)
+                      : fit_periodic(*family_, data_, starts, acting, how),
+                  laws);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -494,14 +534,21 @@ class Problem : public MismatchProblem {
 
   // ---- scores --------------------------------------------------------------------------------------
 
+  // Far beyond any level of detection, so that a motion that holds noise of the residuals is taken only
+  // where tests of single hypotheses no longer decide whether anything is missing.
+  static bool is_clearly_wrong(const ExtendedFit& fit) {
+    constexpr double kLevel = 1e-6;
+    return chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) < kLevel;
+  }
+
   [[nodiscard]] std::map<const CandidatePlace*, MotionScale> motion_scales(
-      const ModelState& model, std::span<const std::size_t> asked) const;
+      const ModelState& model, std::span<const std::size_t> asked, bool follows_data) const;
   [[nodiscard]] std::vector<Candidate> candidates(
       std::span<const std::size_t> asked,
       const std::map<const CandidatePlace*, MotionScale>& scales) const;
   void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
                   const std::vector<Candidate>& list,
-                  const std::vector<std::vector<PlantChange>>& body_changes,
+                  const std::vector<std::vector<PlantChange>>& body_changes, bool follows_data,
                   const NoiseDraws& draws, CandidateSums& sums) const;
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
@@ -520,6 +567,7 @@ class Problem : public MismatchProblem {
   PeriodicData data_;
   PeriodicMismatchOptions options_;
   VectorXd start_;
+  std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
   std::vector<CandidatePlace> base_places_;
   std::vector<ActingLaw> base_laws_;
   std::vector<std::string> base_names_;
@@ -541,7 +589,7 @@ void Problem::place_answer(SteadyStateSolver& solver, const ModelState& model,
 }
 
 std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
-    const ModelState& model, std::span<const std::size_t> asked) const {
+    const ModelState& model, std::span<const std::size_t> asked, bool follows_data) const {
   constexpr Index kSamples = 48;  // of each recording
   std::map<const CandidatePlace*, MotionScale> scales;
   for (const std::size_t hypothesis : asked) scales[places_[hypothesis]];
@@ -556,7 +604,7 @@ std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t) {
     solver.solve(model, record, nullptr);
-    const PlaceObserver observer(solver, model, data_);
+    const PlaceObserver observer(solver, model, data_, follows_data);
     MatrixXcd answer;
     PeriodicMotion motion;
     for (const CandidatePlace* place : list) {
@@ -642,7 +690,7 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
 
 void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
                          const MeasuredRecord& record, const std::vector<Candidate>& list,
-                         const std::vector<std::vector<PlantChange>>& bodies,
+                         const std::vector<std::vector<PlantChange>>& bodies, bool follows_data,
                          const NoiseDraws& draws, CandidateSums& sums) const {
   const Index lines = data_.last_line + 1;
   const auto outputs = static_cast<Index>(data_.outputs.size());
@@ -656,7 +704,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
   for (Index p = 0; count > 0 && p < jacobian.cols(); ++p) {
     sums.own_scores.row(p).tail(count) += draws.products(jacobian.col(p));
   }
-  const PlaceObserver observer(solver, model, data_);
+  const PlaceObserver observer(solver, model, data_, follows_data);
   MatrixXcd moved_jacobian = jacobian;
   bool is_moved = false;
   MatrixXcd answer, seen_jacobian(lines, jacobian.cols());
@@ -777,7 +825,8 @@ std::vector<double> Problem::parameters_with(const ModelState& model, const Bloc
 ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                            int null_draws, std::uint64_t seed) const {
   const ModelState model = state_of(fit);
-  const std::vector<Candidate> list = candidates(asked, motion_scales(model, asked));
+  const bool follows_data = is_clearly_wrong(fit);
+  const std::vector<Candidate> list = candidates(asked, motion_scales(model, asked, follows_data));
   const auto bodies = body_changes(model, list);
   CandidateSums empty;
   Index columns = 0;
@@ -801,7 +850,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
                                         std::size_t i, std::size_t chunk) {
     solver.solve(model, record, nullptr);
     const NoiseDraws draws(data_, null_draws, seed + 0x9e3779b97f4a7c15ULL * (i + 1));
-    add_record(solver, model, record, list, bodies, draws, sums[chunk]);
+    add_record(solver, model, record, list, bodies, follows_data, draws, sums[chunk]);
   });
   for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
   const CandidateSums& total = sums.front();
@@ -914,7 +963,8 @@ std::vector<ForcePicture> Problem::force_pictures(const ExtendedFit& fit) const 
         continue;
       }
       place_answer(solver, model, record, place, answer);
-      const PlaceMotion seen = PlaceObserver(solver, model, data_).observe(record, place, answer);
+      const PlaceMotion seen =
+          PlaceObserver(solver, model, data_, true).observe(record, place, answer);
       solver.motion_of(seen.deflection, motion);
       solver.motion_of(seen.force, left);
       periodic.force(motion, law_force);
@@ -951,7 +1001,9 @@ std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem
   reading.threads = options.threads;
   reading.keep_going = options.keep_going;
   PeriodicData data = read_periodic_data(campaign, *family, reading);
-  return std::make_unique<Problem>(std::move(family), std::move(data), options);
+  auto problem = std::make_unique<Problem>(std::move(family), std::move(data), options);
+  problem->clear_transients(reading);
+  return problem;
 }
 
 }  // namespace graybox

@@ -25,7 +25,11 @@
 // however large they are. The score test of a law therefore has the columns -g law(z) for a unit
 // amplitude, for each of several shapes (periodic_shapes.hpp), and beside them the parameters' columns
 // under the same motion. What both explain together ranks places and laws, and both estimates start the
-// refit. Where nothing is missing no force is clear of its noise, and all is the usual score test.
+// refit. Where chi-square is not beyond what noise gives once in a million, the motion is the model's and
+// all is the usual score test, with its null distribution.
+//
+// Transients. Recordings are freed of them twice: by polynomials first (periodic_data.hpp), and with the
+// model as it is once that has been fitted (transients.hpp).
 //
 // Fit. Gauss, Newton, Levenberg and Marquardt on the whitened residuals, by the model's parameters
 // and those of the laws; derivatives use the laws' mean slopes, at the end their exact ones. Positive

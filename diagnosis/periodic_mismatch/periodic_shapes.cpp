@@ -88,7 +88,7 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
     const std::string& name = entry.name;
-    if (name == "offset" || name == "balancer") continue;
+    if (name == "offset" || name == "balancer" || name == "asymmetric_coulomb") continue;
     const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
     if (is_signal != (location.kind != LocationKind::kElement)) continue;
     if ((entry.use == LawUse::kPayload) != location.is_flange && !is_signal) continue;
@@ -115,6 +115,7 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
 const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place) {
   if (place.location.kind != LocationKind::kElement || place.is_coupling) return nullptr;
   if (entry.name == "backlash" && place.has_free_stiffness) return find_law("dead_zone", false);
+  if (entry.name == "coulomb") return find_law("asymmetric_coulomb", false);
   if (entry.name == "stiffness" && place.location.units.deflection == "rad") {
     return find_law("balancer", false);
   }

@@ -29,7 +29,8 @@ struct FrequencyBand {
 [[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place);
 
 // The law that these recordings can't tell from this one: a stop beside a free spring is a play beside
-// another spring, and over small motions a balancer is a spring. Null if there is none.
+// another spring, dry friction that differs between the directions is their mean and a constant, and
+// over small motions a balancer is a spring. Null if there is none.
 [[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place);
 
 }  // namespace graybox

@@ -1,0 +1,54 @@
+// The free motion that periodic recordings still hold, taken out with the model's own modes.
+//
+// A record of P periods of N samples begins in a state x_0 and ends in x_PN. For a sampled linear plant,
+// x_{n+1} = A x_n + B u_n, y_n = C x_n, the spectra of all PN samples obey at each bin b, exactly,
+//
+//   Y = G(z) U + C (z I - A)^-1 z d + V,   G = C (z I - A)^-1 B,   z = e^(2 pi j b / (P N)),
+//
+// with one real vector d, (x_0 - x_PN) in the spectra's scale (Pintelon and Schoukens 2012, Section
+// 6.3.2). Between the lines of the period, b not a multiple of P, there is nothing periodic: these bins
+// give d by weighted least squares (with a ridge: a departure of the size of the periodic motion is
+// expected, so that what no output sees stays small), and what is left there is noise. A polynomial over a few bins
+// (line_spectra.hpp) needs no model but does not follow a mode that is sharper than the bins, nor G
+// between them; where the model is known well enough this is exact, leaves neighbouring lines
+// independent and costs 2 n real numbers a record instead of a third of the noise's.
+//
+// Laws of the model that are forces act on these small motions by their mean slopes. The model's own
+// forces (PlantFamily::own_force) do not: f(q_periodic + q_free) - f(q_periodic) falls on the lines as
+// well where a free motion and a periodic one multiply, and is taken out with the free motion.
+//
+// Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y n^2) for
+// d, and some thousand evaluations of the own forces.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+
+namespace graybox {
+
+// x = (q, q') of a plant, its input held between samples.
+struct SampledPlant {
+  Eigen::MatrixXcd vectors, triangle;  // A = V T V^H, Schur's form
+  Eigen::MatrixXcd input;              // V^H B, 2n x n_u
+  Eigen::MatrixXcd output;             // C V, n_y x 2n
+
+  // C (z I - A)^-1 V, n_y x 2n. At a pole: entries that are not finite.
+  [[nodiscard]] Eigen::MatrixXcd sight(std::complex<double> z) const;
+  // G(z), n_y x n_u.
+  [[nodiscard]] Eigen::MatrixXcd response(std::complex<double> z) const;
+  // (z I - A)^-1 V g: the state of V g = B u + z d.
+  [[nodiscard]] Eigen::VectorXcd state(std::complex<double> z, const Eigen::VectorXcd& g) const;
+};
+[[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
+
+// Takes the free motion out of the lines of all records, and replaces the whitening by that of the noise
+// between the lines. Records of a single period stay as they are. Results do not depend on the threads.
+void clear_transients(const PlantFamily& family, const ModelState& model,
+                      const PeriodicDataOptions& options, PeriodicData& data);
+
+}  // namespace graybox

@@ -1,0 +1,186 @@
+// Free motion in periodic recordings: taken out exactly where the model is right, whatever its damping.
+#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <complex>
+#include <filesystem>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+
+LinearPlant two_masses() {
+  LinearPlant plant;
+  plant.mass = Eigen::Vector2d(0.002, 0.01).asDiagonal();
+  plant.stiffness.resize(2, 2);
+  plant.stiffness << 31.0, -30.0, -30.0, 33.0;
+  plant.damping = 2e-3 * plant.stiffness;
+  plant.input = Eigen::MatrixXd::Identity(2, 1);
+  plant.position_output = Eigen::Matrix2d{{0.0, 0.0}, {0.0, 1.0}};
+  plant.velocity_output = Eigen::Matrix2d{{1.0, 0.0}, {0.0, 0.0}};
+  plant.rest = Eigen::Vector2d::Zero();
+  return plant;
+}
+
+TEST(SampledPlant, RespondsAsThePlantBehindItsHold) {
+  const LinearPlant plant = two_masses();
+  constexpr double sample_time = 0.001;
+  const SampledPlant sampled = sampled_plant(plant, sample_time);
+  for (const double w : {5.0, 60.0, 131.0, 900.0}) {
+    const Eigen::MatrixXcd series = sampled_response(plant, w, sample_time);
+    const Eigen::MatrixXcd exact = sampled.response(std::polar(1.0, w * sample_time));
+    EXPECT_LT((exact - series).norm(), 1e-5 * exact.norm()) << w;
+  }
+}
+
+// sum A^n d z^-(n+1), term by term.
+TEST(SampledPlant, StateIsTheTransformOfTheFreeMotion) {
+  const LinearPlant plant = two_masses();
+  constexpr double sample_time = 0.001;
+  const SampledPlant sampled = sampled_plant(plant, sample_time);
+  Eigen::Matrix4d state = Eigen::Matrix4d::Zero();
+  state.topRightCorner<2, 2>().setIdentity();
+  state.bottomLeftCorner<2, 2>() = -plant.mass.inverse() * plant.stiffness;
+  state.bottomRightCorner<2, 2>() = -plant.mass.inverse() * plant.damping;
+  const Eigen::Matrix4d transition = (sample_time * state).exp();
+  const Eigen::Vector4d departure(0.3, -0.2, 5.0, 1.0);
+  const Complex z = std::polar(1.0, 0.07);
+  Eigen::Vector4cd sum = Eigen::Vector4cd::Zero();
+  Eigen::Vector4d free = departure;
+  Complex power = 1.0 / z;
+  for (int n = 0; n < 60000; ++n) {
+    sum += power * free;
+    free = transition * free;
+    power /= z;
+  }
+  const Eigen::VectorXcd found = sampled.state(z, sampled.vectors.adjoint() * departure);
+  EXPECT_LT((found - sum).norm(), 1e-9 * sum.norm());
+  const Eigen::VectorXcd seen = sampled.sight(z) * (sampled.vectors.adjoint() * departure);
+  EXPECT_NEAR(std::abs(seen(0) - found(2)), 0.0, 1e-9 * std::abs(seen(0)));
+}
+
+constexpr double kNoise = 0.005;
+
+// A drive whose shaft hardly damps, recorded while it still rings.
+constexpr const char* kDrive = R"(format: graybox-lumped/1
+sample_time: 0.002
+motion: rotation
+masses: {motor: 0.0021, load: 0.01}
+elements:
+  - name: shaft
+    location: {kind: element, between: [motor, load]}
+    law: stiffness
+    parameters: {stiffness: {value: 30, unit: N m/rad}}
+  - name: shaft damping
+    location: {kind: element, between: [motor, load]}
+    law: viscous
+    parameters: {damping: {value: 0.005, unit: N m s/rad}}
+  - name: bearing
+    location: {kind: element, mass: load}
+    law: viscous
+    parameters: {damping: {value: 0.05, unit: N m s/rad}}
+inputs:
+  - {name: torque, mass: motor}
+outputs:
+  - {name: speed, mass: motor, quantity: velocity}
+  - {name: load_speed, mass: load, quantity: velocity}
+noise: {speed: 0.005, load_speed: 0.005}
+)";
+
+constexpr const char* kPlan = R"(format: graybox-plan/1
+levels: [0.1, 0.3]
+realisations: 3
+validation_realisations: 1
+period: 500
+settling_periods: 1
+periods: 4
+frequencies: {from: 1, to: 60, count: 40, spacing: log}
+)";
+
+class UnsettledDrive {
+ public:
+  explicit UnsettledDrive(const std::string& truth, std::uint64_t seed = 1) {
+    testing::write_text(folder_.file("model.yaml"), kDrive);
+    testing::write_text(folder_.file("truth.yaml"), truth);
+    testing::write_text(folder_.file("plan.yaml"), kPlan);
+    const SimulatedSystem system = load_system(folder_.file("truth.yaml"), std::nullopt);
+    SimulationOptions options;
+    options.seed = seed;
+    simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
+                      folder_.file("campaign"), options);
+  }
+  [[nodiscard]] std::filesystem::path model() const { return folder_.file("model.yaml"); }
+  [[nodiscard]] Campaign campaign() const { return read_campaign(folder_.file("campaign")); }
+
+ private:
+  testing::TemporaryFolder folder_;
+};
+
+double chi_square_per_number(const PlantFamily& family, const ModelState& model,
+                             const PeriodicData& data) {
+  SteadyStateSolver solver(family, data, {});
+  double sum = 0.0;
+  for (const MeasuredRecord& record : data.estimation) {
+    sum += solver.solve(model, record, nullptr).chi_square;
+  }
+  return sum / data.numbers_in(data.estimation);
+}
+
+TEST(Transients, LeaveNothingButTheNoise) {
+  const UnsettledDrive drive(kDrive);
+  const auto family = plant_family(drive.model());
+  const PeriodicDataOptions options;
+  PeriodicData data = read_periodic_data(drive.campaign(), *family, options);
+  Eigen::VectorXd truth(static_cast<Index>(family->parameters().size()));
+  for (Index p = 0; p < truth.size(); ++p) {
+    truth(p) = family->parameters()[static_cast<std::size_t>(p)].start;
+  }
+  const ModelState model = evaluate_model(*family, data, truth, {}, true, 1);
+  clear_transients(*family, model, options, data);
+  EXPECT_NEAR(chi_square_per_number(*family, model, data), 1.0, 0.05);
+  // White noise: variance sigma^2 / P of each line, the same in both outputs and at both levels.
+  for (const auto& group : data.whitening) {
+    double mean = 0.0;
+    for (Index k = data.first_line; k <= data.last_line; ++k) {
+      const Eigen::MatrixXcd& whitening = group[static_cast<std::size_t>(k)];
+      const Eigen::MatrixXcd covariance = 2.0 * (whitening.adjoint() * whitening).inverse();
+      mean += covariance.trace().real() / 2.0 / static_cast<double>(data.line_count());
+    }
+    EXPECT_NEAR(mean / (kNoise * kNoise / 4.0), 1.0, 0.08);
+  }
+}
+
+TEST(Transients, AreTakenOutWithAnotherModelThanTheTrueOne) {
+  std::string truth = kDrive;
+  truth.replace(truth.find("value: 30,"), 10, "value: 27,");
+  const UnsettledDrive drive(truth);
+  const auto problem = periodic_mismatch_problem(drive.model(), drive.campaign());
+  const ExtendedFit fit = problem->fit({}, nullptr);
+  ASSERT_TRUE(fit.usable) << fit.trouble;
+  EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.05);
+  EXPECT_NEAR(problem->validate(fit)->chi_square_per_dof(), 1.0, 0.1);
+  const std::vector<double> values{0.0021, 0.01, 27.0, 0.005, 0.05};
+  ASSERT_EQ(fit.model_parameters.size(), values.size());
+  for (std::size_t p = 0; p < values.size(); ++p) {
+    const LawParameterEstimate& estimate = fit.model_parameters[p];
+    EXPECT_NEAR(estimate.value, values[p], 4.0 * estimate.standard_error) << estimate.name;
+  }
+  const Diagnosis diagnosis = diagnose(*problem, {});
+  EXPECT_EQ(diagnosis.verdict, Verdict::kNone);
+}
+
+}  // namespace
+}  // namespace graybox
