@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <vector>
@@ -64,8 +65,10 @@ class RegressionProblem : public MismatchProblem {
     hypotheses_[index_of(law)].twins = {index_of(twin)};
     hypotheses_[index_of(twin)].only_named = true;
   }
-  void generalise(const std::string& law, const std::string& special_case) {
+  // With one parameter more, of which the data say so much.
+  void generalise(const std::string& law, const std::string& special_case, double information) {
     hypotheses_[index_of(law)].special_cases = {special_case};
+    further_information_[index_of(law)] = information;
   }
 
   [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
@@ -83,10 +86,16 @@ class RegressionProblem : public MismatchProblem {
         (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
     ExtendedFit result;
     result.usable = true;
+    std::size_t further_parameters = 0;
     for (std::size_t k = 0; k < chosen.size(); ++k) {
       const auto at = static_cast<Eigen::Index>(k) + model_.cols();
       result.laws.push_back(
           {chosen[k], {{"amplitude", "1", solution(at), std::sqrt(covariance(at, at))}}});
+      result.laws_information += std::log1p(solution(at) * solution(at) / covariance(at, at));
+      const auto further = further_information_.find(chosen[k]);
+      if (further == further_information_.end()) continue;
+      result.laws_information += further->second;
+      ++further_parameters;
     }
     for (Eigen::Index at = 0; at < model_.cols(); ++at) {
       result.model_parameters.push_back(
@@ -95,7 +104,7 @@ class RegressionProblem : public MismatchProblem {
     result.estimation =
         assess(estimation_ - columns * solution, static_cast<double>(kSamples - factor.rank()));
     result.deviance = result.estimation.chi_square;
-    result.parameter_count = static_cast<std::size_t>(factor.rank());
+    result.parameter_count = static_cast<std::size_t>(factor.rank()) + further_parameters;
     return result;
   }
 
@@ -171,6 +180,7 @@ class RegressionProblem : public MismatchProblem {
 
   Eigen::MatrixXd model_;
   std::vector<Hypothesis> hypotheses_;
+  std::map<std::size_t, double> further_information_;
   std::vector<Eigen::VectorXd> columns_;
   Eigen::VectorXd estimation_, held_out_;
 };
@@ -264,12 +274,20 @@ TEST(DiagnosisSearch, NamesTwinsThatAreNotFitted) {
   EXPECT_EQ(diagnose(problem, options).verdict, Verdict::kExplained);
 }
 
-TEST(DiagnosisSearch, ALawThatOnlyGeneralisesTheBestIsNoRival) {
-  RegressionProblem problem;
-  problem.generalise("slanted_step", "step");
-  problem.generalise("step", "slanted_step");
-  const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, "step", 12.0), 3);
-  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+// A law that holds the one found fits as well always. It is a rival where the data do not know its further
+// parameters, so that the effect may as well be one of it.
+TEST(DiagnosisSearch, ALawThatGeneralisesTheBestIsARivalWhereItMayBeTheOne) {
+  for (const double information : {0.0, 20.0}) {
+    RegressionProblem problem;
+    problem.generalise("slanted_step", "step", information);
+    const Diagnosis diagnosis =
+        diagnose_effect(problem, scaled_effect(problem, "slanted_step", 12.0), 3);
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("step"));
+    const bool is_certain = information > 0.0;
+    EXPECT_EQ(diagnosis.verdict, is_certain ? Verdict::kExplained : Verdict::kAmbiguous);
+    EXPECT_EQ(diagnosis.effects[0].rivals.size(), is_certain ? 0U : 1U);
+  }
 }
 
 TEST(DiagnosisSearch, SaysUnknownWhereNoHypothesisExplains) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "graybox/problems/distributions.hpp"
@@ -21,6 +22,9 @@ constexpr double kExclusionErrors = 2.0;
 constexpr int kFirstFits = 3;
 constexpr std::size_t kTriedTrials = 3;
 constexpr double kShortOfOptimum = 1.0;  // of the deviance
+
+// Share of the best score statistic that makes a law at the same place worth a refit.
+constexpr double kRelative = 0.7;
 
 // What was fitted, and where the laws started.
 struct Refit {
@@ -73,6 +77,10 @@ class Search {
   [[nodiscard]] double bic(const ExtendedFit& fit) const {
     return fit.deviance +
            static_cast<double>(fit.parameter_count) * std::log(problem_.sample_count());
+  }
+
+  [[nodiscard]] static double evidence(const ExtendedFit& fit) {
+    return fit.deviance + fit.laws_information;
   }
 
   // Less is better: BIC or, where the noise is not known, the error of blocks kept out relative to that
@@ -232,22 +240,34 @@ class Search {
   }
 
   // The best of the ranking, and besides the best law of each of the best places: laws at one place
-  // crowd each other's neighbours out.
+  // crowd each other's neighbours out. And laws that come close to the best at its place: which of them
+  // it is only refits can tell.
   [[nodiscard]] std::vector<LawStart> shortlist(const ScoreTable& table) const {
     std::vector<LawStart> chosen;
     std::set<std::string> places;
+    const HypothesisScore* best = nullptr;
     const std::size_t crowd = std::max<std::size_t>(1, options_.shortlist / 2);
+    std::size_t relatives = 0;
     for (const HypothesisScore& score : table.scores) {
-      if (chosen.size() >= options_.shortlist) break;
       if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
       if (is_closed(problem_.hypotheses()[score.start.hypothesis])) continue;
-      const std::string& place = problem_.hypotheses()[score.start.hypothesis].place;
-      if (chosen.size() < crowd || places.count(place) == 0) {
+      if (best == nullptr) best = &score;
+      const std::string& place = place_of(score);
+      const bool has_room = chosen.size() < options_.shortlist + relatives;
+      if (has_room && (chosen.size() < crowd || places.count(place) == 0)) {
         chosen.push_back(score.start);
         places.insert(place);
+      } else if (place == place_of(*best) && relatives < crowd &&
+                 score.score.statistic > kRelative * best->score.statistic) {
+        chosen.push_back(score.start);
+        ++relatives;
       }
     }
     return chosen;
+  }
+
+  [[nodiscard]] const std::string& place_of(const HypothesisScore& score) const {
+    return problem_.hypotheses()[score.start.hypothesis].place;
   }
 
   // Rivals of an effect are often what was tried when it was found.
@@ -311,10 +331,10 @@ class Search {
     return errors * std::abs(errors);
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
-    return problem_.noise_is_known() ? disadvantage(fit, reference) > options_.exclusion_margin
-                                     : predicts_better(fit, reference, kExclusionErrors);
+    if (!problem_.noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
+    return disadvantage(fit, reference) > options_.exclusion_margin &&
+           evidence(fit) - evidence(reference) > options_.exclusion_margin;
   }
-
   [[nodiscard]] std::size_t effect_limit() const {
     if (options_.effect_limit > 0) return options_.effect_limit;
     return problem_.noise_is_known() ? 4 : 24;
@@ -496,15 +516,43 @@ class Search {
     for (const LawStart& start : shortlist(table)) {
       if (start.hypothesis != effect.law.hypothesis) candidates.push_back(start);
     }
-    for (const Trial& trial : refit_each(starts_of(without), candidates, without)) {
-      Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
-      if (excludes(result_.after, trial.fit)) {
-        effect.excluded.push_back(std::move(rival));
-      } else if (!generalises(trial, effect.law)) {
-        if (effect.rivals.empty()) rival.next = experiment_against(trial);
-        effect.rivals.push_back(std::move(rival));
+    std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
+    if (problem_.noise_is_known()) {
+      std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
+    }
+    std::vector<const Trial*> members;  // besides the law itself
+    // Laws of which none in the class is a special case come first.
+    for (const bool richer : {false, true}) {
+      for (const Trial& trial : trials) {
+        const std::optional<double> least = evidence_of_special_cases(trial, effect, members);
+        if (least.has_value() != richer) continue;
+        Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
+        if (richer ? evidence(trial.fit) < *least : !excludes(result_.after, trial.fit)) {
+          members.push_back(&trial);
+          effect.rivals.push_back(std::move(rival));
+        } else if (!richer) {
+          effect.excluded.push_back(std::move(rival));
+        }
       }
     }
+    if (!members.empty()) effect.rivals.front().next = experiment_against(*members.front());
+  }
+
+  // The least among the law found and the other members of its class that this law generalises.
+  [[nodiscard]] std::optional<double> evidence_of_special_cases(
+      const Trial& trial, const FoundEffect& effect,
+      const std::vector<const Trial*>& members) const {
+    const std::span<const Hypothesis> all = problem_.hypotheses();
+    const Hypothesis& richer = all[trial.hypothesis];
+    std::optional<double> least;
+    const auto consider = [&](std::size_t plain, const ExtendedFit& fit) {
+      if (is_special_case(all[plain], richer)) {
+        least = std::min(least.value_or(evidence(fit)), evidence(fit));
+      }
+    };
+    consider(effect.law.hypothesis, result_.after);
+    for (const Trial* member : members) consider(member->hypothesis, member->fit);
+    return least;
   }
 
   std::optional<NextExperiment> experiment_against(const Trial& rival) {
@@ -527,11 +575,6 @@ class Search {
         effect.rivals.push_back({{twin, {}}, member.bic_difference});
       }
     }
-  }
-
-  [[nodiscard]] bool generalises(const Trial& trial, const FittedLaw& law) const {
-    return is_special_case(problem_.hypotheses()[law.hypothesis],
-                           problem_.hypotheses()[trial.hypothesis]);
   }
 
   void verify() {

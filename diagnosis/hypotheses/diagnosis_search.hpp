@@ -23,11 +23,15 @@
 //      laws that only generalise another of fewer parameters give way to it unless they are better by
 //      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
 //      predicts better now are exchanged, and steps 3 and 4 repeated.
-//   5. Rivals: for each law that stayed, the alternatives in its stead. Those whose BIC is not worse
-//      by `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does not
-//      predict better, can't be excluded and form one class with it. A law that only generalises
-//      another of the class, and is no better by more than what its parameters cost, is left out.
-//      Twins (mismatch_problem.hpp) are rivals always.
+//   5. Rivals: for each law that stayed, the alternatives in its stead. Those that are not worse by
+//      `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does not
+//      predict better, can't be excluded and form one class with it. Worse in both, BIC and
+//          evidence = deviance + log det(1 + D S D)     (ExtendedFit::laws_information),
+//      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
+//      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
+//      so that a small effect would exclude all laws of many parameters. A law that generalises a member
+//      of the class is at least as good always: a rival where its evidence is better, else left out. Twins
+//      (mismatch_problem.hpp) are rivals always.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
@@ -66,7 +70,7 @@ struct SearchOptions {
   double level = 0.05;  // alpha of detection, family-wise
   double verification_level = 0.01;
   double tolerance = 0.05;         // of the noise's variance, in verification
-  double exclusion_margin = 10.0;  // of BIC
+  double exclusion_margin = 10.0;  // of BIC and of the evidence
   std::size_t shortlist = 8;       // refits an effect
   std::size_t effect_limit = 0;    // 0: 4, or 24 where the noise is not known
   double held_out_gain = 0.01;     // logarithmic, of the squared error

@@ -335,7 +335,9 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
 
 std::vector<std::string> special_cases_of(const LawEntry& entry) {
   const std::string& name = entry.name;
-  if (name == "asymmetric_coulomb" || name == "dahl") return {"coulomb"};
+  if (name == "asymmetric_coulomb" || name == "dahl" || name == "sublinear_friction") {
+    return {"coulomb"};
+  }
   if (name == "stribeck") return {"coulomb"};
   if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};

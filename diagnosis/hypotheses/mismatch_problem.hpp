@@ -73,6 +73,10 @@ struct ExtendedFit {
   std::vector<FittedLaw> laws;
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
   std::size_t parameter_count = 0;
+  // What the data say about the laws' parameters: log det(1 + D S D), S their information with the model's
+  // own parameters taken out and D their values, as wide as which they were thought before. A parameter
+  // that the data do not determine adds nothing.
+  double laws_information = 0.0;
   Assessment estimation;
   // Where the noise is not known: mean squared errors of contiguous blocks of the recordings (rows),
   // each predicted by the others, in each output (columns).

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace graybox {
 
@@ -44,6 +45,15 @@ std::vector<std::vector<Eigen::MatrixXcd>> whitening_with_errors(const PeriodicD
         whitening = std::move(*raised);
       }
     }
+  }
+  return result;
+}
+
+NoisePool pool_of(const std::vector<OutputCovariance>& pooled) {
+  NoisePool result{std::numeric_limits<double>::infinity(), 0.0};
+  for (const OutputCovariance& one : pooled) {
+    result.samples = std::min(result.samples, one.degrees_of_freedom);
+    result.lines += static_cast<double>(one.pooled_lines) / static_cast<double>(pooled.size());
   }
   return result;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/responses/covariance_pool.hpp"
 
 namespace graybox {
 
@@ -20,6 +21,9 @@ namespace graybox {
 // The whitening of data whose model may be wrong by that share of the outputs' level besides.
 [[nodiscard]] std::vector<std::vector<Eigen::MatrixXcd>> whitening_with_errors(
     const PeriodicData& data, double share);
+
+// The least samples and the mean number of lines.
+[[nodiscard]] NoisePool pool_of(const std::vector<OutputCovariance>& pooled);
 
 // The inverse of a covariance of n_y outputs estimated with q degrees of freedom is too large by
 // q / (q - n_y) on average: the covariance times that.

@@ -375,9 +375,10 @@ class Reader {
       data_.noise_degrees_of_freedom +=
           2.0 * static_cast<double>(outputs) * scatter[at].degrees_of_freedom;
     }
-    return interpolated(
-        pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs)), lines,
-        frequencies, output_level(data_, group));
+    const auto pooled =
+        pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs));
+    data_.noise_pools.push_back(pool_of(pooled));
+    return interpolated(pooled, lines, frequencies, output_level(data_, group));
   }
 
   [[nodiscard]] std::vector<MatrixXcd> interpolated(const std::vector<OutputCovariance>& pooled,

@@ -26,7 +26,7 @@ namespace graybox {
 
 struct PeriodicDataOptions {
   double line_factor = 2.5;
-  double noise_samples = 100.0;
+  double noise_samples = 200.0;
   double model_accuracy = 1e-6;
   int threads = 1;
   std::function<bool()> keep_going;
@@ -49,6 +49,12 @@ struct MeasuredRecord {
   Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
 };
 
+// What the covariance of a line typically was estimated from.
+struct NoisePool {
+  double samples = 0.0;  // q, complex degrees of freedom
+  double lines = 1.0;    // that share them
+};
+
 struct PeriodicData {
   std::size_t period = 0;
   double sample_time = 0.0;
@@ -63,6 +69,7 @@ struct PeriodicData {
   std::vector<MeasuredRecord> estimation, validation;
   // [group][line]: L with E |(L V)_c|^2 = 2, so that real and imaginary parts have variance one.
   std::vector<std::vector<Eigen::MatrixXcd>> whitening;
+  std::vector<NoisePool> noise_pools;                // by group; empty: stated noise
   double noise_degrees_of_freedom = 0.0;             // real, of all covariances together; 0: stated
   std::vector<FrequencyResponseEstimate> responses;  // of the estimation records, where complete
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
 #include <array>
@@ -220,59 +221,74 @@ class PlaceObserver {
   bool follows_data_;
 };
 
-// Pure noise over the lines of one recording, whitened, and a sign for each draw and group of
-// neighbouring lines: draw d is the noise with its signs, which is as normal and independent as the
-// noise itself. Draws then cost one product a group, and with thousands of groups in all recordings
-// they are nearly independent of each other.
+// Draws of what pure noise leaves over the lines of one recording, whitened by a covariance that is an
+// estimate itself: where that came out too small in a draw, the noise is too large, in neighbouring lines
+// and in all records of a group alike.
 class NoiseDraws {
  public:
-  NoiseDraws(const PeriodicData& data, int draws, std::uint64_t seed)
-      : outputs_(static_cast<Index>(data.outputs.size())),
-        first_(data.first_line),
-        lines_(data.last_line + 1) {
+  NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,
+             std::uint64_t record)
+      : outputs_(static_cast<Index>(data.outputs.size())), lines_(data.last_line + 1) {
     if (draws == 0) return;
-    constexpr Index kGroups = 2000;  // of all recordings together, at least
-    const auto records = static_cast<Index>(data.estimation.size());
-    groups_ = std::min(data.line_count(), std::max<Index>(16, kGroups / records + 1));
-    Random random(seed);
-    noise_ = MatrixXcd::Zero(outputs_, lines_);
-    for (Index k = first_; k < lines_; ++k) {
-      for (Index c = 0; c < outputs_; ++c) {
+    Random random(seed + 0x9e3779b97f4a7c15ULL * (record + 1));
+    noise_ = MatrixXcd::Zero(outputs_ * lines_, draws);
+    for (Index d = 0; d < draws; ++d) {
+      for (Index i = outputs_ * data.first_line; i < noise_.rows(); ++i) {
         const double real = random.normal();
-        noise_(c, k) = Complex(real, random.normal());
+        noise_(i, d) = Complex(real, random.normal());
       }
     }
-    signs_.resize(groups_, draws);
-    for (Index i = 0; i < signs_.size(); ++i) {
-      signs_.data()[i] = random.uniform() < 0.5 ? -1.0 : 1.0;
-    }
+    if (!data.noise_pools.empty()) scale(data, data.noise_pools[group], seed ^ (group + 1));
+    stacked_ = stacked(noise_);
   }
 
-  [[nodiscard]] Index draws() const { return signs_.cols(); }
-  // The noise through an answer (n_y x lines) at each line: answer^H noise.
-  [[nodiscard]] VectorXcd seen_by(const MatrixXcd& answer) const {
-    return answer.conjugate().cwiseProduct(noise_).colwise().sum().transpose();
-  }
-  // Re sum of conj(column) seen over all lines, for each draw.
-  [[nodiscard]] Eigen::RowVectorXd products(const Eigen::Ref<const VectorXcd>& column,
-                                            const VectorXcd& seen) const {
-    VectorXd sums = VectorXd::Zero(groups_);
-    const Index count = lines_ - first_;
-    for (Index k = first_; k < lines_; ++k) {
-      sums((k - first_) * groups_ / count) += (std::conj(column(k)) * seen(k)).real();
+  [[nodiscard]] Index draws() const { return noise_.cols(); }
+  // Each draw through an answer (n_y x lines), answer^H noise at each line: 2 lines x draws, real and
+  // imaginary parts.
+  [[nodiscard]] MatrixXd seen_by(const MatrixXcd& answer) const {
+    MatrixXcd seen(lines_, draws());
+    for (Index k = 0; k < lines_; ++k) {
+      seen.row(k).noalias() = answer.col(k).adjoint() * noise_.middleRows(k * outputs_, outputs_);
     }
-    return sums.transpose() * signs_;
+    return stacked(seen);
   }
-  // The same of a whitened column over outputs and lines.
-  [[nodiscard]] Eigen::RowVectorXd products(const Eigen::Ref<const VectorXcd>& column) const {
-    const Eigen::Map<const MatrixXcd> whitened(column.data(), outputs_, lines_);
-    return products(VectorXcd::Ones(lines_), seen_by(whitened));
+  // Re columns^H seen, of columns over lines.
+  static MatrixXd products(const MatrixXcd& columns, const MatrixXd& seen) {
+    return stacked(columns).transpose() * seen;
+  }
+  // The same of whitened columns over outputs and lines.
+  [[nodiscard]] MatrixXd products(const MatrixXcd& whitened) const {
+    return stacked(whitened).transpose() * stacked_;
   }
 
  private:
-  Index outputs_, first_, lines_, groups_ = 0;
-  MatrixXcd noise_;
-  MatrixXd signs_;  // groups x draws
+  static MatrixXd stacked(const MatrixXcd& values) {
+    MatrixXd result(2 * values.rows(), values.cols());
+    result << values.real(), values.imag();
+    return result;
+  }
+
+  // By (nu - 2) / chi^2_nu in variance, which has the mean one: nu = 2 (q - n_y + 1). Chi-square by the cube
+  // of a normal number (Wilson and Hilferty 1931).
+  void scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
+    const double freedom = 2.0 * (pool.samples - static_cast<double>(outputs_) + 1.0);
+    if (!(freedom > 4.0)) return;
+    Random random(seed);
+    const auto width = std::max<Index>(1, static_cast<Index>(pool.lines));
+    const double spread = 2.0 / (9.0 * freedom);
+    for (Index d = 0; d < noise_.cols(); ++d) {
+      for (Index k = data.first_line; k < lines_; k += width) {
+        const double root = 1.0 - spread + std::sqrt(spread) * random.normal();
+        const double chi_square = freedom * std::max(root * root * root, 1e-3);
+        const Index count = std::min(width, lines_ - k) * outputs_;
+        noise_.col(d).segment(k * outputs_, count) *= std::sqrt((freedom - 2.0) / chi_square);
+      }
+    }
+  }
+
+  Index outputs_, lines_;
+  MatrixXcd noise_;   // (outputs of each line) x draws
+  MatrixXd stacked_;  // the same, real and imaginary parts
 };
 
 class Problem : public MismatchProblem {
@@ -522,6 +538,7 @@ class Problem : public MismatchProblem {
       }
     }
     result.deviance = fitted.chi_square;
+    result.laws_information = information_of_laws(fitted, result.model_parameters.size());
     result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
     for (const ActingLaw& law : base_laws_) {
       result.parameter_count -= static_cast<std::size_t>(std::ranges::count(law.fixed, true));
@@ -530,6 +547,38 @@ class Problem : public MismatchProblem {
         evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
         data_.estimation, result.parameter_count);
     return result;
+  }
+
+  // log det(1 + D S D) of the parameters after those of the model (ExtendedFit::laws_information).
+  static double information_of_laws(const PeriodicFit& fitted, std::size_t model_parameters) {
+    const auto own = static_cast<Index>(model_parameters);
+    const Index count = fitted.information.rows() - own;
+    if (count == 0) return 0.0;
+    VectorXd values(count);
+    Index k = -own;
+    for (const double value : fitted.parameters) {
+      if (k >= 0) values(k) = value;
+      ++k;
+    }
+    for (const ActingLaw& law : fitted.laws) {
+      for (const double value : law.parameters) {
+        if (k >= 0) values(k) = value;
+        ++k;
+      }
+    }
+    MatrixXd information = fitted.information.bottomRightCorner(count, count);
+    if (own > 0) {
+      const MatrixXd cross = fitted.information.topRightCorner(own, count);
+      const VectorXd unit = fitted.information.topLeftCorner(own, own).diagonal().unaryExpr(
+          [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
+      const MatrixXd scaled =
+          unit.asDiagonal() * fitted.information.topLeftCorner(own, own) * unit.asDiagonal();
+      const MatrixXd side = unit.asDiagonal() * cross;
+      information -= side.transpose() * scaled.completeOrthogonalDecomposition().solve(side);
+    }
+    const MatrixXd whole = values.asDiagonal() * information * values.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(whole, Eigen::EigenvaluesOnly);
+    return eigen.eigenvalues().array().max(0.0).log1p().sum();
   }
 
   // ---- scores --------------------------------------------------------------------------------------
@@ -701,14 +750,13 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
   const Eigen::Map<const VectorXcd> residual(residuals.data(), residuals.size());
   sums.own_scores.col(0) += (jacobian.adjoint() * residual).real();
   const Index count = draws.draws();
-  for (Index p = 0; count > 0 && p < jacobian.cols(); ++p) {
-    sums.own_scores.row(p).tail(count) += draws.products(jacobian.col(p));
-  }
+  if (count > 0) sums.own_scores.rightCols(count) += draws.products(jacobian);
   const PlaceObserver observer(solver, model, data_, follows_data);
   MatrixXcd moved_jacobian = jacobian;
   bool is_moved = false;
   MatrixXcd answer, seen_jacobian(lines, jacobian.cols());
-  VectorXcd seen_residual(lines), seen_noise;
+  VectorXcd seen_residual(lines);
+  MatrixXd seen_noise;
   MatrixXcd seen_moved(lines, jacobian.cols());
   VectorXd gain(lines);
   VectorXcd force;
@@ -733,7 +781,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         sums.nuisance.row(column) += nuisance;
         sums.moved_nuisance.row(column) += nuisance;
         sums.scores(column, 0) += own.dot(residual).real();
-        if (count > 0) sums.scores.row(column).tail(count) += draws.products(own);
+        if (count > 0) sums.scores.row(column).tail(count) += draws.products(own).row(0);
       }
       continue;
     }
@@ -780,8 +828,9 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
       sums.moved_nuisance.middleRows(column, size) +=
           is_moved ? MatrixXd((columns.adjoint() * seen_moved).real()) : nuisance;
       sums.scores.col(0).segment(column, size) += (columns.adjoint() * seen_residual).real();
-      for (Index j = 0; count > 0 && j < size; ++j) {
-        sums.scores.row(column + j).tail(count) += draws.products(columns.col(j), seen_noise);
+      if (count > 0) {
+        sums.scores.middleRows(column, size).rightCols(count) +=
+            NoiseDraws::products(columns, seen_noise);
       }
       column += size;
       ++shape_index;
@@ -849,7 +898,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t chunk) {
     solver.solve(model, record, nullptr);
-    const NoiseDraws draws(data_, null_draws, seed + 0x9e3779b97f4a7c15ULL * (i + 1));
+    const NoiseDraws draws(data_, record.group, null_draws, seed, i);
     add_record(solver, model, record, list, bodies, follows_data, draws, sums[chunk]);
   });
   for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);

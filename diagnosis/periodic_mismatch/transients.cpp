@@ -265,6 +265,7 @@ class Clearing {
       const Index outputs = static_cast<Index>(data_.outputs.size());
       const double wanted = wanted_noise_samples(options_, outputs);
       const auto pooled = pool_covariances(scatter, frequencies, wanted);
+      data_.noise_pools[group] = pool_of(pooled);
       const VectorXd leverage = line_leverage(group);
       const MatrixXd level = output_level(data_, group);
       for (Index k = data_.first_line; k <= data_.last_line; ++k) {
