@@ -27,7 +27,7 @@ struct RunOptions {
   std::vector<std::string> without;     // laws, in all cases
   std::filesystem::path without_named;  // answers; empty: none
   int threads = 1;                      // cases at a time, one thread each
-  double time_limit = 60.0;             // s, a case
+  double time_limit = 300.0;            // s, a case
   std::function<bool()> keep_going;     // asked often
   std::function<void(std::size_t, std::size_t)> report;
 };

@@ -52,6 +52,10 @@ struct Evaluation {
   double unsettled = 0.0;
 };
 
+// Gain in chi-square of a step that a fit with laws goes on for: laws of many parameters creep along valleys
+// for dozens of dear steps, and no verdict turns on less.
+constexpr double kEnough = 0.1;
+
 class PeriodicFitter {
  public:
   PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
@@ -88,7 +92,7 @@ class PeriodicFitter {
       }
       ++result.iterations;
       const VectorXd step = step_of(now, damping);
-      const double worthwhile = 0.01 + 1e-5 * now.chi_square;
+      const double worthwhile = (laws_.empty() ? 0.01 : kEnough) + 1e-5 * now.chi_square;
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
       const double gain = now.chi_square - next.chi_square;
       const bool leads_on = gain > worthwhile;
