@@ -1,6 +1,8 @@
 // `graybox diagnose`: what physics a model lacks, from recordings.
 #include <fmt/format.h>
+
 #include <unistd.h>
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cstdio>
@@ -145,6 +147,7 @@ int execute(Arguments& arguments) {
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) prepare_folder(arguments.output);
+  Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
       arguments.model, campaign,
       {.threads = arguments.threads, .keep_going = [] { return !interrupted(); }});

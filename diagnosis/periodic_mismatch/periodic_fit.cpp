@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -92,7 +93,8 @@ class PeriodicFitter {
       }
       ++result.iterations;
       const VectorXd step = step_of(now, damping);
-      const double worthwhile = (laws_.empty() ? 0.01 : kEnough) + 1e-5 * now.chi_square;
+      const double worthwhile =
+          (laws_.empty() ? 0.01 : kEnough) + options_.tolerance * now.chi_square;
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
       const double gain = now.chi_square - next.chi_square;
       const bool leads_on = gain > worthwhile;
@@ -208,10 +210,10 @@ class PeriodicFitter {
         const SteadyState& state =
             solver.solve(*model, record, starts != nullptr ? &(*starts)[i] : nullptr);
         solver.differentiate(*model, record, exact, jacobian);
-        const Eigen::Map<const Eigen::VectorXcd> residual(state.residual.data(),
-                                                          state.residual.size());
-        information[i] = (jacobian.adjoint() * jacobian).real();
-        gradient[i] = (jacobian.adjoint() * residual).real();
+        const Eigen::Map<const VectorXd> residual(as_real(state.residual).data(),
+                                                  2 * state.residual.size());
+        information[i].noalias() = as_real(jacobian).transpose() * as_real(jacobian);
+        gradient[i].noalias() = as_real(jacobian).transpose() * residual;
         chi_square[i] = state.chi_square;
         unsettled[i] = state.unsettled;
         result.forces[i] = state.forces;
@@ -261,16 +263,20 @@ PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData
                                    const std::vector<VectorXd>& starts,
                                    const std::vector<ActingLaw>& laws,
                                    const PeriodicFitOptions& options) {
+  // Only to come near.
+  PeriodicFitOptions roughly = options;
+  roughly.iteration_limit = std::min(15, options.iteration_limit);
+  roughly.tolerance = 1e-3;
   PeriodicData raised = data;
   PeriodicFit best;
   for (const double share : {0.3, 0.03, 0.003}) {
     raised.whitening = whitening_with_errors(data, share);
     if (best.parameters.size() > 0) {
-      best = fit_periodic(family, raised, {best.parameters}, best.laws, options);
+      best = fit_periodic(family, raised, {best.parameters}, best.laws, roughly);
       continue;
     }
     for (const VectorXd& start : starts) {
-      PeriodicFit fit = fit_periodic(family, raised, {start}, laws, options);
+      PeriodicFit fit = fit_periodic(family, raised, {start}, laws, roughly);
       if (fit.parameters.size() == 0) continue;
       if (best.parameters.size() == 0 || fit.chi_square < best.chi_square) best = std::move(fit);
     }

@@ -15,6 +15,7 @@ namespace graybox {
 
 struct PeriodicFitOptions {
   int iteration_limit = 60;
+  double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
 };

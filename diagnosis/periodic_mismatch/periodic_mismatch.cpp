@@ -18,6 +18,7 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
@@ -239,35 +240,27 @@ class NoiseDraws {
       }
     }
     if (!data.noise_pools.empty()) scale(data, data.noise_pools[group], seed ^ (group + 1));
-    stacked_ = stacked(noise_);
   }
 
   [[nodiscard]] Index draws() const { return noise_.cols(); }
-  // Each draw through an answer (n_y x lines), answer^H noise at each line: 2 lines x draws, real and
-  // imaginary parts.
-  [[nodiscard]] MatrixXd seen_by(const MatrixXcd& answer) const {
+  // Each draw through an answer (n_y x lines), answer^H noise at each line: lines x draws.
+  [[nodiscard]] MatrixXcd seen_by(const MatrixXcd& answer) const {
     MatrixXcd seen(lines_, draws());
     for (Index k = 0; k < lines_; ++k) {
       seen.row(k).noalias() = answer.col(k).adjoint() * noise_.middleRows(k * outputs_, outputs_);
     }
-    return stacked(seen);
+    return seen;
   }
   // Re columns^H seen, of columns over lines.
-  static MatrixXd products(const MatrixXcd& columns, const MatrixXd& seen) {
-    return stacked(columns).transpose() * seen;
+  static MatrixXd products(const MatrixXcd& columns, const MatrixXcd& seen) {
+    return as_real(columns).transpose() * as_real(seen);
   }
   // The same of whitened columns over outputs and lines.
   [[nodiscard]] MatrixXd products(const MatrixXcd& whitened) const {
-    return stacked(whitened).transpose() * stacked_;
+    return as_real(whitened).transpose() * as_real(noise_);
   }
 
  private:
-  static MatrixXd stacked(const MatrixXcd& values) {
-    MatrixXd result(2 * values.rows(), values.cols());
-    result << values.real(), values.imag();
-    return result;
-  }
-
   // By (nu - 2) / chi^2_nu in variance, which has the mean one: nu = 2 (q - n_y + 1). Chi-square by the cube
   // of a normal number (Wilson and Hilferty 1931).
   void scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
@@ -287,8 +280,7 @@ class NoiseDraws {
   }
 
   Index outputs_, lines_;
-  MatrixXcd noise_;   // (outputs of each line) x draws
-  MatrixXd stacked_;  // the same, real and imaginary parts
+  MatrixXcd noise_;  // (outputs of each line) x draws
 };
 
 class Problem : public MismatchProblem {
@@ -361,7 +353,10 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    const PeriodicFitOptions how{options_.iteration_limit, options_.threads, options_.keep_going};
+    PeriodicFitOptions how;
+    how.iteration_limit = options_.iteration_limit;
+    how.threads = options_.threads;
+    how.keep_going = options_.keep_going;
     return report(is_first && !cleared_start_
                       ? fit_periodic_gradually(*family_, data_, starts, acting, how)
                       : fit_periodic(*family_, data_, starts, acting, how),
@@ -745,7 +740,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
   const auto outputs = static_cast<Index>(data_.outputs.size());
   MatrixXcd jacobian;
   solver.differentiate(model, record, false, jacobian);
-  sums.own_information += (jacobian.adjoint() * jacobian).real();
+  sums.own_information += as_real(jacobian).transpose() * as_real(jacobian);
   const MatrixXcd& residuals = solver.state().residual;
   const Eigen::Map<const VectorXcd> residual(residuals.data(), residuals.size());
   sums.own_scores.col(0) += (jacobian.adjoint() * residual).real();
@@ -756,7 +751,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
   bool is_moved = false;
   MatrixXcd answer, seen_jacobian(lines, jacobian.cols());
   VectorXcd seen_residual(lines);
-  MatrixXd seen_noise;
+  MatrixXcd seen_noise;
   MatrixXcd seen_moved(lines, jacobian.cols());
   VectorXd gain(lines);
   VectorXcd force;
@@ -811,7 +806,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
     }
     for (const LawShape& shape : candidate.shapes) {
       const auto size = static_cast<Index>(shape.basis.size());
-      MatrixXcd columns(lines, size);
+      MatrixXcd columns(lines, size), weighted;
       for (Index j = 0; j < size; ++j) {
         const PeriodicLaw law(*candidate.entry, shape.basis[at(j)]);
         if (place.kind == LocationKind::kActuator) {
@@ -822,12 +817,14 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         }
         columns.col(j) = force;
       }
-      sums.information[shape_index] += (columns.adjoint() * gain.asDiagonal() * columns).real();
-      const MatrixXd nuisance = (columns.adjoint() * seen_jacobian).real();
+      weighted = gain.cwiseSqrt().asDiagonal() * columns;
+      sums.information[shape_index] += as_real(weighted).transpose() * as_real(weighted);
+      const MatrixXd nuisance = as_real(columns).transpose() * as_real(seen_jacobian);
       sums.nuisance.middleRows(column, size) += nuisance;
       sums.moved_nuisance.middleRows(column, size) +=
-          is_moved ? MatrixXd((columns.adjoint() * seen_moved).real()) : nuisance;
-      sums.scores.col(0).segment(column, size) += (columns.adjoint() * seen_residual).real();
+          is_moved ? MatrixXd(as_real(columns).transpose() * as_real(seen_moved)) : nuisance;
+      sums.scores.col(0).segment(column, size) +=
+          as_real(columns).transpose() * as_real(seen_residual);
       if (count > 0) {
         sums.scores.middleRows(column, size).rightCols(count) +=
             NoiseDraws::products(columns, seen_noise);
@@ -840,7 +837,7 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
 
 void Problem::add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
                         BlockSums& sums) {
-  sums.information += (jacobian.adjoint() * jacobian).real();
+  sums.information += as_real(jacobian).transpose() * as_real(jacobian);
   sums.scores += (jacobian.adjoint() * residual).real();
 }
 
