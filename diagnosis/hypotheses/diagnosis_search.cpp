@@ -240,8 +240,8 @@ class Search {
   }
 
   // The best of the ranking, and besides the best law of each of the best places: laws at one place
-  // crowd each other's neighbours out. And laws that come close to the best at its place: which of them
-  // it is only refits can tell.
+  // crowd each other's neighbours out. Where the noise is known, laws besides that come close to the best at
+  // its place: which of them it is only refits can tell.
   [[nodiscard]] std::vector<LawStart> shortlist(const ScoreTable& table) const {
     std::vector<LawStart> chosen;
     std::set<std::string> places;
@@ -257,7 +257,7 @@ class Search {
       if (has_room && (chosen.size() < crowd || places.count(place) == 0)) {
         chosen.push_back(score.start);
         places.insert(place);
-      } else if (place == place_of(*best) && relatives < crowd &&
+      } else if (problem_.noise_is_known() && place == place_of(*best) && relatives < crowd &&
                  score.score.statistic > kRelative * best->score.statistic) {
         chosen.push_back(score.start);
         ++relatives;

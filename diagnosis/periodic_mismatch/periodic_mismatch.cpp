@@ -303,12 +303,16 @@ class Problem : public MismatchProblem {
   }
 
   // Fits the model as it is to recordings freed of their transients by polynomials, then frees them with
-  // the fitted model, until the fit no longer moves.
+  // the fitted model, until the fit no longer moves. What is between the lines is a hundredth of what is on
+  // them or less, and so is what the wrong model's response does to it: a tenth of the noise at most up to
+  // the misfit below. Beyond, polynomials do less harm.
   void clear_transients(const PeriodicDataOptions& options) {
     constexpr int kRounds = 5;
-    constexpr double kAtRest = 0.1;  // standard errors
+    constexpr double kAtRest = 0.1;    // standard errors
+    constexpr double kMisfit = 100.0;  // chi-square per degree of freedom
     if (data_.estimation.front().output_bins.size() == 0 || !channel_faults().empty()) return;
     ExtendedFit now = fit({}, nullptr);
+    if (now.estimation.chi_square_per_dof() > kMisfit) return;
     double moved = std::numeric_limits<double>::infinity();
     for (int round = 0; round < kRounds && now.usable && moved > kAtRest; ++round) {
       graybox::clear_transients(*family_, state_of(now), options, data_);

@@ -29,7 +29,8 @@
 // all is the usual score test, with its null distribution.
 //
 // Transients. Recordings are freed of them twice: by polynomials first (periodic_data.hpp), and with the
-// model as it is once that has been fitted (transients.hpp).
+// model as it is once that has been fitted (transients.hpp), unless that is so far from the data that it
+// would do harm.
 //
 // Fit. Gauss, Newton, Levenberg and Marquardt on the whitened residuals, by the model's parameters
 // and those of the laws; derivatives use the laws' mean slopes, at the end their exact ones. Positive
