@@ -335,6 +335,7 @@ class Search {
     return disadvantage(fit, reference) > options_.exclusion_margin &&
            evidence(fit) - evidence(reference) > options_.exclusion_margin;
   }
+
   [[nodiscard]] std::size_t effect_limit() const {
     if (options_.effect_limit > 0) return options_.effect_limit;
     return problem_.noise_is_known() ? 4 : 24;
@@ -520,14 +521,19 @@ class Search {
     if (problem_.noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
-    std::vector<const Trial*> members;  // besides the law itself
-    // Laws of which none in the class is a special case come first.
+    std::vector<const Trial*> standing, members;
+    for (const Trial& trial : trials) {
+      if (!excludes(result_.after, trial.fit)) standing.push_back(&trial);
+    }
+    // Laws of which no other that stands is a special case come first.
     for (const bool richer : {false, true}) {
       for (const Trial& trial : trials) {
-        const std::optional<double> least = evidence_of_special_cases(trial, effect, members);
+        const std::optional<double> least = evidence_of_special_cases(trial, effect, standing);
         if (least.has_value() != richer) continue;
         Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
-        if (richer ? evidence(trial.fit) < *least : !excludes(result_.after, trial.fit)) {
+        const bool is_rival = richer ? problem_.noise_is_known() && evidence(trial.fit) < *least
+                                     : std::ranges::find(standing, &trial) != standing.end();
+        if (is_rival) {
           members.push_back(&trial);
           effect.rivals.push_back(std::move(rival));
         } else if (!richer) {
@@ -538,10 +544,10 @@ class Search {
     if (!members.empty()) effect.rivals.front().next = experiment_against(*members.front());
   }
 
-  // The least among the law found and the other members of its class that this law generalises.
+  // The least among the law found and others in its place of which this one is a generalisation.
   [[nodiscard]] std::optional<double> evidence_of_special_cases(
       const Trial& trial, const FoundEffect& effect,
-      const std::vector<const Trial*>& members) const {
+      const std::vector<const Trial*>& others) const {
     const std::span<const Hypothesis> all = problem_.hypotheses();
     const Hypothesis& richer = all[trial.hypothesis];
     std::optional<double> least;
@@ -551,7 +557,7 @@ class Search {
       }
     };
     consider(effect.law.hypothesis, result_.after);
-    for (const Trial* member : members) consider(member->hypothesis, member->fit);
+    for (const Trial* other : others) consider(other->hypothesis, other->fit);
     return least;
   }
 

@@ -29,9 +29,9 @@
 //          evidence = deviance + log det(1 + D S D)     (ExtendedFit::laws_information),
 //      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
-//      so that a small effect would exclude all laws of many parameters. A law that generalises a member
-//      of the class is at least as good always: a rival where its evidence is better, else left out. Twins
-//      (mismatch_problem.hpp) are rivals always.
+//      so that a small effect would exclude all laws of many parameters. A law that generalises another
+//      that stands is at least as good always: a rival where the noise is known and its evidence is
+//      better, else left out. Twins (mismatch_problem.hpp) are rivals always.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
