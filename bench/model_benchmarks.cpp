@@ -26,7 +26,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -36,9 +35,9 @@
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <thread>
 #include <vector>
 
+#include "graybox/bench/thread_argument.hpp"
 #include "graybox/diagnosis/maximum_likelihood.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
@@ -265,29 +264,10 @@ void fit(benchmark::State& state, int threads) {
   state.counters["threads"] = threads;
 }
 
-// Takes --threads=N out of the arguments; 0 if N is no number from 1 on.
-int take_thread_count(int& argc, char** argv) {
-  constexpr std::string_view kFlag = "--threads=";
-  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  int kept = 1;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    if (!argument.starts_with(kFlag)) {
-      argv[kept++] = argv[i];
-      continue;
-    }
-    const std::string_view value = argument.substr(kFlag.size());
-    threads = 0;
-    std::from_chars(value.data(), value.data() + value.size(), threads);
-  }
-  argc = kept;
-  return threads;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int threads = take_thread_count(argc, argv);
+  const int threads = graybox::bench::take_thread_count(argc, argv);
   if (threads < 1) {
     std::fputs("--threads: must be a number from 1 on\n", stderr);
     return 2;
