@@ -81,12 +81,12 @@ struct CandidateSums {
 };
 
 // Information^+ scores, parameters scaled alike.
-VectorXd solved(const MatrixXd& information, const VectorXd& scores) {
+MatrixXd solved(const MatrixXd& information, const MatrixXd& scores) {
   const VectorXd unit = information.diagonal().unaryExpr(
       [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
   const MatrixXd scaled = unit.asDiagonal() * information * unit.asDiagonal();
-  return unit.cwiseProduct(
-      scaled.completeOrthogonalDecomposition().solve(unit.cwiseProduct(scores)));
+  return unit.asDiagonal() *
+         scaled.completeOrthogonalDecomposition().solve(unit.asDiagonal() * scores);
 }
 
 // The virtual force and the motion at a place, in one recording.
@@ -292,15 +292,14 @@ class Problem : public MismatchProblem {
     list_hypotheses();
     start_.resize(static_cast<Index>(family_->parameters().size()));
     for (Index p = 0; p < start_.size(); ++p) start_(p) = family_->parameters()[at(p)].start;
+    faults_ = find_channel_faults(compared_responses(*family_, data_, start_));
   }
 
   [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
   [[nodiscard]] double sample_count() const override { return data_.numbers_in(data_.estimation); }
   [[nodiscard]] bool noise_is_known() const override { return true; }
 
-  [[nodiscard]] std::vector<ChannelFault> channel_faults() const override {
-    return find_channel_faults(compared_responses(*family_, data_, start_));
-  }
+  [[nodiscard]] std::vector<ChannelFault> channel_faults() const override { return faults_; }
 
   // Fits the model as it is to recordings freed of their transients by polynomials, then frees them with
   // the fitted model, until the fit no longer moves. What is between the lines is a hundredth of what is on
@@ -310,7 +309,7 @@ class Problem : public MismatchProblem {
     constexpr int kRounds = 5;
     constexpr double kAtRest = 0.1;    // standard errors
     constexpr double kMisfit = 100.0;  // chi-square per degree of freedom
-    if (data_.estimation.front().output_bins.size() == 0 || !channel_faults().empty()) return;
+    if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
     ExtendedFit now = fit({}, nullptr);
     if (now.estimation.chi_square_per_dof() > kMisfit) return;
     double moved = std::numeric_limits<double>::infinity();
@@ -348,11 +347,12 @@ class Problem : public MismatchProblem {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
     std::vector<VectorXd> starts{start};
-    if (is_first) {
+    if (is_first && cleared_start_) {
+      starts = {*cleared_start_};
+    } else if (is_first) {
       if (const auto other = response_start(*family_, data_, options_.threads)) {
         starts.push_back(*other);
       }
-      if (cleared_start_) starts.push_back(*cleared_start_);
     } else if (!laws.empty() && !laws.back().model_parameters.empty()) {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
@@ -568,12 +568,7 @@ class Problem : public MismatchProblem {
     MatrixXd information = fitted.information.bottomRightCorner(count, count);
     if (own > 0) {
       const MatrixXd cross = fitted.information.topRightCorner(own, count);
-      const VectorXd unit = fitted.information.topLeftCorner(own, own).diagonal().unaryExpr(
-          [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
-      const MatrixXd scaled =
-          unit.asDiagonal() * fitted.information.topLeftCorner(own, own) * unit.asDiagonal();
-      const MatrixXd side = unit.asDiagonal() * cross;
-      information -= side.transpose() * scaled.completeOrthogonalDecomposition().solve(side);
+      information -= cross.transpose() * solved(fitted.information.topLeftCorner(own, own), cross);
     }
     const MatrixXd whole = values.asDiagonal() * information * values.asDiagonal();
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(whole, Eigen::EigenvaluesOnly);
@@ -615,6 +610,7 @@ class Problem : public MismatchProblem {
   PeriodicData data_;
   PeriodicMismatchOptions options_;
   VectorXd start_;
+  std::vector<ChannelFault> faults_;
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
   std::vector<CandidatePlace> base_places_;
   std::vector<ActingLaw> base_laws_;
@@ -909,7 +905,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   std::vector<double> by_parameters;  // what they explain under each block's motion, beyond the fit
   for (const BlockSums& block : total.blocks) {
     tests.emplace_back(NuisanceProducts{block.information, block.scores});
-    by_parameters.push_back(block.scores.dot(solved(block.information, block.scores)));
+    by_parameters.push_back(block.scores.dot(solved(block.information, block.scores).col(0)));
   }
   ScoreTable table;
   table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
