@@ -19,6 +19,7 @@ struct FitArguments {
   int starts = 8;  // of the search, at most
   bool all_starts = false;
   bool json = false;
+  std::string lines = "none";          // or local, full; flexible robots
   std::vector<std::string> physics;    // files with further elements; rigid robots, lumped models
   int decimation = 1;                  // of columns and torques alike; rigid robots
   bool equal_noise = false;            // in all joints; rigid robots

@@ -22,11 +22,15 @@ struct FittedFormat {
   FitReport (*fit)(const FitArguments&);
   bool takes_elements = false;  // --physics
   bool is_regression = false;   // --refine, --equal-noise, --decimate
+  bool has_lines = false;       // --lines
 };
 constexpr FittedFormat kFormats[] = {
-    {"graybox-robot/1", fit_robot},
-    {"graybox-rigid-robot/1", fit_rigid_robot, true, true},
-    {"graybox-lumped/1", fit_lumped, true},
+    {.name = "graybox-robot/1", .fit = fit_robot, .has_lines = true},
+    {.name = "graybox-rigid-robot/1",
+     .fit = fit_rigid_robot,
+     .takes_elements = true,
+     .is_regression = true},
+    {.name = "graybox-lumped/1", .fit = fit_lumped, .takes_elements = true},
 };
 
 const FittedFormat& format_of(const std::string& model) {
@@ -53,6 +57,10 @@ int execute(const FitArguments& arguments) {
       (!arguments.refine.empty() || arguments.equal_noise || arguments.decimation != 1)) {
     throw InputError(
         fmt::format("--refine, --equal-noise and --decimate are not for {} models", format.name));
+  }
+  if (!format.has_lines && arguments.lines != "none") {
+    throw InputError(fmt::format("--lines is for graybox-robot/1 models; {} is {}", arguments.model,
+                                 format.name));
   }
   catch_interrupts();
   const FitReport report = format.fit(arguments);
@@ -89,6 +97,13 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   command->add_flag("--all-starts", arguments->all_starts,
                     "run all starts, to see how many find the optimum (robots)");
+  command
+      ->add_option(
+          "--lines", arguments->lines,
+          "flexible robots: go on to fit the spectral lines themselves, with local models or "
+          "the full robot: none, local or full")
+      ->check(CLI::IsMember({"none", "local", "full"}))
+      ->capture_default_str();
   command->add_option(
       "--physics", arguments->physics,
       "graybox-physics/1 files with further elements (rigid robots, lumped models)");
@@ -111,6 +126,7 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox fit robot.yaml campaign/ -o fit.json\n"
       "  graybox fit drive.yaml campaign/ --physics friction.yaml\n"
+      "  graybox fit robot.yaml campaign/ --lines full\n"
       "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }

@@ -17,6 +17,9 @@ FitReport fit_robot(const FitArguments& arguments) {
   options.search.seed = arguments.seed;
   options.search.starts = arguments.starts;
   options.search.all_starts = arguments.all_starts;
+  options.lines = arguments.lines == "full"    ? LineStage::kFull
+                  : arguments.lines == "local" ? LineStage::kLocal
+                                               : LineStage::kNone;
   options.keep_going = [] { return !interrupted(); };
   options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
   FitReport report = fit_robot_campaign(robot, campaign, options);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "graybox/diagnosis/response_model.hpp"
+#include "graybox/diagnosis/robot_line_fit.hpp"
 #include "graybox/diagnosis/simulation/closed_loop.hpp"
 #include "graybox/diagnosis/simulation/multisine.hpp"
 #include "graybox/diagnosis/simulation/plant.hpp"
@@ -29,32 +30,17 @@ std::uint64_t derived_seed(std::uint64_t seed, std::uint64_t place) {
   return Random(seed + 0x632be59bd9b4e019ULL * (place + 1)).next();
 }
 
-// What a line far from zero and Nyquist frequency gets from the bins around it.
-struct LineLeakage {
-  double factor = 1.0;   // 1 + |s|^2 of line_spectra.hpp: of the noise power
-  double samples = 0.0;  // of the noise, of each recording
-};
-
-LineLeakage leakage_of_line(std::size_t periods, const LeakageOptions& options) {
-  constexpr std::size_t kPeriod = 64, kLine = 15;
-  const auto bins = static_cast<Eigen::Index>(kPeriod * periods / 2 + 1);
-  // Each bin in a channel of its own: the weights with which it enters the line's value.
-  const LineSpectra unit = line_spectra(Eigen::MatrixXcd(Eigen::MatrixXcd::Identity(bins, bins)),
-                                        {kPeriod, periods, {kLine}}, options);
-  return {static_cast<double>(periods) * unit.values.squaredNorm(),
-          static_cast<double>(unit.samples.front().cols())};
-}
-
-// kappa of maximum_likelihood.hpp.
-double widening(double degrees_of_freedom, Eigen::Index outputs) {
-  const double beyond = degrees_of_freedom - static_cast<double>(outputs);
-  return degrees_of_freedom * beyond / (beyond * beyond - 1.0);
-}
-
 bool accepted(const EstimateRow& row) {
   const auto dof = static_cast<double>(row.degrees_of_freedom);
   return row.status == FitStatus::kConverged &&
          row.chi_square - dof <= kRejection * std::sqrt(2.0 * dof);
+}
+
+// Of the estimate, as the fit states them.
+void state_errors(const Eigen::MatrixXd& covariance, EstimateRow& row) {
+  const Eigen::VectorXd error = row.theta.array() - 1.0;
+  row.error_chi_square = error.dot(covariance.llt().solve(error));
+  row.standard_errors = covariance.diagonal().cwiseSqrt();
 }
 
 std::vector<double> hertz(const std::vector<double>& frequencies) {
@@ -96,27 +82,22 @@ Eigen::MatrixXd EfficiencyStudy::predicted_covariance(const StudiedDesign& desig
                                                       StudyData data) const {
   const bool recordings = data == StudyData::kRecordings;
   const RobotModel& robot = recordings ? recorded_ : robot_;
-  const LineLeakage leakage = leakage_of_line(options_.periods, responses_.leakage);
-  const double scale = recordings ? static_cast<double>(options_.periods) / leakage.factor : 1.0;
   const auto d = static_cast<Eigen::Index>(robot.parameters.size());
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(d, d);
-  Eigen::MatrixXd gradient_covariance = Eigen::MatrixXd::Zero(d, d);
+  double records = 0.0;
   for (std::size_t i = 0; i < design.positions.size(); ++i) {
     const auto experiments = static_cast<double>(design.experiments[i]);
-    const double degrees_of_freedom =
-        experiments * static_cast<double>(robot.motor_count()) * leakage.samples;
-    const double kappa = recordings ? widening(degrees_of_freedom, robot.motor_count()) : 1.0;
-    const Eigen::MatrixXd added =
-        scale * experiments * robot_information_matrix(robot, design.positions[i]);
-    information += added;
-    gradient_covariance += kappa * added;
+    records += experiments * static_cast<double>(robot.motor_count());
+    information += experiments * robot_information_matrix(robot, design.positions[i]);
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(information);
   if (factor.info() != Eigen::Success) {
     throw InputError(fmt::format("design {}: its information matrix is singular", design.name));
   }
-  const Eigen::MatrixXd half = factor.solve(gradient_covariance);
-  return factor.solve(half.transpose());
+  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(d, d));
+  if (!recordings) return covariance;
+  const auto periods = static_cast<double>(options_.periods);
+  return weights_widening(records * (periods - 1.0), robot.motor_count()) / periods * covariance;
 }
 
 std::uint64_t EfficiencyStudy::seed_of(const StudiedDesign& design, StudyData data,
@@ -130,7 +111,8 @@ std::uint64_t EfficiencyStudy::seed_of(const StudiedDesign& design, StudyData da
 }
 
 ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
-                                            std::int64_t experiments, std::uint64_t seed) const {
+                                            std::int64_t experiments, std::uint64_t seed,
+                                            PeriodicData& data) const {
   const auto plant = local_robot_plant(recorded_, {}, position);
   const PeriodicLayout layout{options_.period, options_.periods, lines_};
   const PeriodicLayout silent{options_.period, options_.periods, detection_lines(layout)};
@@ -158,6 +140,8 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
       record.spectra = line_spectra(spectra, layout, responses_.leakage);
       record.detection = line_spectra(spectra, silent, responses_.leakage);
       records.push_back(std::move(record));
+      data.estimation.push_back(measured_record(data, signals.leftCols(2 * n), n, transform));
+      data.estimation.back().position = data.positions.size();
     }
   }
   FrequencyResponseEstimate estimate;
@@ -175,7 +159,39 @@ ResponseMeasurement EfficiencyStudy::record(const Eigen::VectorXd& position,
   for (const PeriodicRecord& each : records) pointers.push_back(&each);
   estimate_periodic_response(pointers, static_cast<std::size_t>(n), responses_.periodic,
                              "simulation", estimate);
+  data.positions.push_back(position);
   return response_measurement(estimate, CovarianceKind::kNoise);
+}
+
+void EfficiencyStudy::fit_responses(const std::vector<ResponseMeasurement>& measurements,
+                                    const RobotModel& robot, const Eigen::VectorXd& start,
+                                    EstimateRow& row) const {
+  const RobotResponseModel model(robot);
+  FitOptions fit_options = options_.fit;
+  FitResult fit = fit_maximum_likelihood(model, measurements, start, fit_options);
+  if (fit.status != FitStatus::kConverged || fit.lack_of_fit() > kRejection) {
+    fit_options.closed_loop_stage = true;
+    fit = fit_maximum_likelihood(model, measurements, start, fit_options);
+  }
+  row.status = fit.status;
+  row.chi_square = fit.chi_square;
+  row.degrees_of_freedom = fit.degrees_of_freedom;
+  row.theta = fit.theta;
+  if (fit.covariance.size() > 0) state_errors(fit.covariance, row);
+}
+
+void EfficiencyStudy::refine_on_recordings(PeriodicData& data, EstimateRow& row) const {
+  if (row.status == FitStatus::kFailed) return;
+  const auto family = robot_family(recorded_, RobotDynamics::kLocal);
+  const LineFit fit =
+      fit_lines(*family, row.theta, {.noise_samples = options_.degrees_of_freedom}, data);
+  row.theta = fit.theta;
+  row.chi_square = fit.chi_square;
+  row.degrees_of_freedom = fit.degrees_of_freedom;
+  row.status = fit.covariance.size() == 0 ? FitStatus::kSingular
+               : fit.converged            ? FitStatus::kConverged
+                                          : FitStatus::kIterationLimit;
+  if (fit.covariance.size() > 0) state_errors(fit.covariance, row);
 }
 
 EstimateRow EfficiencyStudy::estimate(const StudiedDesign& design, StudyData data,
@@ -186,33 +202,22 @@ EstimateRow EfficiencyStudy::estimate(const StudiedDesign& design, StudyData dat
   const RobotModel& robot = recordings ? recorded_ : robot_;
   Eigen::VectorXd start(static_cast<Eigen::Index>(robot.parameters.size()));
   for (double& value : start) value = std::exp(options_.start_spread * random.normal());
-  std::vector<ResponseMeasurement> measurements;
-  for (std::size_t i = 0; i < design.positions.size(); ++i) {
-    measurements.push_back(
-        recordings ? record(design.positions[i], design.experiments[i], derived_seed(seed, i))
-                   : simulate_measurement(robot, design.positions[i],
-                                          static_cast<double>(design.experiments[i]), random));
-  }
-  const RobotResponseModel model(robot);
-  FitOptions fit_options = options_.fit;
-  FitResult fit = fit_maximum_likelihood(model, measurements, start, fit_options);
-  if (fit.status != FitStatus::kConverged || fit.lack_of_fit() > kRejection) {
-    fit_options.closed_loop_stage = true;
-    fit = fit_maximum_likelihood(model, measurements, start, fit_options);
-  }
   EstimateRow row;
   row.data = data;
   row.design = design.name;
   row.repetition = repetition;
-  row.status = fit.status;
-  row.chi_square = fit.chi_square;
-  row.degrees_of_freedom = fit.degrees_of_freedom;
-  row.theta = fit.theta;
-  if (fit.covariance.size() > 0) {
-    const Eigen::VectorXd error = fit.theta.array() - 1.0;
-    row.error_chi_square = error.dot(fit.covariance.llt().solve(error));
-    row.standard_errors = fit.standard_errors();
+  std::vector<ResponseMeasurement> measurements;
+  PeriodicData spectra = periodic_frame(options_.period, robot.sample_time, lines_, 1.0);
+  spectra.outputs.resize(static_cast<std::size_t>(robot.motor_count()));
+  for (std::size_t i = 0; i < design.positions.size(); ++i) {
+    measurements.push_back(
+        recordings
+            ? record(design.positions[i], design.experiments[i], derived_seed(seed, i), spectra)
+            : simulate_measurement(robot, design.positions[i],
+                                   static_cast<double>(design.experiments[i]), random));
   }
+  fit_responses(measurements, robot, start, row);
+  if (recordings) refine_on_recordings(spectra, row);
   return row;
 }
 

@@ -7,22 +7,14 @@
 //                knows (simulate_measurement());
 //   kRecordings  recordings in the time domain: multisine references, sampled controller, noise on the
 //                velocities, settled (simulation/closed_loop.hpp) on the exactly sampled local model;
-//                then responses and their covariance estimated from them (responses/), which is what
-//                one has in practice. Each experiment is one realisation of n_u sub-experiments with
-//                phases of its own.
+//                then a fit of the responses estimated from them (responses/) and, from there, of the
+//                spectral lines themselves (robot_line_fit.hpp), which is what one has in practice.
+//                Each experiment is one realisation of n_u sub-experiments with phases of its own.
 //
 // Predicted covariance. For responses H^-1, H = sum_i m_i H_i. For recordings H_i is that of (12) at the
-// excited lines with the amplitude of the multisine, times P for P periods, and each line divided by the
-// factor 1 + |s|^2 by which freeing spectra of leakage raises the noise (line_spectra.hpp): what the
-// responses hold, not what an ideal estimator would get out of the same recordings. Weights are
-// estimated, so that the covariance is H^-1 (sum_i kappa_i m_i H_i) H^-1 (maximum_likelihood.hpp), kappa_i
-// at the degrees of freedom q_i of position i.
-//
-// Length of the recordings. Noise leaves transients behind whose resonances are as narrow as those of
-// the robot, with time constants of up to 14 s. The bins around a line only follow them where records
-// are several times as long: the default is 64 s, at which the scatter of estimates from single
-// positions agrees with the prediction; with 16 s it was a third to three quarters larger. Such
-// records have noise samples enough around each line, and none is borrowed from other lines.
+// excited lines with the amplitude of the multisine, times P for P periods, and kappa
+// (maximum_likelihood.hpp) for weights estimated from the bins between the lines. What the plant's free
+// motion costs is not in it.
 //
 //   const EfficiencyStudy study(robot, {.seed = 1});
 //   const EstimateRow row = study.estimate(design, StudyData::kResponses, 0);
@@ -39,6 +31,7 @@
 
 #include "graybox/diagnosis/estimator_statistics.hpp"
 #include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/problems/robot_model.hpp"
 
@@ -98,8 +91,14 @@ class EfficiencyStudy {
  private:
   [[nodiscard]] std::uint64_t seed_of(const StudiedDesign& design, StudyData data,
                                       int repetition) const;
+  // Responses; the recordings' spectra are appended to `data`.
   [[nodiscard]] ResponseMeasurement record(const Eigen::VectorXd& position,
-                                           std::int64_t experiments, std::uint64_t seed) const;
+                                           std::int64_t experiments, std::uint64_t seed,
+                                           PeriodicData& data) const;
+  void fit_responses(const std::vector<ResponseMeasurement>& measurements, const RobotModel& robot,
+                     const Eigen::VectorXd& start, EstimateRow& row) const;
+  // From the fit of the responses on.
+  void refine_on_recordings(PeriodicData& data, EstimateRow& row) const;
 
   RobotModel robot_;
   RobotModel recorded_;

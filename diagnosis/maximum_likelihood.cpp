@@ -198,8 +198,8 @@ class Fit {
       const Eigen::Index count = 2 * measurement.responses[f].size();
       const double q = measurement.noise[f].degrees_of_freedom;
       if (q > 0.0) {
-        const double beyond = q - static_cast<double>(measurement.responses[f].rows());
-        jacobian.middleCols(column, count) *= std::sqrt(q * beyond / (beyond * beyond - 1.0));
+        jacobian.middleCols(column, count) *=
+            std::sqrt(weights_widening(q, measurement.responses[f].rows()));
       }
       column += count;
     }
@@ -333,6 +333,11 @@ Eigen::MatrixXd information_at(const ResponseModel& model,
     information += jacobian * jacobian.transpose();
   }
   return information;
+}
+
+double weights_widening(double degrees_of_freedom, Eigen::Index outputs) {
+  const double beyond = degrees_of_freedom - static_cast<double>(outputs);
+  return degrees_of_freedom * beyond / (beyond * beyond - 1.0);
 }
 
 Eigen::MatrixXd effective_information(const FitResult& fit) {

@@ -123,6 +123,9 @@ struct FitResult {
                                              std::span<const ResponseMeasurement> measurements,
                                              const Eigen::VectorXd& theta);
 
+// kappa of weights that are estimated with q degrees of freedom.
+[[nodiscard]] double weights_widening(double degrees_of_freedom, Eigen::Index outputs);
+
 // H S^-1 H, the information that estimated weights leave: the inverse of the covariance where there is
 // one, else H.
 [[nodiscard]] Eigen::MatrixXd effective_information(const FitResult& fit);

@@ -11,6 +11,7 @@
 #include "graybox/diagnosis/constitutive_stage.hpp"
 #include "graybox/diagnosis/response_model.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
+#include "graybox/diagnosis/robot_line_fit.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -115,6 +116,9 @@ FitQuality quality_of(const Misfit& misfit, double expectation, std::size_t reco
           .variance_accounted_for = 100.0 * (1.0 - share)};
 }
 
+constexpr const char* kNoValidation =
+    "no recording has the role validation: how the model does on others is not known";
+
 class RobotFit {
  public:
   RobotFit(const RobotModel& robot, const Campaign& campaign, const RobotFitOptions& options)
@@ -140,8 +144,15 @@ class RobotFit {
         return constitutive_stage(robot_, measurements, start, {.threads = options_.threads});
       };
     }
-    const FitSearch search =
+    FitSearch search =
         search_fit(model_, measurements, Eigen::VectorXd::Ones(nominal_.size()), search_options);
+    const bool has_lines = options_.lines != LineStage::kNone && search.best.theta.size() > 0 &&
+                           search.best.status != FitStatus::kFailed;
+    if (has_lines) {
+      go_on_with_lines(search.best);
+      fill(search);
+      return std::move(report_);
+    }
     fill(search);
     note_covariances(estimates);
     if (search.best.status == FitStatus::kFailed) return std::move(report_);
@@ -174,6 +185,57 @@ class RobotFit {
         best.theta.cwiseProduct(nominal_), names);
   }
 
+  void go_on_with_lines(FitResult& best) {
+    const bool is_full = options_.lines == LineStage::kFull;
+    report_.method = fmt::format("spectral lines, maximum likelihood ({})",
+                                 is_full ? "full robot" : "local models");
+    const auto family =
+        robot_family(robot_, is_full ? RobotDynamics::kFull : RobotDynamics::kLocal);
+    PeriodicDataOptions reading;
+    reading.line_factor = 1.0;
+    reading.threads = options_.threads;
+    reading.keep_going = options_.keep_going;
+    PeriodicData data = read_periodic_data(campaign_, *family, reading);
+    if (data.estimation.front().output_bins.size() == 0) {
+      throw InputError(campaign_.file.string() +
+                       ": excitation: periods: 1; lines of single periods can't be freed of free "
+                       "motion: record two or more, or fit without --lines");
+    }
+    const LineFit fit =
+        fit_lines(*family, best.theta,
+                  {.threads = options_.threads, .keep_going = options_.keep_going}, data);
+    best.theta = fit.theta;
+    best.information = fit.information;
+    best.covariance = fit.covariance;
+    best.chi_square = fit.chi_square;
+    best.degrees_of_freedom = fit.degrees_of_freedom;
+    best.status = fit.covariance.size() == 0 ? FitStatus::kSingular
+                  : fit.converged            ? FitStatus::kConverged
+                                             : FitStatus::kIterationLimit;
+    assess_lines(*family, fit, data);
+  }
+
+  void assess_lines(const PlantFamily& family, const LineFit& fit, const PeriodicData& data) {
+    add_note(
+        fmt::format("the noise of the lines is estimated with {:.3g} degrees of freedom or "
+                    "more, which standard errors include",
+                    fit.noise_samples));
+    report_.estimation = line_fit_quality(family, fit.theta, data, data.estimation,
+                                          -static_cast<double>(fit.theta.size()), options_.threads);
+    if (data.validation.empty()) {
+      add_note(kNoValidation);
+      return;
+    }
+    double excess = 0.0;
+    if (fit.covariance.size() > 0) {
+      excess = (line_fit_information(family, fit.theta, data, data.validation, options_.threads) *
+                fit.covariance)
+                   .trace();
+    }
+    report_.validation =
+        line_fit_quality(family, fit.theta, data, data.validation, excess, options_.threads);
+  }
+
   // The estimates of one kind of covariance have about the same degrees of freedom.
   void note_covariances(const std::vector<FrequencyResponseEstimate>& estimates) {
     double least = std::numeric_limits<double>::infinity();
@@ -185,13 +247,11 @@ class RobotFit {
       }
       for (const Finding& finding : each.findings) add_note(finding.message);
     }
-    const auto outputs = static_cast<double>(robot_.motor_count());
-    const double beyond = least - outputs;
     add_note(fmt::format(
         "covariances of the responses are estimates with {:.3g} degrees of freedom or more ({} of "
         "{} over realisations); that widens standard errors by up to {:.2g} %, which is included",
         least, total, estimates.size(),
-        100.0 * (std::sqrt(least * beyond / (beyond * beyond - 1.0)) - 1.0)));
+        100.0 * (std::sqrt(weights_widening(least, robot_.motor_count())) - 1.0)));
   }
 
   void add_note(const std::string& text) {
@@ -205,7 +265,7 @@ class RobotFit {
                                     recordings_of(campaign_, ExperimentRole::kEstimation));
     const std::size_t kept = recordings_of(campaign_, ExperimentRole::kValidation);
     if (kept == 0) {
-      add_note("no recording has the role validation: how the model does on others is not known");
+      add_note(kNoValidation);
       return;
     }
     const auto estimates = estimates_of(robot_, campaign_, ExperimentRole::kValidation, options_);

@@ -11,7 +11,9 @@
 // and unbiased weights take their degrees of freedom into account, so that chi-square / dof is 1 in
 // the mean where the model is true.
 //
-// Quality (FitQuality). Error and signal at the excited lines are what the model leaves of the
+// With `lines` the search ends with a fit of the lines, whose estimates, covariance and quality are reported.
+//
+// Quality (FitQuality) of responses. Error and signal at the excited lines are what the model leaves of the
 // measured outputs and these outputs themselves: E U and G_hat U, E = G_hat - G(theta_hat), U the
 // measured inputs. Chi-square on validation recordings is divided by its expectation where the model
 // is true, N + tr(H_v C): theta_hat errs as well.
@@ -29,8 +31,12 @@
 
 namespace graybox {
 
+// Whether the fit of responses goes on with the spectral lines themselves (robot_line_fit.hpp).
+enum class LineStage : std::int8_t { kNone, kLocal, kFull };
+
 struct RobotFitOptions {
   FitSearchOptions search;
+  LineStage lines = LineStage::kNone;
   int threads = 1;                                       // the result does not depend on it
   std::function<bool()> keep_going;                      // false: hand over the best so far
   std::function<void(std::size_t, std::size_t)> report;  // recordings read, of all

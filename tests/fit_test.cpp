@@ -285,10 +285,12 @@ TEST(EstimatorStatistics, RefusesWhatHasNoCovariance) {
 
 // ---- simulated campaigns ---------------------------------------------------------------------------
 
-// One position, as long as the study records.
+// One position, as long as the study records. Noise makes the inputs, by way of the controller; taken for
+// excitation it would promise errors up to 30 % smaller here. Free motion costs what the prediction leaves
+// out.
 TEST(EfficiencyStudy, FitsSimulatedRecordingsAsPreciselyAsItPredicts) {
   RobotModel robot = load_robot_model(default_robot_file());
-  robot.velocity_psd_slope *= 1e-7;
+  robot.velocity_psd_slope *= 1e-6;
   const EfficiencyStudy study(robot, {});
   VectorXd position(6);
   position << 45.0, 15.0, -150.0, 0.0, -90.0, 0.0;
@@ -300,13 +302,13 @@ TEST(EfficiencyStudy, FitsSimulatedRecordingsAsPreciselyAsItPredicts) {
   EXPECT_NEAR(row.chi_square / dof, 1.0, 2.0 * kFiveSigma * std::sqrt(2.0 / dof));
   const MatrixXd predicted = study.predicted_covariance(design, StudyData::kRecordings);
   for (Eigen::Index p = 0; p < predicted.rows(); ++p) {
-    EXPECT_NEAR(row.standard_errors(p) / std::sqrt(predicted(p, p)), 1.0, 0.3) << p;
+    EXPECT_NEAR(row.standard_errors(p) / std::sqrt(predicted(p, p)), 1.07, 0.1) << p;
   }
   // Twice the experiments: half the covariance, and weights with more degrees of freedom.
   const MatrixXd twice =
       study.predicted_covariance({"two", design.positions, {2}}, StudyData::kRecordings);
   EXPECT_LT(twice(0, 0), 0.5 * predicted(0, 0));
-  EXPECT_GT(twice(0, 0), 0.5 / 1.3 * predicted(0, 0));
+  EXPECT_GT(twice(0, 0), 0.5 / 1.1 * predicted(0, 0));
 }
 
 }  // namespace

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 
@@ -31,6 +34,41 @@ std::optional<Eigen::MatrixXcd> whitening_of(Eigen::MatrixXcd covariance,
   }
   const Eigen::Index n = covariance.rows();
   return std::sqrt(2.0) * factor.matrixL().solve(Eigen::MatrixXcd::Identity(n, n));
+}
+
+std::vector<std::vector<Eigen::MatrixXcd>> whitening_between_lines(const PeriodicData& data,
+                                                                   std::size_t groups,
+                                                                   double accuracy) {
+  using Eigen::Index;
+  const auto outputs = static_cast<Index>(data.outputs.size());
+  std::vector<std::vector<Eigen::MatrixXcd>> result(groups);
+  for (std::size_t group = 0; group < groups; ++group) {
+    const Eigen::MatrixXd level = output_level(data, group);
+    result[group].resize(static_cast<std::size_t>(data.last_line) + 1);
+    for (Index k = data.first_line; k <= data.last_line; ++k) {
+      Eigen::MatrixXcd scatter = Eigen::MatrixXcd::Zero(outputs, outputs);
+      double count = 0.0;
+      for (const MeasuredRecord& record : data.estimation) {
+        if (record.group != group || record.output_bins.size() == 0) continue;
+        for (Index offset = 1; offset <= record.periods / 2; ++offset) {
+          for (const Index bin : {k * record.periods - offset, k * record.periods + offset}) {
+            if (bin >= record.output_bins.cols()) continue;
+            scatter += record.output_bins.col(bin) * record.output_bins.col(bin).adjoint();
+            count += 1.0;
+          }
+        }
+      }
+      // Not the shares that channels have in common: there may be fewer samples than channels.
+      const Eigen::MatrixXcd covariance =
+          Eigen::MatrixXcd((scatter / std::max(count, 1.0)).diagonal().asDiagonal());
+      if (auto whitening = whitening_of(covariance, level.col(k), accuracy)) {
+        result[group][static_cast<std::size_t>(k)] = std::move(*whitening);
+      } else {
+        throw InputError("an output has neither noise nor signal at some lines");
+      }
+    }
+  }
+  return result;
 }
 
 std::vector<std::vector<Eigen::MatrixXcd>> whitening_with_errors(const PeriodicData& data,

@@ -18,6 +18,10 @@ namespace graybox {
                                                            const Eigen::VectorXd& level,
                                                            double accuracy);
 
+// All there is between the lines taken as noise, free motion included: for a start.
+[[nodiscard]] std::vector<std::vector<Eigen::MatrixXcd>> whitening_between_lines(
+    const PeriodicData& data, std::size_t groups, double accuracy);
+
 // The whitening of data whose model may be wrong by that share of the outputs' level besides.
 [[nodiscard]] std::vector<std::vector<Eigen::MatrixXcd>> whitening_with_errors(
     const PeriodicData& data, double share);

@@ -80,6 +80,30 @@ std::vector<Index> columns_of(const std::vector<Signal>& signals, ChannelRole ro
   return columns;
 }
 
+// Bins up to half a line beyond the last.
+void keep_bins(const PeriodicData& frame, const MatrixXcd& bins, Index periods, Index outputs,
+               MeasuredRecord& record) {
+  record.periods = periods;
+  if (periods < 2) return;
+  const Index last = std::min(periods * frame.last_line + periods / 2, bins.rows() - 1);
+  const MatrixXcd scaled =
+      bins.topRows(last + 1).transpose() / std::sqrt(static_cast<double>(periods));
+  record.output_bins = scaled.topRows(outputs);
+  record.input_bins = scaled.bottomRows(scaled.rows() - outputs);
+}
+
+// The mean of the periods.
+void keep_input_period(const Eigen::Ref<const MatrixXd>& inputs, Index period, Index periods,
+                       MeasuredRecord& record) {
+  record.input_period = MatrixXd::Zero(inputs.cols(), period);
+  for (Index p = 0; p < periods; ++p) {
+    record.input_period +=
+        inputs.middleRows(p * period, period).transpose() / static_cast<double>(periods);
+  }
+  record.input.col(0) = std::sqrt(static_cast<double>(period)) *
+                        record.input_period.rowwise().mean().cast<std::complex<double>>();
+}
+
 class Reader {
  public:
   Reader(const Campaign& campaign, const PlantFamily& family, const PeriodicDataOptions& options)
@@ -101,23 +125,14 @@ class Reader {
              "between samples (zero)");
     }
     const PeriodicExcitation common = common_excitation(campaign_);
-    data_.period = common.period;
-    data_.excited = common.lines;
-    std::erase_if(data_.excited, [&](std::size_t line) { return 2 * line >= common.period; });
-    if (data_.excited.empty()) refuse(campaign_, "experiments: no line below half the sample rate");
-    data_.first_line = static_cast<Index>(data_.excited.front());
-    const double wanted = options_.line_factor * static_cast<double>(data_.excited.back());
-    data_.last_line =
-        std::min(static_cast<Index>(wanted), (static_cast<Index>(common.period) - 1) / 2);
-    data_.sample_time = family_.sample_time();
+    std::vector<std::size_t> excited = common.lines;
+    std::erase_if(excited, [&](std::size_t line) { return 2 * line >= common.period; });
+    if (excited.empty()) refuse(campaign_, "experiments: no line below half the sample rate");
+    data_ = periodic_frame(common.period, family_.sample_time(), excited, options_.line_factor);
     if (campaign_.sample_time &&
         std::abs(*campaign_.sample_time / data_.sample_time - 1.0) > 1e-6) {
       refuse(campaign_, fmt::format("sample_time: {} s is not the model's {} s",
                                     *campaign_.sample_time, data_.sample_time));
-    }
-    for (Index k = 0; k <= data_.last_line; ++k) {
-      data_.frequencies.push_back(2.0 * std::numbers::pi * static_cast<double>(k) /
-                                  (static_cast<double>(data_.period) * data_.sample_time));
     }
   }
 
@@ -173,7 +188,8 @@ class Reader {
     const MatrixXcd bins = record_spectra(signals, transform);
     LineSpectra spectra = line_spectra(bins, layout, {});
     ReadRecord result;
-    keep_bins(bins, layout.periods, result.record);
+    keep_bins(data_, bins, static_cast<Index>(layout.periods), family_.output_count(),
+              result.record);
     for (const Index c : outputs) {
       result.outputs.push_back(recording.data.signals[at(c)].name);
       result.units.push_back(recording.data.signals[at(c)].unit);
@@ -190,18 +206,6 @@ class Reader {
     return result;
   }
 
-  // Up to half a line beyond the last.
-  void keep_bins(const MatrixXcd& bins, std::size_t periods, MeasuredRecord& record) const {
-    record.periods = static_cast<Index>(periods);
-    if (periods < 2) return;
-    const Index last = std::min(record.periods * data_.last_line + record.periods / 2,
-                                static_cast<Index>(bins.rows()) - 1);
-    const MatrixXcd scaled =
-        bins.topRows(last + 1).transpose() / std::sqrt(static_cast<double>(periods));
-    record.output_bins = scaled.topRows(family_.output_count());
-    record.input_bins = scaled.bottomRows(family_.input_count());
-  }
-
   // Outputs, inputs and noise of lines 0 ... K, and the mean period of the inputs.
   void split(LineSpectra& spectra, const MatrixXd& signals, const PeriodicExcitation& excitation,
              ReadRecord& result) const {
@@ -211,16 +215,9 @@ class Reader {
     result.record.output.rightCols(lines) = spectra.values.topRows(outputs);
     result.record.input = MatrixXcd::Zero(inputs, lines + 1);
     result.record.input.rightCols(lines) = spectra.values.bottomRows(inputs);
-    const auto period = static_cast<Index>(excitation.period);
-    result.record.input_period = MatrixXd::Zero(inputs, period);
-    for (std::size_t p = 0; p < excitation.periods; ++p) {
-      result.record.input_period +=
-          signals.block(static_cast<Index>(p) * period, outputs, period, inputs).transpose() /
-          static_cast<double>(excitation.periods);
-    }
-    result.record.input.col(0) =
-        std::sqrt(static_cast<double>(period)) *
-        result.record.input_period.rowwise().mean().cast<std::complex<double>>();
+    const auto periods = static_cast<Index>(excitation.periods);
+    keep_input_period(signals.middleCols(outputs, inputs), static_cast<Index>(excitation.period),
+                      periods, result.record);
     result.samples.resize(1);
     result.samples.insert(result.samples.end(), std::make_move_iterator(spectra.samples.begin()),
                           std::make_move_iterator(spectra.samples.end()));
@@ -428,6 +425,39 @@ double wanted_noise_samples(const PeriodicDataOptions& options, Index outputs) {
 
 std::size_t PeriodicData::position_of(const std::vector<double>& angles) const {
   return static_cast<std::size_t>(std::ranges::find(degrees, angles) - degrees.begin());
+}
+
+PeriodicData periodic_frame(std::size_t period, double sample_time,
+                            const std::vector<std::size_t>& excited, double line_factor) {
+  PeriodicData frame;
+  frame.period = period;
+  frame.sample_time = sample_time;
+  frame.excited = excited;
+  frame.first_line = static_cast<Index>(excited.front());
+  frame.last_line = std::min(static_cast<Index>(line_factor * static_cast<double>(excited.back())),
+                             (static_cast<Index>(period) - 1) / 2);
+  for (Index k = 0; k <= frame.last_line; ++k) {
+    frame.frequencies.push_back(2.0 * std::numbers::pi * static_cast<double>(k) /
+                                (static_cast<double>(period) * sample_time));
+  }
+  return frame;
+}
+
+MeasuredRecord measured_record(const PeriodicData& frame, const Eigen::Ref<const MatrixXd>& signals,
+                               Index outputs, RealTransform& transform) {
+  const auto period = static_cast<Index>(frame.period);
+  const auto periods = static_cast<Index>(transform.length()) / period;
+  const Index inputs = signals.cols() - outputs;
+  MeasuredRecord record;
+  keep_bins(frame, record_spectra(signals, transform), periods, outputs, record);
+  record.output = MatrixXcd::Zero(outputs, frame.last_line + 1);
+  record.input = MatrixXcd::Zero(inputs, frame.last_line + 1);
+  for (Index k = 1; k <= frame.last_line; ++k) {
+    record.output.col(k) = record.output_bins.col(k * periods);
+    record.input.col(k) = record.input_bins.col(k * periods);
+  }
+  keep_input_period(signals.rightCols(inputs), period, periods, record);
+  return record;
 }
 
 PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,

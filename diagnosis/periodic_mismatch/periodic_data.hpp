@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/real_transform.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
 
@@ -81,6 +82,17 @@ struct PeriodicData {
            static_cast<double>(records.size());
   }
 };
+
+// Lines and frequencies of `excited` lines (ascending) and those up to `line_factor` times the last of
+// them, without records.
+[[nodiscard]] PeriodicData periodic_frame(std::size_t period, double sample_time,
+                                          const std::vector<std::size_t>& excited,
+                                          double line_factor);
+
+// One record in memory, [samples x (n_y + n_u)], outputs first: lines as they are, free motion included.
+[[nodiscard]] MeasuredRecord measured_record(const PeriodicData& frame,
+                                             const Eigen::Ref<const Eigen::MatrixXd>& signals,
+                                             Eigen::Index outputs, RealTransform& transform);
 
 // Throws InputError of one line for what the periodic route can't use.
 [[nodiscard]] PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,

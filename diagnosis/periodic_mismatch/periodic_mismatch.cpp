@@ -13,6 +13,7 @@
 #include <optional>
 #include <utility>
 
+#include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
@@ -23,7 +24,6 @@
 #include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
@@ -306,34 +306,31 @@ class Problem : public MismatchProblem {
   // them or less, and so is what the wrong model's response does to it: a tenth of the noise at most up to
   // the misfit below. Beyond, polynomials do less harm.
   void clear_transients(const PeriodicDataOptions& options) {
-    constexpr int kRounds = 5;
     constexpr double kAtRest = 0.1;    // standard errors
     constexpr double kMisfit = 100.0;  // chi-square per degree of freedom
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
-    ExtendedFit now = fit({}, nullptr);
-    if (now.estimation.chi_square_per_dof() > kMisfit) return;
-    double moved = std::numeric_limits<double>::infinity();
-    for (int round = 0; round < kRounds && now.usable && moved > kAtRest; ++round) {
-      graybox::clear_transients(*family_, state_of(now), options, data_);
-      cleared_start_ = start_;
-      std::vector<ActingLaw> laws = base_laws_;
-      take_model_parameters(now, *cleared_start_, laws);
-      const ExtendedFit next = fit({}, nullptr);
-      moved = largest_move(now, next);
-      now = next;
-    }
+    const PeriodicFit first = first_fit(base_laws_);
+    if (!first.converged || report(first, {}).estimation.chi_square_per_dof() > kMisfit) return;
+    cleared_start_ =
+        fit_and_clear_transients(*family_, first, options, how_to_fit(), kAtRest, data_)
+            .fit.parameters;
   }
 
-  // Of the model's parameters, in standard errors of the second fit.
-  static double largest_move(const ExtendedFit& from, const ExtendedFit& to) {
-    double largest = 0.0;
-    for (std::size_t p = 0; p < to.model_parameters.size(); ++p) {
-      const LawParameterEstimate& estimate = to.model_parameters[p];
-      if (!(estimate.standard_error > 0.0)) continue;
-      largest = std::max(largest, std::abs(estimate.value - from.model_parameters[p].value) /
-                                      estimate.standard_error);
+  [[nodiscard]] PeriodicFitOptions how_to_fit() const {
+    PeriodicFitOptions how;
+    how.iteration_limit = options_.iteration_limit;
+    how.threads = options_.threads;
+    how.keep_going = options_.keep_going;
+    return how;
+  }
+
+  // From the model's own values and those that the measured responses suggest.
+  [[nodiscard]] PeriodicFit first_fit(const std::vector<ActingLaw>& acting) const {
+    std::vector<VectorXd> starts{start_};
+    if (const auto other = response_start(*family_, data_, options_.threads)) {
+      starts.push_back(*other);
     }
-    return largest;
+    return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
   }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
@@ -346,25 +343,13 @@ class Problem : public MismatchProblem {
     for (const LawStart& law : laws) {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
-    std::vector<VectorXd> starts{start};
-    if (is_first && cleared_start_) {
-      starts = {*cleared_start_};
-    } else if (is_first) {
-      if (const auto other = response_start(*family_, data_, options_.threads)) {
-        starts.push_back(*other);
-      }
-    } else if (!laws.empty() && !laws.back().model_parameters.empty()) {
+    if (is_first && !cleared_start_) return report(first_fit(acting), laws);
+    std::vector<VectorXd> starts{is_first ? *cleared_start_ : start};
+    if (!is_first && !laws.empty() && !laws.back().model_parameters.empty()) {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    PeriodicFitOptions how;
-    how.iteration_limit = options_.iteration_limit;
-    how.threads = options_.threads;
-    how.keep_going = options_.keep_going;
-    return report(is_first && !cleared_start_
-                      ? fit_periodic_gradually(*family_, data_, starts, acting, how)
-                      : fit_periodic(*family_, data_, starts, acting, how),
-                  laws);
+    return report(fit_periodic(*family_, data_, starts, acting, how_to_fit()), laws);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,

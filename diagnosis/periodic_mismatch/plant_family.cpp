@@ -62,6 +62,7 @@ class RobotFamily : public PlantFamily {
  public:
   explicit RobotFamily(const std::filesystem::path& file)
       : RobotFamily(load_extended_robot(file)) {}
+  explicit RobotFamily(const RobotModel& robot) : RobotFamily(ExtendedRobot{robot, {}}) {}
 
   [[nodiscard]] LinearPlant plant(const VectorXd& joint_angles, const VectorXd& parameters,
                                   std::span<const Element> bodies) const override {
@@ -232,6 +233,15 @@ class RobotFamily : public PlantFamily {
   }
 
   RobotModel robot_;
+};
+
+class LocalRobotFamily : public RobotFamily {
+ public:
+  using RobotFamily::RobotFamily;
+  [[nodiscard]] std::unique_ptr<OwnForce> own_force(const LinearPlant&,
+                                                    std::span<const Element>) const override {
+    return nullptr;
+  }
 };
 
 // ---- lumped models -------------------------------------------------------------------------------
@@ -439,6 +449,11 @@ std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model) {
       YamlField::load(model).at("format").choice({"graybox-robot/1", "graybox-lumped/1"});
   if (format == "graybox-robot/1") return std::make_unique<RobotFamily>(model);
   return std::make_unique<LumpedFamily>(model);
+}
+
+std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot, RobotDynamics dynamics) {
+  if (dynamics == RobotDynamics::kFull) return std::make_unique<RobotFamily>(robot);
+  return std::make_unique<LocalRobotFamily>(robot);
 }
 
 }  // namespace graybox

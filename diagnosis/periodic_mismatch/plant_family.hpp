@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -12,6 +13,7 @@
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
 #include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
 #include "graybox/problems/elements/element.hpp"
+#include "graybox/problems/robot_model.hpp"
 
 namespace graybox {
 
@@ -58,7 +60,7 @@ class PlantFamily {
   // Null where the model is linear. The plant must outlive it.
   [[nodiscard]] virtual std::unique_ptr<OwnForce> own_force(
       const LinearPlant& plant, std::span<const Element> bodies) const = 0;
-  // F^-1 of the model's controller at w, empty without one.
+  // F^-1 of the model's controller at w, empty without one. Inputs and outputs are as many then.
   [[nodiscard]] virtual Eigen::MatrixXcd inverse_controller(double w) const = 0;
   // How far the coordinates that the control holds (LinearPlant::held) stand from rest on average over
   // the period, from what the controller knows at the period's end; empty where they do not move away
@@ -75,5 +77,14 @@ class PlantFamily {
 
 // A graybox-robot/1 or graybox-lumped/1 file. Throws InputError of one line.
 [[nodiscard]] std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model);
+
+enum class RobotDynamics : std::int8_t {
+  kFull,   // with the arm's own forces: Coriolis, changing inertia and gravity
+  kLocal,  // motions so small that nothing but the linear plant shows
+};
+
+// A robot without elements or places for laws.
+[[nodiscard]] std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot,
+                                                        RobotDynamics dynamics);
 
 }  // namespace graybox

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -10,6 +11,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
+#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
 
 namespace graybox {
@@ -23,25 +25,35 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr int kRounds = 3;  // of weights and noise
+// Rms in standard deviations up to which a residual may be nothing but noise.
+constexpr double kNoiseAtMost = 2.0;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-// One record at its bins 1 ... B.
-struct FreeRecord {
-  MeasuredRecord* record = nullptr;
+// How the plant of some records moves freely, at their bins 1 ... B.
+struct FreePlant {
+  std::size_t position = 0, group = 0;
   Index periods = 1, bins = 0;  // B
   LinearPlant plant;            // with the laws' mean slopes
   SampledPlant sampled;
-  MatrixXcd periodic;             // q of the steady state, n x (K + 1)
-  MatrixXcd excess;               // Y - G U, n_y x (B + 1)
-  std::vector<MatrixXcd> motion;  // z C (z I - A)^-1, n_y x 2n each
-  VectorXd departure_size;        // 2n, what |d| is expected to be at most
+  std::vector<MatrixXcd> motion;    // z C (z I - A)^-1, n_y x 2n each
+  std::vector<MatrixXcd> response;  // G
+  VectorXd departure_size;          // 2n, what |d| is expected to be at most
+  // Of the last round:
+  Eigen::LLT<MatrixXd> information;  // of d, scaled by its size
+  VectorXd leverage;                 // of each bin, mean over the outputs
+};
+
+struct FreeRecord {
+  MeasuredRecord* record = nullptr;
+  std::size_t plant = 0;  // of all FreePlants
+  MatrixXcd periodic;     // q of the steady state, n x (K + 1)
+  MatrixXcd excess;       // Y - G U, n_y x (B + 1)
   // Of the last round:
   VectorXd departure;  // d
-  MatrixXcd own;       // q by what own forces add with the free motion, n x (B + 1)
+  MatrixXcd own;       // q by what own forces add with the free motion, n x (B + 1); empty: nothing
   MatrixXcd own_seen;  // the same at the outputs, n_y x (B + 1)
   MatrixXcd rest;      // excess without all that
-  VectorXd leverage;   // of each bin, mean over the outputs
 };
 
 class Clearing {
@@ -54,6 +66,8 @@ class Clearing {
     collect();
     for (int round = 0; round < kRounds; ++round) {
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+      for (std::size_t i = 0; i < plants_.size(); ++i) weigh(plants_[i]);
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
       for (std::size_t i = 0; i < records_.size(); ++i) {
         if (round > 0) add_own_forces(records_[i]);
         separate(records_[i]);
@@ -61,81 +75,140 @@ class Clearing {
       whiten();
     }
     for (FreeRecord& free : records_) take_out(free);
+    take_out_feedback();
+  }
+
+  // After run().
+  [[nodiscard]] LineEquations equations() const {
+    const std::size_t first_validation = data_.estimation.size();
+    std::vector<LineEquations> parts(std::min(first_validation, records_.size()));
+#pragma omp parallel num_threads(options_.threads)
+    {
+      SteadyStateSolver solver(family_, data_, {});
+#pragma omp for schedule(dynamic)
+      for (std::size_t i = 0; i < parts.size(); ++i) parts[i] = equations_of(solver, records_[i]);
+    }
+    LineEquations sum = parts.front();
+    for (std::size_t i = 1; i < parts.size(); ++i) {
+      sum.information += parts[i].information;
+      sum.scores += parts[i].scores;
+    }
+    return sum;
   }
 
  private:
-  static bool is_line(const FreeRecord& free, Index bin) { return bin % free.periods == 0; }
-  static Index nearest_line(const FreeRecord& free, Index bin) {
-    return (bin + (free.periods - 1) / 2) / free.periods;
+  static bool is_line(const FreePlant& plant, Index bin) { return bin % plant.periods == 0; }
+  static Index nearest_line(const FreePlant& plant, Index bin) {
+    return (bin + (plant.periods - 1) / 2) / plant.periods;
   }
-  [[nodiscard]] const MatrixXcd& weight(const FreeRecord& free, Index bin) const {
-    const Index line = std::clamp(nearest_line(free, bin), data_.first_line, data_.last_line);
-    return data_.whitening[free.record->group][at(line)];
+  [[nodiscard]] const MatrixXcd& weight(const FreePlant& plant, Index bin) const {
+    const Index line = std::clamp(nearest_line(plant, bin), data_.first_line, data_.last_line);
+    return data_.whitening[plant.group][at(line)];
   }
 
   void collect() {
     for (auto* list : {&data_.estimation, &data_.validation}) {
       for (MeasuredRecord& record : *list) {
-        if (record.output_bins.size() == 0) continue;
-        FreeRecord& free = records_.emplace_back();
-        free.record = &record;
-        free.periods = record.periods;
-        free.bins = record.output_bins.cols() - 1;
+        if (record.output_bins.size() > 0) records_.emplace_back().record = &record;
       }
     }
+    std::vector<LinearPlant> plants(records_.size());
 #pragma omp parallel num_threads(options_.threads)
     {
       SteadyStateSolver solver(family_, data_, {});
 #pragma omp for schedule(dynamic)
-      for (std::size_t i = 0; i < records_.size(); ++i) describe(solver, records_[i]);
+      for (std::size_t i = 0; i < records_.size(); ++i) {
+        plants[i] = describe(solver, records_[i]);
+      }
     }
+    for (std::size_t i = 0; i < records_.size(); ++i) share_plant(records_[i], plants[i]);
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t i = 0; i < plants_.size(); ++i) describe(plants_[i]);
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t i = 0; i < records_.size(); ++i) find_excess(records_[i]);
   }
 
   // On the unit circle of z.
-  [[nodiscard]] double angle(const FreeRecord& free, Index bin) const {
-    const auto samples = static_cast<double>(data_.period) * static_cast<double>(free.periods);
+  [[nodiscard]] double angle(const FreePlant& plant, Index bin) const {
+    const auto samples = static_cast<double>(data_.period) * static_cast<double>(plant.periods);
     return 2.0 * std::numbers::pi * static_cast<double>(bin) / samples;
   }
-  [[nodiscard]] double frequency(const FreeRecord& free, Index bin) const {
-    return angle(free, bin) / data_.sample_time;
+  [[nodiscard]] double frequency(const FreePlant& plant, Index bin) const {
+    return angle(plant, bin) / data_.sample_time;
   }
 
-  void describe(SteadyStateSolver& solver, FreeRecord& free) const {
+  // The periodic motion; returns the plant of small motions about it.
+  LinearPlant describe(SteadyStateSolver& solver, FreeRecord& free) const {
     MeasuredRecord& record = *free.record;
     for (Index k = 1; k <= data_.last_line; ++k) {
-      record.input.col(k) = record.input_bins.col(k * free.periods);
+      record.input.col(k) = record.input_bins.col(k * record.periods);
     }
     const SteadyState& state = solver.solve(model_, record, nullptr);
     free.periodic = state.coordinates;
-    free.plant = model_.positions[record.position].plant;
-    add_mean_slopes(state, free.plant);
-    free.sampled = sampled_plant(free.plant, data_.sample_time);
-    free.excess = free.own_seen = MatrixXcd::Zero(record.output_bins.rows(), free.bins + 1);
-    free.own = MatrixXcd::Zero(free.periodic.rows(), free.bins + 1);
+    LinearPlant plant = model_.positions[record.position].plant;
+    add_mean_slopes(state, plant);
+    return plant;
+  }
+
+  // Records of one position and level have a plant in common unless laws' slopes make them differ.
+  void share_plant(FreeRecord& free, const LinearPlant& plant) {
+    const MeasuredRecord& record = *free.record;
+    const auto is_same = [&](const FreePlant& other) {
+      return other.position == record.position && other.group == record.group &&
+             other.periods == record.periods && other.bins == record.output_bins.cols() - 1 &&
+             other.plant.stiffness == plant.stiffness && other.plant.damping == plant.damping;
+    };
+    const auto known = std::ranges::find_if(plants_, is_same);
+    free.plant = static_cast<std::size_t>(known - plants_.begin());
+    if (known == plants_.end()) {
+      FreePlant& added = plants_.emplace_back();
+      added.position = record.position;
+      added.group = record.group;
+      added.periods = record.periods;
+      added.bins = record.output_bins.cols() - 1;
+      added.plant = plant;
+      added.departure_size = VectorXd::Zero(2 * plant.mass.rows());
+    }
+    FreePlant& shared = plants_[free.plant];
+    shared.departure_size =
+        shared.departure_size.cwiseMax(size_of_departure(shared.periods, free.periodic));
+  }
+
+  void describe(FreePlant& plant) const {
+    plant.sampled = sampled_plant(plant.plant, data_.sample_time);
+    plant.motion.resize(at(plant.bins) + 1);
+    plant.response.resize(at(plant.bins) + 1);
+    plant.leverage = VectorXd::Zero(plant.bins + 1);
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      const Complex z = std::polar(1.0, angle(plant, bin));
+      const MatrixXcd sight = plant.sampled.sight(z);
+      plant.response[at(bin)] = sight * plant.sampled.input;
+      plant.motion[at(bin)] = z * sight * plant.sampled.vectors.adjoint();
+    }
+  }
+
+  void find_excess(FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    const MeasuredRecord& record = *free.record;
+    free.excess = free.own_seen = MatrixXcd::Zero(record.output_bins.rows(), plant.bins + 1);
     free.rest = free.excess;
-    free.leverage = VectorXd::Zero(free.bins + 1);
-    free.departure_size = size_of_departure(free);
-    free.motion.resize(at(free.bins) + 1);
-    for (Index bin = 1; bin <= free.bins; ++bin) {
-      const Complex z = std::polar(1.0, angle(free, bin));
-      const MatrixXcd sight = free.sampled.sight(z);
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
       free.excess.col(bin) =
-          record.output_bins.col(bin) - sight * (free.sampled.input * record.input_bins.col(bin));
-      free.motion[at(bin)] = z * sight * free.sampled.vectors.adjoint();
+          record.output_bins.col(bin) - plant.response[at(bin)] * record.input_bins.col(bin);
     }
   }
 
   // The rms of the periodic motion: a free motion of that size is no rarity, a larger one is.
-  [[nodiscard]] VectorXd size_of_departure(const FreeRecord& free) const {
-    const Index n = free.periodic.rows();
+  [[nodiscard]] VectorXd size_of_departure(Index periods, const MatrixXcd& periodic) const {
+    const Index n = periodic.rows();
     VectorXd power = VectorXd::Zero(2 * n);
     for (Index k = 1; k <= data_.last_line; ++k) {
-      const VectorXd line = free.periodic.col(k).cwiseAbs2();
+      const VectorXd line = periodic.col(k).cwiseAbs2();
       power.head(n) += line;
       power.tail(n) += data_.frequencies[at(k)] * data_.frequencies[at(k)] * line;
     }
     // From the scale of lines of one period, N^(-1/2), to that of bins, N^(-1/2) / P.
-    return std::sqrt(2.0) / static_cast<double>(data_.period) / static_cast<double>(free.periods) *
+    return std::sqrt(2.0) / static_cast<double>(data_.period) / static_cast<double>(periods) *
            power.cwiseSqrt();
   }
 
@@ -160,78 +233,93 @@ class Clearing {
 
   // Real and imaginary rows of what a departure does at a bin, weighted; its columns in units of what a
   // departure may be.
-  void weighted_motion(const FreeRecord& free, Index bin, Eigen::Ref<MatrixXd> rows) const {
-    const Index outputs = free.excess.rows();
+  void weighted_motion(const FreePlant& plant, Index bin, Eigen::Ref<MatrixXd> rows) const {
+    const Index outputs = rows.rows() / 2;
     const MatrixXcd weighted =
-        weight(free, bin) * (free.motion[at(bin)] * free.departure_size.asDiagonal());
+        weight(plant, bin) * (plant.motion[at(bin)] * plant.departure_size.asDiagonal());
     rows.topRows(outputs) = weighted.real();
     rows.bottomRows(outputs) = weighted.imag();
   }
 
-  // The free motion by weighted least squares between the lines, shrunk to what it may be where the data
-  // do not see it.
-  void separate(FreeRecord& free) const {
-    const Index outputs = free.excess.rows(), states = free.motion.back().cols();
+  // The information about the free motion of a record between the lines, and what its error does to each
+  // bin. The identity shrinks it to what it may be where the data do not see it.
+  void weigh(FreePlant& plant) const {
+    const Index outputs = plant.motion.back().rows(), states = plant.motion.back().cols();
     MatrixXd information = MatrixXd::Identity(states, states), rows(2 * outputs, states);
-    VectorXd scores = VectorXd::Zero(states), values(2 * outputs);
-    for (Index bin = 1; bin <= free.bins; ++bin) {
-      if (is_line(free, bin)) continue;
-      weighted_motion(free, bin, rows);
-      const VectorXcd weighted =
-          weight(free, bin) * (free.excess.col(bin) - free.own_seen.col(bin));
-      values << weighted.real(), weighted.imag();
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      if (is_line(plant, bin)) continue;
+      weighted_motion(plant, bin, rows);
       information.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
-      scores += rows.transpose() * values;
     }
-    const Eigen::LLT<MatrixXd> factor(information);  // of the lower triangle
-    free.departure = free.departure_size.cwiseProduct(factor.solve(scores));
-    for (Index bin = 1; bin <= free.bins; ++bin) {
+    plant.information.compute(information);  // of the lower triangle
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      weighted_motion(plant, bin, rows);
+      plant.leverage(bin) = plant.information.matrixL().solve(rows.transpose()).squaredNorm() /
+                            (2.0 * static_cast<double>(outputs));
+    }
+  }
+
+  // The free motion by weighted least squares between the lines.
+  void separate(FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    VectorXd scores = VectorXd::Zero(plant.departure_size.size());
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      if (is_line(plant, bin)) continue;
+      const MatrixXcd& whitening = weight(plant, bin);
+      const VectorXcd weighted =
+          whitening.adjoint() * (whitening * (free.excess.col(bin) - free.own_seen.col(bin)));
+      scores += (plant.motion[at(bin)].adjoint() * weighted).real();
+    }
+    scores = plant.departure_size.cwiseProduct(scores);
+    free.departure = plant.departure_size.cwiseProduct(plant.information.solve(scores));
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
       free.rest.col(bin) =
-          free.excess.col(bin) - free.own_seen.col(bin) - free.motion[at(bin)] * free.departure;
-      weighted_motion(free, bin, rows);
-      free.leverage(bin) = factor.matrixL().solve(rows.transpose()).squaredNorm() /
-                           (2.0 * static_cast<double>(outputs));
+          free.excess.col(bin) - free.own_seen.col(bin) - plant.motion[at(bin)] * free.departure;
     }
   }
 
   // What own forces add where the free motion of the last round meets the periodic one.
   void add_own_forces(FreeRecord& free) const {
-    const auto own = family_.own_force(free.plant, model_.bodies);
+    const FreePlant& plant = plants_[free.plant];
+    const auto own = family_.own_force(plant.plant, model_.bodies);
     if (own == nullptr) return;
-    const std::size_t samples = data_.period * static_cast<std::size_t>(free.periods);
-    PeriodTransform transform(samples, free.bins, fast_grid(3 * at(free.bins)));
+    const std::size_t samples = data_.period * static_cast<std::size_t>(plant.periods);
+    PeriodTransform transform(samples, plant.bins, fast_grid(3 * at(plant.bins)));
     const MatrixXcd periodic = coordinates_at_bins(free);
-    MatrixXcd both = periodic + free.own;
-    const VectorXcd departure = free.sampled.vectors.adjoint() * free.departure;
-    for (Index bin = 1; bin <= free.bins; ++bin) {
-      const Complex z = std::polar(1.0, angle(free, bin));
+    MatrixXcd both = periodic;
+    if (free.own.size() > 0) both += free.own;
+    const VectorXcd departure = plant.sampled.vectors.adjoint() * free.departure;
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      const Complex z = std::polar(1.0, angle(plant, bin));
       VectorXcd cause = z * departure;
-      if (!is_line(free, bin)) cause += free.sampled.input * free.record->input_bins.col(bin);
-      both.col(bin) += free.sampled.state(z, cause).head(both.rows());
+      if (!is_line(plant, bin)) cause += plant.sampled.input * free.record->input_bins.col(bin);
+      both.col(bin) += plant.sampled.state(z, cause).head(both.rows());
     }
     const MatrixXcd force =
-        force_of(*own, free, both, transform) - force_of(*own, free, periodic, transform);
-    for (Index bin = 1; bin <= free.bins; ++bin) {
-      const double w = frequency(free, bin);
-      free.own.col(bin) = receptance(free.plant, w) * force.col(bin);
-      free.own_seen.col(bin) = free.plant.position_output * free.own.col(bin) +
-                               Complex(0.0, w) * (free.plant.velocity_output * free.own.col(bin));
+        force_of(*own, plant, both, transform) - force_of(*own, plant, periodic, transform);
+    free.own = MatrixXcd::Zero(both.rows(), plant.bins + 1);
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      const double w = frequency(plant, bin);
+      free.own.col(bin) = receptance(plant.plant, w) * force.col(bin);
+      free.own_seen.col(bin) = plant.plant.position_output * free.own.col(bin) +
+                               Complex(0.0, w) * (plant.plant.velocity_output * free.own.col(bin));
     }
   }
 
-  static MatrixXcd coordinates_at_bins(const FreeRecord& free) {
-    MatrixXcd result = MatrixXcd::Zero(free.periodic.rows(), free.bins + 1);
+  [[nodiscard]] MatrixXcd coordinates_at_bins(const FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    MatrixXcd result = MatrixXcd::Zero(free.periodic.rows(), plant.bins + 1);
     for (Index k = 0; k < free.periodic.cols(); ++k) {
-      result.col(k * free.periods) = free.periodic.col(k);
+      result.col(k * plant.periods) = free.periodic.col(k);
     }
     return result;
   }
 
   // Bins of the own force under a motion of these bins.
-  MatrixXcd force_of(OwnForce& own, const FreeRecord& free, const MatrixXcd& coordinates,
+  MatrixXcd force_of(OwnForce& own, const FreePlant& plant, const MatrixXcd& coordinates,
                      PeriodTransform& transform) const {
     // Bins are scaled as lines of one period, the transform is of all.
-    const double scale = std::sqrt(static_cast<double>(free.periods));
+    const double scale = std::sqrt(static_cast<double>(plant.periods));
     const Index n = coordinates.rows();
     MatrixXd q(n, transform.grid()), velocity = q, acceleration = q, force;
     VectorXd times(transform.grid());
@@ -240,14 +328,14 @@ class Clearing {
       for (MatrixXd* target : {&q, &velocity, &acceleration}) {
         transform.to_times(spectrum, times);
         target->row(i) = times.transpose();
-        for (Index bin = 0; bin <= free.bins; ++bin) {
-          spectrum(bin) *= Complex(0.0, frequency(free, bin));
+        for (Index bin = 0; bin <= plant.bins; ++bin) {
+          spectrum(bin) *= Complex(0.0, frequency(plant, bin));
         }
       }
     }
     own.evaluate(q, velocity, acceleration, force);
-    MatrixXcd result(n, free.bins + 1);
-    VectorXcd spectrum(free.bins + 1);
+    MatrixXcd result(n, plant.bins + 1);
+    VectorXcd spectrum(plant.bins + 1);
     for (Index i = 0; i < n; ++i) {
       times = force.row(i).transpose();
       transform.to_lines(times, spectrum);
@@ -288,12 +376,13 @@ class Clearing {
                                      {MatrixXcd::Zero(outputs, outputs), 0.0, {}});
     for (const FreeRecord& free : records_) {
       if (free.record->group != group) continue;
-      for (Index bin = 1; bin <= free.bins; ++bin) {
-        const Index line = nearest_line(free, bin);
-        if (is_line(free, bin) || line < data_.first_line || line > data_.last_line) continue;
+      const FreePlant& plant = plants_[free.plant];
+      for (Index bin = 1; bin <= plant.bins; ++bin) {
+        const Index line = nearest_line(plant, bin);
+        if (is_line(plant, bin) || line < data_.first_line || line > data_.last_line) continue;
         LineScatter& sum = scatter[at(line - data_.first_line)];
         sum.scatter += free.rest.col(bin) * free.rest.col(bin).adjoint();
-        sum.degrees_of_freedom += std::max(0.0, 1.0 - free.leverage(bin));
+        sum.degrees_of_freedom += std::max(0.0, 1.0 - plant.leverage(bin));
       }
     }
     return scatter;
@@ -305,7 +394,8 @@ class Clearing {
     double count = 0.0;
     for (const FreeRecord& free : records_) {
       if (free.record->group != group) continue;
-      for (Index k = 1; k <= data_.last_line; ++k) sum(k) += free.leverage(k * free.periods);
+      const FreePlant& plant = plants_[free.plant];
+      for (Index k = 1; k <= data_.last_line; ++k) sum(k) += plant.leverage(k * plant.periods);
       count += 1.0;
     }
     return sum / std::max(count, 1.0);
@@ -314,10 +404,94 @@ class Clearing {
   void take_out(const FreeRecord& free) const {
     MeasuredRecord& record = *free.record;
     for (Index k = 1; k <= data_.last_line; ++k) {
-      const Index bin = k * free.periods;
+      const Index bin = k * record.periods;
       record.input.col(k) = record.input_bins.col(bin);
       record.output.col(k) =
           record.output_bins.col(bin) - (free.excess.col(bin) - free.rest.col(bin));
+    }
+  }
+
+  void take_out_feedback() {
+    if (!knows_controller()) return;
+#pragma omp parallel num_threads(options_.threads)
+    {
+      SteadyStateSolver solver(family_, data_, {});
+#pragma omp for schedule(dynamic)
+      for (std::size_t i = 0; i < records_.size(); ++i) take_out_feedback(solver, records_[i]);
+    }
+  }
+
+  [[nodiscard]] bool knows_controller() const {
+    const Index inputs = family_.inverse_controller(data_.frequencies[1]).rows();
+    return inputs == family_.input_count() && inputs == family_.output_count();
+  }
+
+  // What the controller made of the outputs' noise and free motion, -(G + F^-1)^-1 of them. Of what
+  // is more than noise may be, only so much.
+  [[nodiscard]] VectorXcd feedback_of(const FreePlant& plant, Index bin, const VectorXcd& noise,
+                                      const VectorXcd& free_motion) const {
+    const double size =
+        (weight(plant, bin) * noise).norm() / std::sqrt(2.0 * static_cast<double>(noise.size()));
+    const double share = std::min(1.0, kNoiseAtMost / std::max(size, 1e-300));
+    const MatrixXcd loop =
+        plant.response[at(bin)] + family_.inverse_controller(frequency(plant, bin));
+    return -loop.partialPivLu().solve(share * noise + free_motion);
+  }
+
+  void take_out_feedback(SteadyStateSolver& solver, const FreeRecord& free) const {
+    MeasuredRecord& record = *free.record;
+    const FreePlant& plant = plants_[free.plant];
+    const MatrixXcd noise = record.output - solver.solve(model_, record, nullptr).output;
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      const Index bin = k * plant.periods;
+      const VectorXcd change =
+          feedback_of(plant, bin, noise.col(k), free.excess.col(bin) - free.rest.col(bin));
+      record.input.col(k) -= change;
+      record.output.col(k) -= plant.response[at(bin)] * change;
+    }
+    renew_input_period(record);
+  }
+
+  // The error of a record's free motion has the covariance I^-1 that the bins between its lines leave; over
+  // the lines, m of the whitened motion there, it adds m I^-1 m^T to the residuals' unit covariance, whose
+  // inverse is 1 - m (I + m^T m)^-1 m^T.
+  [[nodiscard]] LineEquations equations_of(SteadyStateSolver& solver,
+                                           const FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    const Index outputs = free.rest.rows();
+    MatrixXcd jacobian;
+    const SteadyState& state = solver.solve(model_, *free.record, nullptr);
+    solver.differentiate(model_, *free.record, true, jacobian);
+    MatrixXcd moves = MatrixXcd::Zero(jacobian.rows(), plant.departure_size.size());
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      const Index bin = k * plant.periods;
+      moves.middleRows(k * outputs, outputs) =
+          weight(plant, bin) * (plant.motion[at(bin)] * plant.departure_size.asDiagonal());
+    }
+    const VectorXcd residual = state.residual.reshaped();
+    const MatrixXd between = as_real(jacobian).transpose() * as_real(moves);
+    const VectorXd moved = as_real(moves).transpose() * as_real(residual);
+    const MatrixXd all =
+        plant.information.reconstructedMatrix() + as_real(moves).transpose() * as_real(moves);
+    const Eigen::LLT<MatrixXd> factor(all);
+    return {as_real(jacobian).transpose() * as_real(jacobian) -
+                between * factor.solve(between.transpose()),
+            as_real(jacobian).transpose() * as_real(residual) - between * factor.solve(moved)};
+  }
+
+  // Whatever earlier rounds did to it.
+  void renew_input_period(MeasuredRecord& record) const {
+    const Index last = std::min(data_.last_line, (static_cast<Index>(data_.period) - 2) / 2);
+    PeriodTransform transform(data_.period, last, data_.period);
+    VectorXd times(record.input_period.cols());
+    VectorXcd lines(last + 1);
+    for (Index c = 0; c < record.input.rows(); ++c) {
+      times = record.input_period.row(c).transpose();
+      transform.to_lines(times, lines);
+      lines = record.input.row(c).head(last + 1).transpose() - lines;
+      lines(0) = 0.0;
+      transform.to_times(lines, times);
+      record.input_period.row(c) += times.transpose();
     }
   }
 
@@ -325,6 +499,7 @@ class Clearing {
   const ModelState& model_;
   const PeriodicDataOptions& options_;
   PeriodicData& data_;
+  std::vector<FreePlant> plants_;
   std::vector<FreeRecord> records_;
 };
 
@@ -368,6 +543,13 @@ void clear_transients(const PlantFamily& family, const ModelState& model,
                       const PeriodicDataOptions& options, PeriodicData& data) {
   if (data.estimation.front().output_bins.size() == 0) return;
   Clearing(family, model, options, data).run();
+}
+
+LineEquations clear_and_linearise(const PlantFamily& family, const ModelState& model,
+                                  const PeriodicDataOptions& options, PeriodicData& data) {
+  Clearing clearing(family, model, options, data);
+  clearing.run();
+  return clearing.equations();
 }
 
 }  // namespace graybox
