@@ -382,6 +382,7 @@ class Problem : public MismatchProblem {
     base_places_.resize(elements.size());
     for (std::size_t e = 0; e < elements.size(); ++e) {
       base_places_[e].location = elements[e].location;
+      base_places_[e].shifts_rest = family_->shifts_rest(elements[e].location);
       const bool is_signal = elements[e].location.kind != LocationKind::kElement;
       base_laws_.push_back(
           {&base_places_[e], find_law(elements[e].law_name, is_signal), elements[e].parameters});
@@ -693,7 +694,6 @@ std::vector<Candidate> Problem::candidates(
 // [position][column of body laws, in the candidates' order]
 std::vector<std::vector<PlantChange>> Problem::body_changes(
     const ModelState& model, const std::vector<Candidate>& list) const {
-  constexpr double kSmall = 1e-3;  // of a unit amplitude: the change is linear in it
   std::vector<std::vector<PlantChange>> changes(data_.positions.size());
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
   for (std::size_t i = 0; i < changes.size(); ++i) {
@@ -704,13 +704,16 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
         std::vector<Element> bodies = model.bodies;
         Element& body = bodies.emplace_back();
         body.location = candidate.place->location;
+        body.law_name = candidate.entry->name;
         body.use = candidate.entry->use;
         body.parameters = shape.basis.front();
-        body.parameters.front() *= kSmall;
+        // The change is linear in the amplitude.
+        const double small = 10.0 * small_change(plain, body, 1.0);
+        body.parameters.front() *= small;
         const LinearPlant changed = family_->plant(data_.positions[i], model.parameters, bodies);
-        changes[i].push_back(entries_of({(changed.mass - plain.mass) / kSmall,
+        changes[i].push_back(entries_of({(changed.mass - plain.mass) / small,
                                          {},
-                                         (changed.stiffness - plain.stiffness) / kSmall}));
+                                         (changed.stiffness - plain.stiffness) / small}));
       }
     }
   }

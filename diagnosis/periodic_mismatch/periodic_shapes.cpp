@@ -80,6 +80,7 @@ std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlac
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
   if (entry.name == "mode") return mode(band);
+  if (entry.name == "offset") return {single_amplitude({1.0}, 0, false)};
   return law_shapes(entry, place, scale);
 }
 
@@ -88,7 +89,9 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
     const std::string& name = entry.name;
-    if (name == "offset" || name == "balancer" || name == "asymmetric_coulomb") continue;
+    if (name == "balancer" || name == "asymmetric_coulomb") continue;
+    // Between gearbox and arm it makes no difference: the motor is held.
+    if (name == "offset" && !(place.shifts_rest && place.turns)) continue;
     const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
     if (is_signal != (location.kind != LocationKind::kElement)) continue;
     if ((entry.use == LawUse::kPayload) != location.is_flange && !is_signal) continue;

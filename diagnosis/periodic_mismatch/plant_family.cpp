@@ -71,7 +71,7 @@ class RobotFamily : public PlantFamily {
                                    robot_.motor_count(), joint_angles.size()));
     }
     const RobotModel robot = with_stiffness_factors(with_bodies(bodies), parameters);
-    const RobotRest rest = robot_rest(robot, ElementDynamics(), joint_angles);
+    const RobotRest rest = robot_rest(robot, constant_forces(bodies), joint_angles);
     const LocalModel local =
         LocalModelBuilder(robot).build_at(rest.coordinates.head(robot.arm_size()), joint_angles);
     LinearPlant result;
@@ -98,6 +98,12 @@ class RobotFamily : public PlantFamily {
   [[nodiscard]] std::unique_ptr<OwnForce> own_force(
       const LinearPlant& plant, std::span<const Element> bodies) const override {
     return std::make_unique<RobotOwnForce>(with_bodies(bodies), plant);
+  }
+
+  // The motors are held, the arm hangs.
+  [[nodiscard]] bool shifts_rest(const Location& location) const override {
+    return location.kind == LocationKind::kElement && location.output == location.input &&
+           !location.output.head(robot_.arm_size()).isZero(0.0);
   }
 
   [[nodiscard]] MatrixXcd inverse_controller(double w) const override {
@@ -131,8 +137,22 @@ class RobotFamily : public PlantFamily {
 
   [[nodiscard]] RobotModel with_bodies(std::span<const Element> bodies) const {
     RobotModel robot = robot_;
-    for (const Element& body : bodies) build_in_inertia(robot, body);
+    for (const Element& body : bodies) {
+      if (!is_constant_force(body)) build_in_inertia(robot, body);
+    }
     return robot;
+  }
+
+  static bool is_constant_force(const Element& body) { return body.law_name == "offset"; }
+
+  [[nodiscard]] ElementDynamics constant_forces(std::span<const Element> bodies) const {
+    std::vector<Element> forces;
+    for (const Element& body : bodies) {
+      if (!is_constant_force(body)) continue;
+      forces.push_back(body);
+      forces.back().law = find_law("offset", false)->make(body.parameters);
+    }
+    return {std::move(forces), inputs_, outputs_};
   }
 
   [[nodiscard]] bool has_free_spring(const std::string& name) const {
@@ -182,6 +202,7 @@ class RobotFamily : public PlantFamily {
       CandidatePlace place{place_of(joint, axis_vector(joint, axis), axis), yaml(axis)};
       place.has_free_stiffness = has_free_spring(place.location.name);
       place.turns = place.location.takes_inertia;
+      place.shifts_rest = shifts_rest(place.location);
       places_.push_back(place);
     }
     for (Index i = 0; i < robot_.arm_size(); ++i) {

@@ -52,8 +52,8 @@ class PlantFamily {
   [[nodiscard]] const std::vector<Element>& elements() const { return elements_; }
   [[nodiscard]] const std::vector<CandidatePlace>& places() const { return places_; }
 
-  // `bodies`: inertia and payload elements that change the mass matrix itself (arm axes and flange of
-  // robots). Throws InputError where there is no rest.
+  // `bodies`: elements that change the plant itself: inertia and payload (arm axes and flange of robots), and
+  // constant forces where places shift the rest. Throws InputError where there is no rest.
   [[nodiscard]] virtual LinearPlant plant(const Eigen::VectorXd& joint_angles,
                                           const Eigen::VectorXd& parameters,
                                           std::span<const Element> bodies) const = 0;
@@ -62,6 +62,7 @@ class PlantFamily {
       const LinearPlant& plant, std::span<const Element> bodies) const = 0;
   // F^-1 of the model's controller at w, empty without one. Inputs and outputs are as many then.
   [[nodiscard]] virtual Eigen::MatrixXcd inverse_controller(double w) const = 0;
+  [[nodiscard]] virtual bool shifts_rest(const Location&) const { return false; }
   // How far the coordinates that the control holds (LinearPlant::held) stand from rest on average over
   // the period, from what the controller knows at the period's end; empty where they do not move away
   // or it can't be told. The controller is taken to have started at rest.

@@ -40,7 +40,7 @@ void differentiate_bodies(const PlantFamily& family, const VectorXd& angles,
                           PositionResponse& response) {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     for (std::size_t p = 0; p < bodies[b].parameters.size(); ++p) {
-      const double step = 1e-4 * std::max(std::abs(bodies[b].parameters[p]), 0.1);
+      const double step = small_change(response.plant, bodies[b], bodies[b].parameters[p]);
       std::vector<Element> shifted = bodies;
       shifted[b].parameters[p] += step;
       const LinearPlant above = family.plant(angles, parameters, shifted);
@@ -82,8 +82,15 @@ PlantChange entries_of(const PlantDerivative& derivative) {
   return change;
 }
 
+// A force that moves the arm by about 1e-4 rad: the rest is found to far less.
+double small_change(const LinearPlant& plant, const Element& body, double value) {
+  if (body.law_name != "offset") return 1e-4 * std::max(std::abs(value), 0.1);
+  return 1e-4 * body.location.input.dot(plant.stiffness * body.location.output);
+}
+
 bool is_body(const CandidatePlace& place, const LawEntry& entry) {
   if (entry.use == LawUse::kPayload) return true;
+  if (entry.name == "offset" && entry.use == LawUse::kForce) return place.shifts_rest;
   return entry.use == LawUse::kInertia && place.location.name.ends_with(".arm");
 }
 

@@ -50,8 +50,12 @@ struct ActingLaw {
   std::vector<bool> fixed{};  // known, so that derivatives are zero; empty: none is
 };
 
-// A law that is part of the plant (inertia of an arm, payload) rather than a force of its own.
+// A law that is part of the plant (inertia of an arm, payload, a constant force that shifts the rest) rather
+// than a force of its own.
 [[nodiscard]] bool is_body(const CandidatePlace& place, const LawEntry& entry);
+
+// By how much a body law's parameter is changed to see what the plant does.
+[[nodiscard]] double small_change(const LinearPlant& plant, const Element& body, double value);
 
 // The entries of a PlantDerivative that are not zero.
 struct PlantChange {

@@ -438,18 +438,18 @@ class Clearing {
     return -loop.partialPivLu().solve(share * noise + free_motion);
   }
 
+  // The residual stays what it is, also where the model is not linear.
   void take_out_feedback(SteadyStateSolver& solver, const FreeRecord& free) const {
     MeasuredRecord& record = *free.record;
     const FreePlant& plant = plants_[free.plant];
     const MatrixXcd noise = record.output - solver.solve(model_, record, nullptr).output;
     for (Index k = data_.first_line; k <= data_.last_line; ++k) {
       const Index bin = k * plant.periods;
-      const VectorXcd change =
+      record.input.col(k) -=
           feedback_of(plant, bin, noise.col(k), free.excess.col(bin) - free.rest.col(bin));
-      record.input.col(k) -= change;
-      record.output.col(k) -= plant.response[at(bin)] * change;
     }
     renew_input_period(record);
+    record.output = solver.solve(model_, record, nullptr).output + noise;
   }
 
   // The error of a record's free motion has the covariance I^-1 that the bins between its lines leave; over

@@ -24,9 +24,9 @@
 // near a resonance as large as what is excited there. Y - G U is V all the same, but everything that is
 // judged by it (derivatives, motions that laws act on) would go with V, and its products with V do not
 // average out: estimates biased by up to 10 standard errors, and errors 30 % too small. What came back is
-// taken out of the lines: T (V + C (z I - A)^-1 z d) is added to U and G times that to Y, V limited to what
-// noise may be, for it may be physics that the model leaves out. F is that of the model; nothing is done
-// without one.
+// taken out of the lines: T (V + C (z I - A)^-1 z d) is added to U, and what the model makes of it to Y, V
+// limited to what noise may be, for it may be physics that the model leaves out. F is that of the model;
+// nothing is done without one.
 //
 // Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y n^2) for
 // d, and some thousand evaluations of the own forces.
