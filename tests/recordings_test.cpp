@@ -125,6 +125,7 @@ TEST_F(Recordings, WrongCampaignFilesAreRefusedInOneLine) {
       {{"sample_time: 0.001", "sample_time: 0.001\ntime: {column: t, unit: m}"}, "unit of time"},
       {{"experiments:", "noise: {z: 1}\nexperiments:"}, "no such channel"},
       {{"experiments:", "preprocess: [{kind: smooth}]\nexperiments:"}, "must be one of low_pass"},
+      {{"experiments:", "preprocess: [{kind: trim, time: -1}]\nexperiments:"}, "time"},
       {{"experiments:",
         "preprocess: [{kind: low_pass, frequency: 5, channels: [z]}]\nexperiments:"},
        "no such channel"},
@@ -484,6 +485,21 @@ TEST(Preprocess, DecimatesWhatWasFilteredAndRefusesTheRest) {
     EXPECT_EQ(decimated.pieces[0].values(k, 1), kept.pieces[0].values(4 * k, 1));
     EXPECT_EQ(decimated.pieces[0].time(k), kept.pieces[0].time(4 * k));
   }
+}
+
+TEST(Preprocess, TrimsBothEndsOfEachPiece) {
+  const Signals data = some_signals("rad");
+  Signals trimmed = data;
+  preprocess("test", {Trim{0.0105}}, trimmed);
+  const Eigen::Index before = data.pieces[0].values.rows();
+  ASSERT_EQ(trimmed.pieces[0].values.rows(), before - 22);
+  EXPECT_EQ(trimmed.pieces[0].first_sample, data.pieces[0].first_sample + 11);
+  EXPECT_EQ(trimmed.pieces[0].time(0), data.pieces[0].time(11));
+  EXPECT_EQ(trimmed.pieces[0].values, data.pieces[0].values.middleRows(11, before - 22));
+  Signals periodic = data;
+  periodic.excitation = {.period = 100, .periods = 4, .lines = {1, 20}};
+  testing::expect_refused([&] { preprocess("test", {Trim{0.01}}, periodic); }, "would cut");
+  testing::expect_refused([&] { preprocess("test", {Trim{0.2}}, trimmed); }, "leaves nothing");
 }
 
 TEST(Units, AreConsistent) {

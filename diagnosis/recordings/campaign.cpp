@@ -216,7 +216,7 @@ std::vector<PreprocessStep> preprocess_in(const YamlField& field,
   ChannelNames names(channels);
   for (const YamlField& item : field.items()) {
     const std::string kind =
-        item.at("kind").choice({"low_pass", "decimate", "derivative", "transmission"});
+        item.at("kind").choice({"low_pass", "decimate", "derivative", "transmission", "trim"});
     if (kind == "low_pass") {
       steps.emplace_back(low_pass_in(item, names));
     } else if (kind == "decimate") {
@@ -224,6 +224,9 @@ std::vector<PreprocessStep> preprocess_in(const YamlField& field,
       steps.emplace_back(Decimate{item.at("factor").count()});
     } else if (kind == "derivative") {
       steps.emplace_back(derivative_in(item, names));
+    } else if (kind == "trim") {
+      item.allow_keys({"kind", "time"});
+      steps.emplace_back(Trim{item.at("time").positive()});
     } else {
       steps.emplace_back(transmission_in(item, names));
     }

@@ -75,7 +75,10 @@ struct Transmission {
   std::vector<std::string> names;
   std::optional<ChannelRole> role;
 };
-using PreprocessStep = std::variant<LowPass, Decimate, Derivative, Transmission>;
+struct Trim {
+  double time;  // s, at either end of each piece
+};
+using PreprocessStep = std::variant<LowPass, Decimate, Derivative, Transmission, Trim>;
 
 struct PeriodicExcitation {
   std::size_t period;              // samples

@@ -109,6 +109,27 @@ class Preprocessor {
     }
   }
 
+  void operator()(const Trim& step) {
+    if (data_.excitation) {
+      fail("trim would cut the periods of an excitation; say which to use in segments");
+    }
+    for (SignalPiece& piece : data_.pieces) {
+      const Index last = piece.time.size() - 1;
+      const double from = piece.time(0) + step.time, to = piece.time(last) - step.time;
+      Index first = 0, end = last + 1;
+      while (first < end && piece.time(first) < from) ++first;
+      while (end > first && piece.time(end - 1) > to) --end;
+      if (end - first < 2) {
+        fail(fmt::format("trim of {:g} s at either end leaves nothing of a segment of {:g} s",
+                         step.time, piece.time(last) - piece.time(0)));
+      }
+      const auto rows = Eigen::seqN(first, end - first);
+      piece.first_sample += static_cast<std::size_t>(first);
+      piece.time = Eigen::VectorXd(piece.time(rows));
+      piece.values = Eigen::MatrixXd(piece.values(rows, Eigen::all));
+    }
+  }
+
   void operator()(const Derivative& step) {
     std::vector<Signal> added;
     for (std::size_t k = 0; k < step.of.size(); ++k) {

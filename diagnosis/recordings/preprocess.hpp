@@ -10,6 +10,8 @@
 //               frequency (what lies above would fold), and for a periodic excitation unless k divides
 //               the period and all lines are below it.
 // derivative    the parabola through three neighbours: second order, also for uneven times.
+// trim          the first and last seconds of each piece go: there a zero-phase filter knew but half of
+//               what it averages. Refused for a periodic excitation, whose periods would be cut.
 // transmission  motor angles q_m = N q_a and torques t_a = N' t_m (Transmission in campaign.hpp).
 #pragma once
 
@@ -45,7 +47,7 @@ struct Signals {
 
 // Throws InputError (`source` begins its line) if a step can't be done: a filter above the Nyquist
 // frequency or of irregular samples, pieces too short, decimation that would fold, a period that
-// the factor doesn't divide, channels of a transmission in different or unfit units.
+// the factor doesn't divide or a trim would cut, channels of a transmission in different or unfit units.
 void preprocess(const std::string& source, const std::vector<PreprocessStep>& steps,
                 Signals& signals);
 
