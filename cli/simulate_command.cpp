@@ -92,7 +92,12 @@ int simulate(const SimulateArguments& arguments) {
 
 int list_laws(bool as_json) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const LawEntry& law : law_catalogue()) {
+  std::vector<const LawEntry*> laws;
+  for (const auto* entries : {&law_catalogue(), &supplementary_laws()}) {
+    for (const LawEntry& law : *entries) laws.push_back(&law);
+  }
+  for (const LawEntry* entry : laws) {
+    const LawEntry& law = *entry;
     const bool at_signal = find_law(law.name, true) == &law;
     const char* place = at_signal ? "actuator or sensor" : "element";
     nlohmann::ordered_json units = nlohmann::ordered_json::object();
@@ -114,7 +119,7 @@ int list_laws(bool as_json) {
   } else {
     fmt::print(
         "F, x, I: the units of force, deflection and inertia of the place; at an actuator or "
-        "sensor F is the unit of its signal\n");
+        "sensor F is the unit of its signal, x that of an input that drives it\n");
   }
   return kDone;
 }

@@ -12,8 +12,8 @@
 #include "graybox/problems/elements/lumped_model.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/error.hpp"
-#include "robot_test_support.hpp"
 #include "refusal.hpp"
+#include "robot_test_support.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -29,6 +29,12 @@ std::shared_ptr<const Law> law(const std::string& name, const std::vector<double
 double static_force(const std::string& name, const std::vector<double>& parameters, double z,
                     double rate = 0.0, bool at_signal = false) {
   return law(name, parameters, at_signal)->force(z, rate, {});
+}
+
+std::vector<LawEntry> all_laws() {
+  std::vector<LawEntry> all(law_catalogue().begin(), law_catalogue().end());
+  all.insert(all.end(), supplementary_laws().begin(), supplementary_laws().end());
+  return all;
 }
 
 TEST(Laws, FollowTheirFormulas) {
@@ -73,6 +79,8 @@ TEST(Laws, ComeToTheirLevelsWhenSlidEvenly) {
     EXPECT_NEAR(slide("dahl", {200.0, 10.0}, rate), 10.0 * sign, 1e-6);
     EXPECT_NEAR(slide("bouc_wen", {200.0, 0.05, 1.5, 0.6}, rate), 10.0 * sign, 1e-6);
     EXPECT_NEAR(slide("play_and_slip", {200.0, 50.0, 0.03, 10.0, 4.0}, rate), 10.0 * sign, 1e-6);
+    EXPECT_NEAR(slide("asymmetric_play_and_slip", {200.0, 50.0, 0.03, 10.0, 7.0, 4.0}, rate),
+                rate > 0.0 ? 10.0 : -7.0, 1e-6);
     const double level = 10.0 + 4.0 * std::exp(-rate * rate / 0.25);
     EXPECT_NEAR(slide("lugre", {200.0, 1.0, 0.7, 10.0, 14.0, 0.5}, rate), level * sign + 0.7 * rate,
                 1e-6);
@@ -91,6 +99,26 @@ TEST(Laws, TheBalancersTorqueIsTheSlopeOfItsEnergy) {
     const double slope = (energy(z + 1e-6) - energy(z - 1e-6)) / 2e-6;
     EXPECT_NEAR(static_force("balancer", p, z), slope, 1e-5 * p[0]);
   }
+}
+
+// The torque of the gas balancer is the slope of the work done on its gas, F_0 g/(n - 1) x^(1 - n) with
+// x = 1 - s/g; long gas columns are springs of constant force.
+TEST(Laws, TheGasBalancersTorqueIsTheSlopeOfItsEnergy) {
+  const std::vector<double> p{3e4, 0.9, 1.3, 0.9, 0.3, 0.2};
+  const auto stroke = [&](double z) {
+    return std::sqrt(p[3] * p[3] + p[4] * p[4] - 2.0 * p[3] * p[4] * std::cos(z - p[5])) - 0.6;
+  };
+  const auto energy = [&](double z) {
+    return p[0] * p[1] / (p[2] - 1.0) * std::pow(1.0 - stroke(z) / p[1], 1.0 - p[2]);
+  };
+  for (const double z : {-2.0, -0.3, 0.2, 1.0, 2.5}) {
+    const double slope = (energy(z + 1e-6) - energy(z - 1e-6)) / 2e-6;
+    EXPECT_NEAR(static_force("gas_balancer", p, z), slope, 1e-5 * p[0]);
+    const double constant = (stroke(z + 1e-6) - stroke(z - 1e-6)) / 2e-6;
+    EXPECT_NEAR(static_force("gas_balancer", {1.0, 1e9, 1.3, 0.9, 0.3, 0.2}, z), constant, 1e-6);
+  }
+  EXPECT_TRUE(std::isfinite(static_force("gas_balancer", {3e4, 0.1, 1.3, 0.9, 0.3, 0.2}, 3.0)));
+  EXPECT_EQ(static_force("gas_balancer", {3e4, 0.1, 1.3, 0.3, 0.3, 0.2}, 0.2), 0.0);
 }
 
 // Work over the last of several closed cycles of motion, from fixed small Runge-Kutta steps.
@@ -141,6 +169,7 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
            {"lugre", {200.0, 1.0, 0.5, 10.0, 14.0, 0.5}},
            {"bouc_wen", {200.0, 0.05, 1.5, 0.6}},
            {"play_and_slip", {200.0, 50.0, 0.03, 10.0, 4.0}},
+           {"asymmetric_play_and_slip", {200.0, 50.0, 0.03, 10.0, 7.0, 4.0}},
            {"mode", {0.5, 1.5, 0.1}}}) {
     EXPECT_GT(work_of_a_cycle(*law(name, p), 0.3, 1.0), 0.05 * scale) << name;
   }
@@ -154,7 +183,7 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
 
 // Derivatives by deflection, rate, states and parameters against central differences, away from kinks.
 TEST(Laws, DerivativesAreThoseOfTheFormulas) {
-  for (const LawEntry& entry : law_catalogue()) {
+  for (const LawEntry& entry : all_laws()) {
     if (!entry.make) continue;
     std::vector<double> arguments{0.37, 0.61};  // z, z', states, parameters
     const std::size_t states =
@@ -196,7 +225,7 @@ TEST(Laws, DerivativesAreThoseOfTheFormulas) {
 }
 
 TEST(Laws, EveryEntryIsComplete) {
-  for (const LawEntry& entry : law_catalogue()) {
+  for (const LawEntry& entry : all_laws()) {
     EXPECT_FALSE(entry.description.empty()) << entry.name;
     EXPECT_FALSE(entry.parameters.empty()) << entry.name;
     const bool has_law = entry.use == LawUse::kForce || entry.use == LawUse::kSignal;
@@ -214,7 +243,7 @@ TEST(Laws, EveryEntryIsComplete) {
 // LawParameter::is_linear: f(p + s) = f(p) + f(s) where p and s differ in the marked parameters alone,
 // and every force without states has one.
 TEST(Laws, ForcesAreLinearInTheParametersMarkedSo) {
-  for (const LawEntry& entry : law_catalogue()) {
+  for (const LawEntry& entry : all_laws()) {
     if (entry.use != LawUse::kForce) continue;
     std::vector<double> one, other, sum;
     for (std::size_t k = 0; k < entry.parameters.size(); ++k) {
@@ -280,7 +309,7 @@ class ElementFiles : public ::testing::Test {
 
 // Forces between masses add up to nothing: the total momentum feels the inputs alone.
 TEST_F(ElementFiles, ElementsBetweenMassesKeepTheTotalMomentum) {
-  for (const LawEntry& entry : law_catalogue()) {
+  for (const LawEntry& entry : all_laws()) {
     if (entry.use != LawUse::kForce) continue;
     std::string parameters = entry.name + "\n    parameters:\n";
     for (const LawParameter& parameter : entry.parameters) {
@@ -440,14 +469,92 @@ TEST_F(ElementFiles, RefusesWhatIsWrongInOneLine) {
     testing::expect_refused([&] { (void)robot(physics(location, law_text)); }, message);
   }
   testing::expect_refused([&] { (void)drive(physics("kind: element, mass: wheel", spring)); },
-                 "no mass 'wheel'");
-  testing::expect_refused([&] { (void)drive(physics("kind: element, between: [motor, motor]", spring)); },
-                 "two masses");
+                          "no mass 'wheel'");
+  testing::expect_refused(
+      [&] { (void)drive(physics("kind: element, between: [motor, motor]", spring)); },
+      "two masses");
   testing::expect_refused([&] { (void)drive(physics("kind: element", spring)); }, "needs one of");
-  testing::expect_refused([&] { (void)drive("format: graybox-physics/2\nelements: []\n"); }, "format");
+  testing::expect_refused([&] { (void)drive("format: graybox-physics/2\nelements: []\n"); },
+                          "format");
   const std::string twice = physics("kind: element, mass: load", spring);
   testing::expect_refused([&] { (void)drive(twice + twice.substr(twice.find("  - name"))); },
-                 "name of an earlier element");
+                          "name of an earlier element");
+}
+
+// Laws of actuators and sensors that a recorded input drives, and inputs that do nothing else.
+TEST_F(ElementFiles, ASignalMayDriveALaw) {
+  const std::string at_speed = "kind: sensor, output: speed, driven_by: {input: torque}";
+  const auto gain = [](const std::string& unit) {
+    return "feedthrough\n    parameters: {gain: {value: 0.5, unit: " + unit + "}}\n";
+  };
+  const LumpedModel model = drive(physics(at_speed, gain("rad/s/(N m)")));
+  EXPECT_EQ(model.parts.back().location.driver, 0);
+  EXPECT_FALSE(model.is_driven_by_forces_alone());
+  testing::expect_refused([&] { (void)drive(physics(at_speed, gain("rad/s/N m"))); },
+                          "must be 'rad/s/(N m)'");
+  testing::expect_refused([&] { (void)drive(physics("kind: sensor, output: speed", gain("1"))); },
+                          "needs a location with driven_by");
+  testing::expect_refused(
+      [&] {
+        (void)drive(
+            physics(at_speed, "offset\n    parameters: {value: {value: 1, unit: rad/s}}\n"));
+      },
+      "'offset' is of the signal itself");
+  testing::expect_refused(
+      [&] {
+        (void)drive(physics("kind: actuator, input: torque, driven_by: {input: torque}",
+                            gain("N m/(N m)")));
+      },
+      "is the signal itself");
+  testing::expect_refused(
+      [&] {
+        (void)drive(physics("kind: sensor, output: speed, driven_by: {mass: motor}", gain("1")));
+      },
+      "driven_by");
+
+  const auto with_input = [&](const std::string& input) {
+    std::string text = kDrive;
+    text.replace(text.find("  - {name: torque"), 0, "  - {name: more, " + input + "}\n");
+    testing::write_text(folder_.file("drive.yaml"), text);
+    return load_lumped_model(folder_.file("drive.yaml"));
+  };
+  EXPECT_EQ(with_input("quantity: signal, unit: A").input_units.front(), "A");
+  testing::expect_refused([&] { (void)with_input("quantity: signal"); }, "unit");
+  testing::expect_refused([&] { (void)with_input("quantity: signal, unit: mA"); },
+                          "converted to, A");
+  testing::expect_refused([&] { (void)with_input("quantity: signal, unit: furlong"); },
+                          "is none of");
+  testing::expect_refused([&] { (void)with_input("quantity: signal, unit: A, mass: motor"); },
+                          "mass");
+  testing::expect_refused([&] { (void)with_input("mass: motor, unit: N m"); }, "unit");
+}
+
+// A law would have to change an imposed motion and its rates alike.
+TEST_F(ElementFiles, ImposedMotionsTakeNoLaws) {
+  std::string text = kDrive;
+  text.replace(text.find("mass: motor}"), 12, "mass: motor, quantity: position}");
+  testing::write_text(folder_.file("drive.yaml"), text);
+  testing::expect_refused(
+      [&] {
+        (void)drive(physics("kind: actuator, input: torque",
+                            "delay\n    parameters: {time: {value: 0.01, unit: s}}\n"));
+      },
+      "imposes a motion, which takes no laws");
+}
+
+TEST_F(ElementFiles, BalancersNeedARotation) {
+  std::string text = kDrive;
+  text.replace(text.find("motion: rotation"), 16, "motion: translation");
+  text.replace(text.find("N m/rad"), 7, "N/m");
+  testing::write_text(folder_.file("drive.yaml"), text);
+  for (const char* name : {"balancer", "gas_balancer"}) {
+    testing::expect_refused(
+        [&] {
+          (void)drive(
+              physics("kind: element, mass: load", std::string(name) + "\n    parameters: {}\n"));
+        },
+        "needs a rotation");
+  }
 }
 
 TEST_F(ElementFiles, OnlySimulationReadsTheElementsOfARobot) {
@@ -457,7 +564,8 @@ TEST_F(ElementFiles, OnlySimulationReadsTheElementsOfARobot) {
               .substr(std::string("format: graybox-physics/1\n").size());
   testing::write_text(folder_.file("extended.yaml"), text);
   EXPECT_EQ(load_extended_robot(folder_.file("extended.yaml")).elements.size(), 1U);
-  testing::expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); }, "elements");
+  testing::expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); },
+                          "elements");
 }
 
 }  // namespace

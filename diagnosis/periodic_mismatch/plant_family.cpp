@@ -321,7 +321,7 @@ class LumpedFamily : public PlantFamily {
     const auto is_motion = [](const LumpedOutput& output) {
       return output.quantity == Quantity::kPosition || output.quantity == Quantity::kVelocity;
     };
-    if (model_.has_imposed_motion() || !std::ranges::all_of(model_.outputs, is_motion)) {
+    if (!model_.is_driven_by_forces_alone() || !std::ranges::all_of(model_.outputs, is_motion)) {
       throw InputError(fmt::format(
           "{}: a diagnosis of periodic recordings knows forces as inputs and positions and "
           "velocities as outputs",

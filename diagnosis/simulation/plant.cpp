@@ -20,9 +20,11 @@ Eigen::VectorXd static_force(const ElementDynamics& elements, const Eigen::Vecto
 
 // A sampled plant is driven by forces and measured in positions and velocities.
 void require_simulable(const LumpedModel& model) {
-  if (model.has_imposed_motion()) {
-    throw InputError(fmt::format(
-        "{}: inputs: a simulated plant is driven by forces, but a motion is imposed", model.name));
+  if (!model.is_driven_by_forces_alone()) {
+    throw InputError(
+        fmt::format("{}: inputs: a simulated plant is driven by forces alone, but a motion is "
+                    "imposed or a law driven by a recorded signal",
+                    model.name));
   }
   for (std::size_t j = 0; j < model.outputs.size(); ++j) {
     using enum LumpedOutput::Quantity;

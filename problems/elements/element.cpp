@@ -18,8 +18,10 @@ const LawEntry& read_law(const YamlField& field, const Location& location) {
   const LawEntry* entry = find_law(name, at_signal);
   if (entry != nullptr) return *entry;
   std::vector<std::string> known;
-  for (const LawEntry& law : law_catalogue()) {
-    if (find_law(law.name, at_signal) == &law) known.push_back(law.name);
+  for (const auto* list : {&law_catalogue(), &supplementary_laws()}) {
+    for (const LawEntry& law : *list) {
+      if (find_law(law.name, at_signal) == &law) known.push_back(law.name);
+    }
   }
   field.fail(
       fmt::format("no law '{}' at {}; there are {}", name, location.name, fmt::join(known, ", ")));
@@ -34,8 +36,17 @@ void check_law_fits_place(const YamlField& field, const LawEntry& entry, const L
     field.fail(fmt::format("inertia can't be put at {}; put it at a motor, an arm axis or a mass",
                            location.name));
   }
+  const bool is_driven = location.driver >= 0;
+  if (location.kind != LocationKind::kElement && (entry.name == "feedthrough") != is_driven &&
+      (entry.definition.empty() || !is_driven)) {
+    field.fail(is_driven ? fmt::format("'{}' is of the signal itself; what is driven by another "
+                                       "input takes 'feedthrough' or a law of one's own",
+                                       entry.name)
+                         : "'feedthrough' needs a location with driven_by: {input: ...}");
+  }
   const bool is_rotation = location.units.deflection == "rad";
-  if (entry.name == "balancer" && !is_rotation) field.fail("a balancer needs a rotation");
+  const bool is_balancer = entry.name == "balancer" || entry.name == "gas_balancer";
+  if (is_balancer && !is_rotation) field.fail("a balancer needs a rotation");
 }
 
 void check_range(const YamlField& value, ParameterRange range) {

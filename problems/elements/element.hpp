@@ -14,6 +14,11 @@
 // kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one signal
 // apply in the order of the list, delays last.
 //
+// A law of a signal may be driven by a recorded input d instead of the signal itself, s + f(d): an
+// encoder that reads what the gear behind it yields under the torque, a sensor that picks up a current:
+//     location: {kind: sensor, output: angle, driven_by: {input: torque}}
+//     law: feedthrough
+//
 // What names a place besides `kind` depends on the model: for robots see robot_elements.hpp, for
 // lumped models lumped_model.hpp.
 #pragma once
@@ -38,6 +43,7 @@ struct Location {
   Eigen::VectorXd input;       // b_in; empty at signals and at the flange
   Eigen::VectorXd output;      // b_out
   Eigen::Index channel = 0;    // of an actuator or sensor; elsewhere on a robot the joint
+  Eigen::Index driver = -1;    // of an actuator or sensor: the input that drives the law, if any
   bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
   bool is_flange = false;      // takes payloads alone
   PlaceUnits units;

@@ -82,6 +82,26 @@ struct PlayAndSlip {
   }
 };
 
+// The same with one level a direction: the play then is where the law's force is nothing, which no
+// offset of a single level's force gives. p: k, k_p, h, F_+, F_-, n.
+struct AsymmetricPlayAndSlip {
+  static constexpr int kParameters = 6, kStates = 1;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T* x) {
+    return p[0] * x[0] - (p[0] - p[1]) * clip(x[0], p[2]);
+  }
+  template <typename T>
+  static void state_rate(const T* p, const T& z, const T& rate, const T* x, T* change) {
+    using std::abs;
+    using std::pow;
+    const T pull = force(p, z, rate, x);
+    change[0] = rate;
+    if (rate * pull > 0.0) {
+      change[0] = rate * (1.0 - pow(abs(pull) / (pull > 0.0 ? p[3] : p[4]), p[5]));
+    }
+  }
+};
+
 // An inertia J on a spring and damper, hung on the place: J x'' = f, f = k (z - x) + d (z' - x').
 // p: J, frequency, damping ratio.
 struct Mode {
@@ -148,6 +168,20 @@ std::vector<LawEntry> hysteresis_laws() {
         {"damping_ratio", "1", kNonNegative}},
        make_law<Mode>},
   };
+}
+
+std::vector<LawEntry> supplementary_hysteresis_laws() {
+  using enum ParameterRange;
+  return {{"asymmetric_play_and_slip",
+           "play_and_slip that slips near F_+ where f > 0 and near F_- where f < 0",
+           LawUse::kForce,
+           {{"stiffness", "F/x", kPositive},
+            {"play_stiffness", "F/x", kPositive},
+            {"half_gap", "x", kNonNegative},
+            {"positive_level", "F", kPositive},
+            {"negative_level", "F", kPositive},
+            {"exponent", "1", kPositive}},
+           make_law<AsymmetricPlayAndSlip>}};
 }
 
 }  // namespace graybox

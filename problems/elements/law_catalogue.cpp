@@ -26,6 +26,18 @@ std::deque<LawEntry>& mutable_catalogue() {
 
 const std::deque<LawEntry>& law_catalogue() { return mutable_catalogue(); }
 
+const std::deque<LawEntry>& supplementary_laws() {
+  static const std::deque<LawEntry> laws = [] {
+    std::deque<LawEntry> all;
+    for (auto part : {supplementary_spring_laws(), supplementary_hysteresis_laws(),
+                      supplementary_signal_laws()}) {
+      std::ranges::move(part, std::back_inserter(all));
+    }
+    return all;
+  }();
+  return laws;
+}
+
 void add_law(LawEntry entry) {
   if (const LawEntry* present = find_law(entry.name, entry.use == LawUse::kSignal)) {
     if (!present->definition.empty() && present->definition == entry.definition) return;
@@ -37,9 +49,11 @@ void add_law(LawEntry entry) {
 }
 
 const LawEntry* find_law(std::string_view name, bool at_signal) {
-  for (const LawEntry& entry : law_catalogue()) {
-    const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
-    if (entry.name == name && is_signal == at_signal) return &entry;
+  for (const auto* list : {&law_catalogue(), &supplementary_laws()}) {
+    for (const LawEntry& entry : *list) {
+      const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
+      if (entry.name == name && is_signal == at_signal) return &entry;
+    }
   }
   return nullptr;
 }

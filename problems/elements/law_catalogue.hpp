@@ -66,11 +66,15 @@ struct LawEntry {
 // References to entries stay valid.
 [[nodiscard]] const std::deque<LawEntry>& law_catalogue();
 
+// Laws that models and files may use like those of the catalogue, but that the search for missing
+// physics does not try by itself: they have more parameters than it tells apart, or a further signal.
+[[nodiscard]] const std::deque<LawEntry>& supplementary_laws();
+
 // For all of the process; not while other threads use the catalogue. Nothing happens if the same
 // definition is there already. Throws std::invalid_argument if another law has the name.
 void add_law(LawEntry entry);
 
-// The law of this name for a place with forces (also inertia and payload) or with a signal (also
+// The law of this name, of either list, for a place with forces (also inertia and payload) or with a signal (also
 // delay); null if there is none.
 [[nodiscard]] const LawEntry* find_law(std::string_view name, bool at_signal);
 

@@ -13,4 +13,8 @@ namespace graybox {
 [[nodiscard]] std::vector<LawEntry> inertia_laws();
 [[nodiscard]] std::vector<LawEntry> signal_laws();
 
+[[nodiscard]] std::vector<LawEntry> supplementary_spring_laws();
+[[nodiscard]] std::vector<LawEntry> supplementary_hysteresis_laws();
+[[nodiscard]] std::vector<LawEntry> supplementary_signal_laws();
+
 }  // namespace graybox

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/units.hpp"
 
 namespace graybox {
 namespace {
@@ -48,7 +49,7 @@ class LumpedPlaces : public Places {
     }
     const bool is_actuator = kind == "actuator";
     const char* noun = is_actuator ? "input" : "output";
-    location.allow_keys({"kind", noun});
+    location.allow_keys({"kind", noun, "driven_by"});
     const auto& names = is_actuator ? model_->input_names : model_->output_names;
     const auto& units = is_actuator ? model_->input_units : model_->output_units;
     result.kind = is_actuator ? LocationKind::kActuator : LocationKind::kSensor;
@@ -56,10 +57,25 @@ class LumpedPlaces : public Places {
     const auto channel = static_cast<std::size_t>(result.channel);
     result.name = kind + " " + names[channel];
     result.units.force = units[channel];
+    if (location.has("driven_by")) drive(location.at("driven_by"), result);
     return result;
   }
 
  private:
+  // The law is of another input than the signal: "F/x" has that input's unit below the line.
+  void drive(const YamlField& driver, Location& place) const {
+    driver.allow_keys({"input"});
+    place.driver = index_of(driver.at("input"), model_->input_names, "input");
+    const auto input = static_cast<std::size_t>(place.driver);
+    if (place.kind == LocationKind::kActuator && place.driver == place.channel) {
+      driver.at("input").fail("is the signal itself");
+    }
+    place.name += " driven by " + model_->input_names[input];
+    const std::string& unit = model_->input_units[input];
+    place.units.deflection =
+        unit.find_first_of(" /") == std::string::npos ? unit : "(" + unit + ")";
+  }
+
   // b with z = b^T q, given in one of three ways.
   [[nodiscard]] Eigen::VectorXd deflection(const YamlField& field, std::string& name) const {
     if (field.has("mass") + field.has("between") + field.has("deflection") != 1) {
@@ -138,12 +154,23 @@ LumpedInput::Kind input_kind(const YamlField& item) {
   using enum LumpedInput::Kind;
   const std::string kind =
       item.has("quantity")
-          ? item.at("quantity").choice({"force", "position", "velocity", "acceleration"})
+          ? item.at("quantity").choice({"force", "position", "velocity", "acceleration", "signal"})
           : "force";
   return kind == "force"      ? kForce
          : kind == "position" ? kPosition
          : kind == "velocity" ? kVelocity
+         : kind == "signal"   ? kSignal
                               : kAcceleration;
+}
+
+// Of a signal: stated, as channels have it after they are read.
+std::string signal_unit(const YamlField& field) {
+  const Unit* unit = find_unit(field.text());
+  if (unit == nullptr) field.fail(fmt::format("is none of {}", known_unit_names()));
+  if (unit->base != unit->name) {
+    field.fail(fmt::format("must be the unit that recordings are converted to, {}", unit->base));
+  }
+  return field.text();
 }
 
 std::string unit_of(LumpedInput::Kind kind, const PlaceUnits& units) {
@@ -155,6 +182,7 @@ std::string unit_of(LumpedInput::Kind kind, const PlaceUnits& units) {
     case LumpedInput::Kind::kVelocity:
       return units.deflection + "/s";
     case LumpedInput::Kind::kAcceleration:
+    case LumpedInput::Kind::kSignal:
       break;
   }
   return units.deflection + "/s^2";
@@ -165,10 +193,18 @@ void read_inputs(const YamlField& field, const PlaceUnits& units, LumpedModel& m
   if (items.empty()) field.fail("needs at least one input");
   model.input = Eigen::MatrixXd::Zero(model.masses.size(), static_cast<Eigen::Index>(items.size()));
   for (const YamlField& item : items) {
-    item.allow_keys({"name", "mass", "quantity"});
+    item.allow_keys({"name", "mass", "quantity", "unit"});
     const auto column = static_cast<Eigen::Index>(model.input_names.size());
     model.input_names.push_back(channel_name(item.at("name"), model));
-    const LumpedInput input{input_kind(item), index_of(item.at("mass"), model.mass_names, "mass")};
+    LumpedInput input{input_kind(item), 0};
+    if (input.kind == LumpedInput::Kind::kSignal) {
+      item.allow_keys({"name", "quantity", "unit"});
+      model.input_units.push_back(signal_unit(item.at("unit")));
+      model.inputs.push_back(input);
+      continue;
+    }
+    item.allow_keys({"name", "mass", "quantity"});
+    input.mass = index_of(item.at("mass"), model.mass_names, "mass");
     model.input_units.push_back(unit_of(input.kind, units));
     if (input.kind == LumpedInput::Kind::kForce) model.input(input.mass, column) = 1.0;
     if (input.kind == LumpedInput::Kind::kPosition) {
@@ -183,6 +219,7 @@ void read_inputs(const YamlField& field, const PlaceUnits& units, LumpedModel& m
 void check_imposed(const YamlField& inputs, const LumpedModel& model) {
   const auto items = inputs.items();
   for (std::size_t j = 0; j < items.size(); ++j) {
+    if (model.inputs[j].kind == LumpedInput::Kind::kSignal) continue;
     const bool imposed = model.imposed[static_cast<std::size_t>(model.inputs[j].mass)];
     if (model.inputs[j].kind == LumpedInput::Kind::kForce && imposed) {
       items[j].fail("acts on a mass whose motion is imposed");
@@ -330,6 +367,20 @@ void add_parts(std::vector<Element> elements, LumpedModel& model) {
   }
 }
 
+// An imposed motion is what was measured: a law would have to change its rates, too.
+void check_actuators(const LumpedModel& model) {
+  for (const Element& part : model.parts) {
+    if (part.location.kind != LocationKind::kActuator) continue;
+    const auto input = static_cast<std::size_t>(part.location.channel);
+    using enum LumpedInput::Kind;
+    if (model.inputs[input].kind == kForce || model.inputs[input].kind == kSignal) continue;
+    throw InputError(
+        fmt::format("element '{}': the input '{}' imposes a motion, which takes no laws; put the "
+                    "law at the sensor of an output",
+                    part.name, model.input_names[input]));
+  }
+}
+
 // `parameters: [...]` names those that are not known.
 void read_free_parameters(const YamlField& field, LumpedModel& model) {
   for (LumpedParameter& parameter : model.parameters) parameter.fixed = true;
@@ -363,6 +414,14 @@ bool is_within(double value, ParameterRange range) {
 
 bool LumpedModel::has_imposed_motion() const {
   return std::ranges::find(imposed, true) != imposed.end();
+}
+
+bool LumpedModel::is_driven_by_forces_alone() const {
+  const auto is_force = [](const LumpedInput& each) {
+    return each.kind == LumpedInput::Kind::kForce;
+  };
+  const auto is_driven = [](const Element& part) { return part.location.driver >= 0; };
+  return std::ranges::all_of(inputs, is_force) && std::ranges::none_of(parts, is_driven);
 }
 
 LumpedModel load_lumped_model(const std::filesystem::path& file,
@@ -400,6 +459,7 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
   const LumpedPlaces places(model, units);
   add_parts(read_model_elements(root, places), model);
   if (physics) add_parts(read_physics(*physics, places), model);
+  check_actuators(model);
   read_outputs(root.at("outputs"), model);
   if (root.has("parameters")) read_free_parameters(root.at("parameters"), model);
   build(model);

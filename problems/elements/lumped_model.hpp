@@ -41,6 +41,11 @@
 //   outputs:
 //     - {name: force, mass: rod, quantity: force}
 //
+// An input with `quantity: signal` acts on no mass; laws at actuators and sensors may be driven by it
+// (element.hpp):
+//   inputs:
+//     - {name: torque, quantity: signal, unit: N m}
+//
 // Elements stiffness, viscous and inertia go into K, C and M; the others stay elements.
 //
 // Parameters: each mass ("motor.inertia" or "carriage.mass") and each parameter of an element
@@ -64,9 +69,9 @@
 namespace graybox {
 
 struct LumpedInput {
-  enum class Kind : std::int8_t { kForce, kPosition, kVelocity, kAcceleration };
+  enum class Kind : std::int8_t { kForce, kPosition, kVelocity, kAcceleration, kSignal };
   Kind kind = Kind::kForce;
-  Eigen::Index mass = 0;
+  Eigen::Index mass = 0;  // of kSignal none
 };
 
 struct LumpedOutput {
@@ -106,6 +111,8 @@ struct LumpedModel {
   std::vector<LumpedParameter> parameters;  // masses that are not 0, then those of each part
 
   [[nodiscard]] bool has_imposed_motion() const;
+  // No imposed motion, no other signals: what simulations and diagnoses of drives take.
+  [[nodiscard]] bool is_driven_by_forces_alone() const;
 };
 
 // The same model with other values of `parameters`, one for each. Throws InputError for a value out

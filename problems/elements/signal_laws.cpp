@@ -1,4 +1,4 @@
-// Laws of actuators and sensors: the signal s becomes s + f(s).
+// Laws of actuators and sensors: the signal s becomes s + f(s), or s + f(d) with a driving input d.
 #include "graybox/problems/elements/formula_law.hpp"
 #include "graybox/problems/elements/law_lists.hpp"
 
@@ -34,6 +34,14 @@ struct SignalDeadZone {
   template <typename T>
   static T force(const T* p, const T& signal, const T&, const T*) {
     return -clip(signal, p[0]);
+  }
+};
+
+struct Feedthrough {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& driving, const T&, const T*) {
+    return p[0] * driving;
   }
 };
 
@@ -76,6 +84,14 @@ std::vector<LawEntry> signal_laws() {
        make_law<Lag>},
       {"delay", "s comes later by a time", LawUse::kDelay, {{"time", "s", kNonNegative}}, {}},
   };
+}
+
+std::vector<LawEntry> supplementary_signal_laws() {
+  return {{"feedthrough",
+           "s becomes s + gain d, d an input that drives it (driven_by)",
+           LawUse::kSignal,
+           {{"gain", "F/x", ParameterRange::kAny}},
+           make_law<Feedthrough>}};
 }
 
 }  // namespace graybox

@@ -68,6 +68,30 @@ struct Balancer {
   }
 };
 
+// The same geometry with a gas in place of the spring's steel. Pulled out by s = l - |a - b| beyond its
+// shortest length, the rod presses a gas column of length g together, and p V^n = const gives
+//   F = F_0 (1 - s/g)^(-n),   f = F dl/dphi:
+// n = 1 for slow, 1.4 for fast motion of nitrogen (isothermal, adiabatic). A gas that would be pressed
+// to less than a thousandth is held there. p: F_0, g, n, a, b, angle.
+struct GasBalancer {
+  static constexpr int kParameters = 6, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    using std::abs;
+    using std::cos;
+    using std::pow;
+    using std::sin;
+    using std::sqrt;
+    const T phi = z - p[5];
+    const T square = p[3] * p[3] + p[4] * p[4] - 2.0 * p[3] * p[4] * cos(phi);
+    if (!(square > 0.0)) return T(0.0);
+    const T length = sqrt(square);
+    T column = 1.0 - (length - abs(p[3] - p[4])) / p[1];
+    if (!(column > 1e-3)) column = T(1e-3);
+    return p[0] * pow(column, -p[2]) * p[3] * p[4] * sin(phi) / length;
+  }
+};
+
 struct Offset {
   static constexpr int kParameters = 1, kStates = 0;
   template <typename T>
@@ -118,6 +142,20 @@ std::vector<LawEntry> spring_laws() {
        make_law<Balancer>},
       {"offset", "constant: f = c", kForce, {{"value", "F", kAny, true}}, make_law<Offset>},
   };
+}
+
+std::vector<LawEntry> supplementary_spring_laws() {
+  using enum ParameterRange;
+  return {{"gas_balancer",
+           "gravity balancer with a gas spring: F = F_0 (1 - s/g)^-n at the stroke s",
+           LawUse::kForce,
+           {{"force", "N", kPositive, true},
+            {"gas_length", "m", kPositive},
+            {"exponent", "1", kPositive},
+            {"anchor_distance", "m", kPositive},
+            {"lever_length", "m", kPositive},
+            {"anchor_angle", "rad", kAny}},
+           make_law<GasBalancer>}};
 }
 
 }  // namespace graybox
