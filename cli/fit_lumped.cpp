@@ -39,6 +39,7 @@ Json json_of(const Eigen::VectorXd& values) {
 Json json_of(const OutputErrorScore& score) {
   if (!score.finite) return nullptr;
   return {{"rms", json_of(score.rms)},
+          {"deviation", json_of(score.deviation)},
           {"nrmse", json_of(score.nrmse)},
           {"variance_accounted_for", json_of(score.variance_accounted_for)}};
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/output_error/output_delay.hpp"
 #include "graybox/diagnosis/output_error/output_error_fit.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
@@ -408,6 +409,84 @@ TEST(Trajectory, ImposedMotionTakesTheForceOfItsElements) {
       (simulate(shaken, shaken.start(), {}, false) - simulate(pushed, pushed.start(), {}, false))
           .norm(),
       1e-12);
+}
+
+// ---- sensors that come late or pick up other signals -----------------------------------------------
+
+// Two readings of one imposed angle, the second late, with what a measured torque adds to it.
+std::string two_encoders(double time, double gain) {
+  return "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {joint: "
+         "0}\nelements:\n" +
+         element("skew", "kind: sensor, output: reading", "delay",
+                 "time: {value: " + std::to_string(time) + ", unit: s}") +
+         element("compliance", "kind: sensor, output: reading, driven_by: {input: torque}",
+                 "feedthrough", "gain: {value: " + std::to_string(gain) + ", unit: rad/(N m)}") +
+         "inputs:\n  - {name: angle, mass: joint, quantity: position}\n"
+         "  - {name: torque, quantity: signal, unit: N m}\n"
+         "outputs:\n  - {name: reading, mass: joint, quantity: position}\n";
+}
+
+// Cubics between samples are followed exactly; before the first sample its value is held.
+TEST(OutputDelay, IsExactForCubics) {
+  const VectorXd time = VectorXd::LinSpaced(30, 0.0, 0.29);
+  const auto cubic = [](double t) { return 2.0 - t + 30.0 * t * t - 50.0 * t * t * t; };
+  const auto slope = [](double t) { return -1.0 + 60.0 * t - 150.0 * t * t; };
+  VectorXd uneven = time;
+  for (Eigen::Index k = 0; k < time.size(); ++k)
+    uneven(k) += 0.002 * std::sin(3.0 * time(k) / 0.01);
+  for (const VectorXd& at : {time, uneven}) {
+    for (const double delay : {0.0, 0.004, 0.0237}) {
+      Rows outputs = Rows::Zero(30, 2);
+      for (Eigen::Index k = 0; k < 30; ++k) outputs(k, 0) = cubic(at(k));
+      delay_outputs(at, VectorXd::Constant(1, delay), {1}, outputs);
+      for (Eigen::Index k = 0; k < 30; ++k) {
+        const bool held = at(k) - delay <= at(0);
+        EXPECT_NEAR(outputs(k, 0), held ? cubic(at(0)) : cubic(at(k) - delay), 1e-12) << k;
+        EXPECT_NEAR(outputs(k, 1), held ? 0.0 : -slope(at(k) - delay), 1e-9) << k;
+      }
+    }
+  }
+}
+
+TEST(Trajectory, SensorsMayBeLateAndDriven) {
+  Eigen::MatrixXd inputs(200, 2);
+  inputs << smooth_input(200, 5, 1.0), smooth_input(200, 6, 40.0);
+  const OutputErrorProblem problem(model_of(two_encoders(0.0137, 2e-3)),
+                                   data_of({recording_of(inputs, 1)}, InputHold::kFirst));
+  const Rows prompt = simulate(problem, Eigen::Vector2d(0.0, 2e-3), {}, false);
+  EXPECT_LT((prompt.col(0) - inputs.col(0) - 2e-3 * inputs.col(1)).norm(), 1e-12);
+  expect_exact_derivatives(problem, {}, 1e-6);
+  // A plant, whose derivatives by its own parameters come late, too.
+  const std::string late = everything() + "parameters: [skew.time, shaft.stiffness, pickup.gain]\n";
+  const std::string sensors =
+      element("skew", "kind: sensor, output: x", "delay", "time: {value: 0.017, unit: s}") +
+      element("pickup", "kind: sensor, output: speed, driven_by: {input: force}", "feedthrough",
+              "gain: {value: 0.01, unit: m/s/N}");
+  const std::size_t at = late.find("inputs:");
+  const OutputErrorProblem plant(
+      model_of(late.substr(0, at) + sensors + late.substr(at)),
+      data_of({recording_of(smooth_input(150, 3, 6.0), 4)}, InputHold::kFirst));
+  expect_exact_derivatives(plant, Eigen::Vector4d(0.05, -0.02, 0.3, 0.1), 2e-5);
+}
+
+TEST(OutputErrorFit, FindsTheSkewOfTwoEncodersAndTheComplianceBetweenThem) {
+  const auto run = [](std::uint64_t seed, ExperimentRole role) {
+    Eigen::MatrixXd inputs(600, 2);
+    inputs << smooth_input(600, seed, 1.0), smooth_input(600, seed + 1, 40.0);
+    return recording_of(inputs, 1, 0.01, role);
+  };
+  OutputErrorData data =
+      data_of({run(11, ExperimentRole::kEstimation), run(21, ExperimentRole::kValidation)},
+              InputHold::kFirst);
+  record(model_of(two_encoders(0.0137, -2e-4)), data, 1e-4, 3);
+  OutputErrorProblem problem(model_of(two_encoders(0.01, 0.0)), data);
+  const OutputErrorFit fit = fit_output_error(problem, {.starts = 1});
+  ASSERT_EQ(fit.status, OutputErrorStatus::kConverged);
+  const VectorXd error = fit.theta - Eigen::Vector2d(0.0137, -2e-4);
+  for (Eigen::Index i = 0; i < 2; ++i)
+    EXPECT_LT(std::abs(error(i)), 4.0 * fit.standard_errors()(i));
+  EXPECT_NEAR(fit.validation.rms(0), 1e-4, 2e-5);
+  EXPECT_LE(fit.validation.deviation(0), fit.validation.rms(0));
 }
 
 // ---- fits ------------------------------------------------------------------------------------------

@@ -100,6 +100,7 @@ std::optional<OutputErrorRecording> inverse_recording(const OutputErrorRecording
     motion.col(3 * i + 2) = is_position ? time_derivative(run.time, rate) : rate;
   }
   for (std::size_t j = 0; j < model.inputs.size(); ++j) {
+    if (model.inputs[j].kind != LumpedInput::Kind::kForce) continue;
     force.col(model.inputs[j].mass) += run.inputs.col(static_cast<Eigen::Index>(j));
   }
   for (Eigen::Index i = 0; i < masses; ++i) {

@@ -60,7 +60,8 @@ void LumpedSystem::split_coordinates(const LumpedModel& model) {
     std::array<Eigen::Index, 3> channels{-1, -1, -1};
     for (std::size_t j = 0; j < inputs_.size(); ++j) {
       using enum LumpedInput::Kind;
-      if (inputs_[j].mass != mass || inputs_[j].kind == kForce) continue;
+      if (inputs_[j].kind == kForce || inputs_[j].kind == kSignal) continue;
+      if (inputs_[j].mass != mass) continue;
       const std::size_t kind = inputs_[j].kind == kPosition   ? 0
                                : inputs_[j].kind == kVelocity ? 1
                                                               : 2;
@@ -82,6 +83,7 @@ LumpedSystem::PlacedLaw LumpedSystem::placed(const Element& element,
   PlacedLaw result;
   result.law = element.law;
   result.channel = element.location.channel;
+  result.driver = element.location.driver;
   result.columns.assign(columns.begin(), columns.end());
   const auto pick = [](const Eigen::VectorXd& from, const std::vector<Eigen::Index>& which) {
     Eigen::VectorXd picked(static_cast<Eigen::Index>(which.size()));
@@ -103,6 +105,8 @@ LumpedSystem::PlacedLaw LumpedSystem::placed(const Element& element,
 void LumpedSystem::place_laws(const LumpedModel& model, std::span<const Eigen::Index> all) {
   delays_ = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(inputs_.size()));
   delay_columns_.assign(inputs_.size(), 0);
+  output_delays_ = Eigen::VectorXd::Zero(output_count());
+  output_delay_columns_.assign(outputs_.size(), 0);
   std::size_t next = all.size();
   for (const Element& part : model.parts) next -= part.parameters.size();
   std::vector<std::size_t> first_parameter;
@@ -113,8 +117,11 @@ void LumpedSystem::place_laws(const LumpedModel& model, std::span<const Eigen::I
     first_parameter.push_back(next);
     next += part.parameters.size();
     if (part.use == LawUse::kDelay) {
-      delays_(part.location.channel) += part.parameters[0];
-      delay_columns_[static_cast<std::size_t>(part.location.channel)] = columns[0];
+      const bool at_input = part.location.kind == LocationKind::kActuator;
+      (at_input ? delays_ : output_delays_)(part.location.channel) += part.parameters[0];
+      (at_input ? delay_columns_
+                : output_delay_columns_)[static_cast<std::size_t>(part.location.channel)] =
+          columns[0];
     }
     if (part.law == nullptr || is_linear_force(part)) continue;
     PlacedLaw law = placed(part, columns);
@@ -243,7 +250,11 @@ void LumpedSystem::apply(const PlacedLaw& law, const Rows& state, bool with_rate
 }
 
 void LumpedSystem::pass_signal(const PlacedLaw& law, const Rows& state, Row& signal, Rows* rates) {
-  deflection_ = signal;
+  if (law.driver >= 0) {
+    deflection_ = input_rows_.row(law.driver);
+  } else {
+    deflection_ = signal;
+  }
   rate_.setZero();
   apply(law, state, rates != nullptr, rates, force_);
   signal += force_;
@@ -415,10 +426,10 @@ void LumpedSystem::outputs(const Rows& state, const double* inputs, const double
     using enum LumpedOutput::Quantity;
     return output.quantity == kAcceleration || output.quantity == kForce;
   });
-  if (needs_forces) {
-    compute_inputs(state, inputs, slopes, &scratch_rates_);
-    compute_acceleration(state, inputs, true, scratch_rates_);
-  }
+  const bool needs_inputs =
+      std::ranges::any_of(sensors_, [](const PlacedLaw& law) { return law.driver >= 0; });
+  if (needs_forces || needs_inputs) compute_inputs(state, inputs, slopes, &scratch_rates_);
+  if (needs_forces) compute_acceleration(state, inputs, true, scratch_rates_);
   for (std::size_t j = 0; j < outputs_.size(); ++j) {
     measure(j, state, inputs, signal_);
     outputs.row(static_cast<Eigen::Index>(j)) = signal_;
@@ -453,12 +464,13 @@ void LumpedSystem::rest_laws(const double* inputs, Rows& state) {
   compute_inputs(state, inputs, nullptr, &scratch_rates_);
   for (const PlacedLaw& law : actuators_) {
     deflection_.setZero();
-    deflection_(0) = inputs[law.channel];
+    deflection_(0) = inputs[law.driver >= 0 ? law.driver : law.channel];
     rest(law, deflection_);
   }
   for (const PlacedLaw& law : sensors_) {
     measure(static_cast<std::size_t>(law.channel), state, inputs, signal_);
     deflection_ = signal_;
+    if (law.driver >= 0) deflection_ = input_rows_.row(law.driver);
     rest(law, deflection_);
   }
 }

@@ -41,6 +41,11 @@ class LumpedSystem {
   // Delays of the inputs, s, and the column of their tangents (0: none).
   [[nodiscard]] const Eigen::VectorXd& input_delays() const { return delays_; }
   [[nodiscard]] bool has_free_delay() const;
+  // The same of the outputs, which the caller delays (output_delay.hpp).
+  [[nodiscard]] const Eigen::VectorXd& output_delays() const { return output_delays_; }
+  [[nodiscard]] const std::vector<Eigen::Index>& output_delay_columns() const {
+    return output_delay_columns_;
+  }
   // Every mass whose position is an input brings its velocity and acceleration as channels behind
   // the inputs: those that the model has no input for are filled in by the caller, as the rates of
   // the channel `of`.
@@ -71,6 +76,7 @@ class LumpedSystem {
     std::shared_ptr<const Law> law;
     Eigen::VectorXd input_free, output_free, input_imposed, output_imposed;
     Eigen::Index channel = 0;
+    Eigen::Index driver = -1;      // input that a signal law is driven by; -1: its own signal
     Eigen::Index first_state = 0;  // row of the state matrix
     Eigen::Index states = 0;
     std::vector<Eigen::Index> columns;  // of each parameter; 0: known
@@ -112,8 +118,8 @@ class LumpedSystem {
   std::vector<LumpedOutput> outputs_;
   std::vector<PlacedLaw> forces_, actuators_, sensors_;
   std::vector<PlacedLaw> measured_parts_;  // of outputs that are an element's force
-  Eigen::VectorXd delays_;
-  std::vector<Eigen::Index> delay_columns_;
+  Eigen::VectorXd delays_, output_delays_;
+  std::vector<Eigen::Index> delay_columns_, output_delay_columns_;
 
   // Workspace.
   LawDerivatives law_;

@@ -258,6 +258,7 @@ class ScoreSum {
     result.nrmse = 100.0 * result.rms.cwiseQuotient(variance.cwiseSqrt());
     const Eigen::VectorXd error_variance =
         error_square_ / samples_ - (error_ / samples_).cwiseAbs2();
+    result.deviation = error_variance.cwiseMax(0.0).cwiseSqrt();
     result.variance_accounted_for =
         100.0 * (1.0 - error_variance.cwiseQuotient(variance).array()).matrix();
     return result;

@@ -83,6 +83,7 @@ struct OutputErrorScore {
   ExperimentRole role = ExperimentRole::kEstimation;
   bool finite = false;
   Eigen::VectorXd rms;                     // of the error, by output
+  Eigen::VectorXd deviation;               // standard deviation of the error: rms without its mean
   Eigen::VectorXd nrmse;                   // %, 100 rms / standard deviation of the measured signal
   Eigen::VectorXd variance_accounted_for;  // %, 100 (1 - var error / var measured)
 };

@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "graybox/diagnosis/output_error/output_delay.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/problems/error.hpp"
 
@@ -125,12 +126,8 @@ OutputErrorProblem::OutputErrorProblem(LumpedModel model, OutputErrorData data, 
     if (!model_.parameters[i].fixed) free_.push_back(i);
   }
   for (const Element& part : model_.parts) {
-    if (part.use != LawUse::kDelay) continue;
-    if (part.location.kind == LocationKind::kSensor) {
-      throw InputError(fmt::format(
-          "element '{}': a fit takes delays at actuators; put the delay there", part.name));
-    }
-    delays_vary_ = true;
+    const bool at_input = part.location.kind == LocationKind::kActuator;
+    if (part.use == LawUse::kDelay && at_input) delays_vary_ = true;
   }
   LumpedSystem system(model_, {}, 0);
   initial_size_ = 2 * system.coordinate_count();
@@ -319,10 +316,14 @@ void OutputErrorProblem::simulate_with(int steps, const std::vector<NodeInputs>*
 #pragma omp for schedule(dynamic)
     for (std::ptrdiff_t k = 0; k < count; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      const StretchOf& stretch = stretches[at];
-      result[at].finite = integrator.run(
-          (*nodes)[stretch.recording], data_.recordings[stretch.recording].time, stretch.stretch,
-          with_initial ? initial[at] : Eigen::VectorXd(), result[at].outputs);
+      const auto& [recording, stretch] = stretches[at];
+      const Eigen::VectorXd& time = data_.recordings[recording].time;
+      result[at].finite =
+          integrator.run((*nodes)[recording], time, stretch,
+                         with_initial ? initial[at] : Eigen::VectorXd(), result[at].outputs);
+      if (!result[at].finite) continue;
+      delay_outputs(time.segment(stretch.first, stretch.count), system.output_delays(),
+                    system.output_delay_columns(), result[at].outputs);
     }
   }
 }

@@ -60,8 +60,7 @@ struct Simulated {
 
 class OutputErrorProblem {
  public:
-  // Throws InputError without an estimation recording, and for a delay at a sensor (put it at the
-  // actuator).
+  // Throws InputError without an estimation recording.
   OutputErrorProblem(LumpedModel model, OutputErrorData data, int threads = 1);
 
   [[nodiscard]] const LumpedModel& model() const { return model_; }
