@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/output_error/linear_start.hpp"
 #include "graybox/diagnosis/output_error/output_delay.hpp"
 #include "graybox/diagnosis/output_error/output_error_fit.hpp"
 #include "graybox/problems/error.hpp"
@@ -490,6 +491,32 @@ TEST(OutputErrorFit, FindsTheSkewOfTwoEncodersAndTheComplianceBetweenThem) {
 }
 
 // ---- fits ------------------------------------------------------------------------------------------
+
+// Sizes off by orders of magnitude: linear ones come to their optimum at once, and others stay.
+TEST(LinearStart, FindsTheSizesOfLawsUnderImposedMotion) {
+  const auto rod = [](double k, double d, double level, double gap) {
+    return kHead + "masses: {rod: 0}\nelements:\n" +
+           element("spring", "kind: element, mass: rod", "stiffness",
+                   "stiffness: {value: " + std::to_string(k) + ", unit: N/m}") +
+           element("damper", "kind: element, mass: rod", "viscous",
+                   "damping: {value: " + std::to_string(d) + ", unit: N s/m}") +
+           element("stop", "kind: element, mass: rod", "dead_zone",
+                   "clearance: {value: " + std::to_string(gap) +
+                       ", unit: m}, stiffness: {value: " + std::to_string(level) + ", unit: N/m}") +
+           "inputs:\n  - {name: x, mass: rod, quantity: position}\n"
+           "outputs:\n  - {name: force, mass: rod, quantity: force}\n";
+  };
+  OutputErrorData data = data_of({recording_of(smooth_input(400, 8, 1.0), 1)}, InputHold::kFirst);
+  record(model_of(rod(30.0, 2.0, 50.0, 0.4)), data, 0.0, 1);
+  const OutputErrorProblem problem(model_of(rod(3e4, 1e-3, 2.0, 0.4)), data);
+  const VectorXd found = with_linear_optimum(problem, problem.start(), VectorXd::Ones(1));
+  EXPECT_LT((found - Eigen::Vector4d(30.0, 2.0, 0.4, 50.0)).norm(), 1e-7);
+  // Free motion is not linear in anything.
+  const OutputErrorProblem free(
+      model_of(duffing(1.0, 0.5, 40.0, 900.0)),
+      data_of({recording_of(smooth_input(400, 8, 1.0), 1)}, InputHold::kFirst));
+  EXPECT_EQ(with_linear_optimum(free, free.start(), VectorXd::Ones(1)), free.start());
+}
 
 // From starts off by three either way the truth comes back within its standard errors.
 TEST(OutputErrorFit, FindsTheTruthFromBadStarts) {

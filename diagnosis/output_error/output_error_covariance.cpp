@@ -49,10 +49,9 @@ Eigen::MatrixXd scores_of(const Whitened& part, Eigen::Index outputs) {
 Eigen::Index lags_for(const Eigen::VectorXd& correlations, Eigen::Index samples) {
   const double rho = correlations.cwiseAbs().maxCoeff();
   const double alpha = 4.0 * rho * rho / std::pow(1.0 - rho * rho, 2);
-  return std::clamp<Eigen::Index>(
-      static_cast<Eigen::Index>(
-          std::ceil(1.1447 * std::cbrt(alpha * static_cast<double>(samples)))),
-      0, samples / 4);
+  return std::clamp<Eigen::Index>(static_cast<Eigen::Index>(std::ceil(
+                                      1.1447 * std::cbrt(alpha * static_cast<double>(samples)))),
+                                  0, samples / 4);
 }
 
 // Of the sum of all scores; prewhitening loses the first.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "graybox/diagnosis/output_error/equation_error.hpp"
+#include "graybox/diagnosis/output_error/linear_start.hpp"
 #include "graybox/diagnosis/output_error/output_error_covariance.hpp"
 #include "graybox/diagnosis/output_error/stretch_fit.hpp"
 #include "graybox/problems/error.hpp"
@@ -140,6 +141,7 @@ class Search {
     const Initial initial =
         by_windows ? initial_states(problem_, stretches, InitialState::kMeasured) : whole_initial_;
     for (OutputErrorStart& start : starts_) {
+      start.theta = with_linear_optimum(problem_, start.theta, deviation_);
       start.cost = stretch_cost(problem_, stretches, start.theta, initial, deviation_);
     }
     std::ranges::stable_sort(starts_, {}, &OutputErrorStart::cost);

@@ -13,7 +13,8 @@
 // friction lets an axis drift away. Therefore
 //   1. the equation error (equation_error.hpp), where all masses are measured, gives starts from the
 //      data alone; the model's own values and values off by up to `start_spread` either way are
-//      further ones;
+//      further ones; where all motion is imposed, the parameters that are linear there go to their
+//      optimum first (linear_start.hpp);
 //   2. the starts with the least error over short windows, each from its own initial state (multiple
 //      shooting without its constraints), are fitted to these windows;
 //   3. the best go on to whole recordings; where a whole run still diverges, over longer windows.
