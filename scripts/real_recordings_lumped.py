@@ -23,7 +23,7 @@ def fit(model, campaign, extra, *options):
 
 
 def scores(answer):
-    """(rms, nrmse) of each recording, in the order of the campaign's roles."""
+    """(rms, nrmse) of each recording, in the order of the campaign's files."""
     return [(run["score"]["rms"][0], run["score"]["nrmse"][0])
             for run in answer["details"]["recordings"]]
 
@@ -81,6 +81,41 @@ def friction_damper():
         yield "Friction damper", model, "test", "NRMSE [%]", held_out, test
 
 
+def friction_damper_set_3():
+    ladder = [("linear", "damper_offset", 58.5), ("+ play and slip", "damper_play", 17.1)]
+    for model, name, test in ladder:
+        answer = fit("friction_damper", campaigns / "friction_damper_set_3.yaml",
+                     physics / f"{name}.yaml")
+        yield ("Friction damper, set 3", model, "test, 0.5 in", "NRMSE [%]", scores(answer)[1][1],
+               test)
+
+
+def kr300_encoders():
+    """Errors of the angle behind the gear, over the deviation of what the two encoders differ by. Their
+    zeros differ from recording to recording, so errors are counted from their mean."""
+    ladder = [("+ time skew", "encoder_skew"), ("+ compliance", "encoder_compliance")]
+    references = {3: [(15.7, 25, 12), (7.5, 9.2, 10.2)], 1: [(), ()]}
+
+    def deviations(answer):
+        return [run["score"]["deviation"][0] for run in answer["details"]["recordings"]]
+
+    for axis, rows in references.items():
+        campaign = campaigns / f"kr300_axis_{axis}.yaml"
+        twist = deviations(fit("two_encoders", campaign, None))
+        for (model, name), reached in zip(ladder, rows):
+            answer = fit("two_encoders", campaign, physics / f"{name}.yaml")
+            values = {each["name"]: each["value"] for each in answer["parameters"]}
+            for k, split in enumerate("ABC"):
+                yield (f"KR300 encoders, axis {axis}", model, split, "NRMSE of the twist [%]",
+                       100 * deviations(answer)[k] / twist[k], reached[k] if reached else None)
+            if axis == 3 and model == "+ time skew":
+                yield ("KR300 encoders, axis 3", model, "A", "time skew [ms]",
+                       1e3 * values["skew.time"], 3.0)
+            if axis == 3 and model == "+ compliance":
+                yield ("KR300 encoders, axis 3", model, "A", "stiffness [N m/rad]",
+                       -1 / values["compliance.gain"], 7.6e6)
+
+
 def cogging_motor():
     ladder = [("constant", None, 100.0), ("+ 4 harmonics", "motor_4_harmonics", 30.0),
               ("+ 10 harmonics", "motor_10_harmonics", 18.6)]
@@ -90,4 +125,5 @@ def cogging_motor():
         yield "Cogging motor", model, "test", "NRMSE [%]", scores(answer)[1][1], test
 
 
-recordings_table.write((silverbox(), emps(), friction_damper(), cogging_motor()))
+recordings_table.write((silverbox(), emps(), friction_damper(), friction_damper_set_3(), kr300_encoders(),
+                        cogging_motor()))

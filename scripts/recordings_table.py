@@ -21,9 +21,11 @@ def fit(graybox, model, campaign, physics, *options):
 
 
 def write(sets):
-    """`sets`: iterables of (set, model, split, figure, ours, reference); the ratio is added."""
+    """`sets`: iterables of (set, model, split, figure, ours, reference); the ratio is added. A reference
+    of None: there is no number to compare with."""
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(["set", "model", "split", "figure", "ours", "reference", "ratio"])
     for rows in sets:
         for *labels, ours, reference in rows:
-            writer.writerow([*labels, f"{ours:.4g}", f"{reference:g}", f"{ours / reference:.3f}"])
+            compared = ["", ""] if reference is None else [f"{reference:g}", f"{ours / reference:.3f}"]
+            writer.writerow([*labels, f"{ours:.4g}", *compared])

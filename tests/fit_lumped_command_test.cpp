@@ -149,5 +149,31 @@ TEST_F(RealAxes, TheFrictionDamperIsNoSpringAndDamper) {
   EXPECT_NEAR(nrmse(linear, 1), 97.0, 9.7);
 }
 
+// 11.6 % and 22.3 % by hand.
+TEST_F(RealAxes, TheFrictionDampersBandsSlipBehindPlay) {
+  const Json bands = fit("friction_damper", "friction_damper", "damper_play.yaml");
+  EXPECT_LT(nrmse(bands, 0), 12.8);
+  EXPECT_LT(nrmse(bands, 1), 24.5);
+}
+
+// By hand, of the twist between the encoders: skew 15.7, 25, 12 %, with the compliance 7.5, 9.2, 10.2 %.
+TEST_F(RealAxes, TheKr300sEncodersDifferBySkewAndComplianceOnAxis3) {
+  const Json zero = fit("two_encoders", "kr300_axis_3", "");
+  const Json skew = fit("two_encoders", "kr300_axis_3", "encoder_skew.yaml");
+  const Json both = fit("two_encoders", "kr300_axis_3", "encoder_compliance.yaml");
+  const auto of_twist = [&](const Json& fit, std::size_t recording) {
+    const auto deviation = [&](const Json& of) {
+      return of["details"]["recordings"][recording]["score"]["deviation"][0].get<double>();
+    };
+    return 100.0 * deviation(fit) / deviation(zero);
+  };
+  EXPECT_NEAR(of_twist(skew, 0), 15.7, 1.6);
+  EXPECT_NEAR(of_twist(skew, 1), 25.0, 2.5);
+  EXPECT_NEAR(of_twist(skew, 2), 12.0, 1.2);
+  for (std::size_t k = 0; k < 3; ++k) EXPECT_LT(of_twist(both, k), 11.5) << k;
+  EXPECT_NEAR(skew["parameters"][1]["value"].get<double>(), 3.0e-3, 0.1e-3);
+  EXPECT_NEAR(both["parameters"][2]["value"].get<double>(), -1.0 / 7.6e6, 0.1 / 7.6e6);
+}
+
 }  // namespace
 }  // namespace graybox

@@ -408,8 +408,10 @@ experiments:
     EXPECT_NEAR(fit.parameters[p].value, kArmTruth(static_cast<Index>(p)), 1e-8);
   }
   EXPECT_LT(fit.records[0].total.relative, 1e-6);
-  testing::expect_refused([&] { (void)read("rad", "estimation"); }, "channel v_2 is in rad; joint elbow");
-  testing::expect_refused([&] { (void)read("rad/s", "validation"); }, "none has the role estimation");
+  testing::expect_refused([&] { (void)read("rad", "estimation"); },
+                          "channel v_2 is in rad; joint elbow");
+  testing::expect_refused([&] { (void)read("rad/s", "validation"); },
+                          "none has the role estimation");
   RigidRobotModel other = robot;
   other.channels.torque[1] = "u_3";
   testing::expect_refused(
@@ -502,7 +504,7 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
   };
   for (const auto& each : cases) {
     testing::expect_refused([&] { (void)model(changed(kArm + kFriction, each.from, each.to)); },
-                   each.message);
+                            each.message);
   }
   const std::string good = kArm + kFriction;
   for (const auto& [lines, message] : std::initializer_list<std::pair<std::string, std::string>>{
@@ -555,7 +557,7 @@ joints:
   std::string swapped = text;
   swapped.replace(swapped.find("name: shoulder"), 14, "name: elbow");
   testing::expect_refused([&] { (void)model(swapped); },
-                 "the joint at this place in arm.urdf is 'shoulder'");
+                          "the joint at this place in arm.urdf is 'shoulder'");
 }
 
 // ---- real recordings -----------------------------------------------------------------------------
@@ -622,6 +624,18 @@ TEST_F(RealRobots, Kr300CarriesAPayload) {
     EXPECT_LT(loaded.records[1].joints[axis].nrmse, 0.4 * empty.records[1].joints[axis].nrmse);
   }
   EXPECT_GT(loaded.parameters.back().value, 50.0);
+}
+
+// By hand, with the cylinder and equal weights: 28, 33 and 52 %.
+TEST_F(RealRobots, Kr300sCounterbalanceCarriesItsArm) {
+  const std::vector<std::string> without{"viscous.yaml", "coulomb.yaml", "payload.yaml"};
+  std::vector<std::string> with = without;
+  with.emplace_back("kr300_balancer.yaml");
+  const InverseDynamicsFit bare = fit("kr300", without), balanced = fit("kr300", with);
+  for (const std::size_t record : {0U, 1U, 2U}) {
+    EXPECT_LT(balanced.records[record].joints[1].nrmse, 57.0) << record;
+    EXPECT_LT(balanced.records[record].joints[1].nrmse, 0.7 * bare.records[record].joints[1].nrmse);
+  }
 }
 
 }  // namespace

@@ -20,6 +20,8 @@ def panel(axes, rows, name):
         for row in (row for row in rows if row["split"] == split):
             y = models.index(row["model"]) + (number - (len(splits) - 1) / 2) * height
             axes.barh(y, float(row["ours"]), height=0.9 * height, color=COLOURS[split])
+            if not row["reference"]:
+                continue
             axes.plot([float(row["reference"])] * 2, [y - 0.5 * height, y + 0.5 * height], color=BLACK, lw=1.8)
     for split in splits:
         axes.barh(0, 0, color=COLOURS[split], label=f"graybox, {split}")
