@@ -86,7 +86,7 @@ def friction_damper_set_3():
     for model, name, test in ladder:
         answer = fit("friction_damper", campaigns / "friction_damper_set_3.yaml",
                      physics / f"{name}.yaml")
-        yield ("Friction damper, set 3", model, "test, 0.5 in", "NRMSE [%]", scores(answer)[1][1],
+        yield ("Friction damper, set 3", model, "test", "NRMSE [%]", scores(answer)[1][1],
                test)
 
 
