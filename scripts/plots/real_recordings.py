@@ -25,7 +25,8 @@ def panel(axes, rows, name):
             axes.plot([float(row["reference"])] * 2, [y - 0.5 * height, y + 0.5 * height], color=BLACK, lw=1.8)
     for split in splits:
         axes.barh(0, 0, color=COLOURS[split], label=f"graybox, {split}")
-    axes.plot([], [], color=BLACK, lw=1.8, label="by hand or published")
+    if any(row["reference"] for row in rows):
+        axes.plot([], [], color=BLACK, lw=1.8, label="by hand or published")
     axes.set_yticks(range(len(models)), models)
     axes.invert_yaxis()
     errors = [float(row["ours"]) for row in rows]
@@ -36,7 +37,7 @@ def panel(axes, rows, name):
     axes.set_xlabel(unit)
     axes.set_title(name)
     axes.grid(axis="y", visible=False)
-    axes.legend(fontsize=7, loc="best", frameon=True, framealpha=0.9, edgecolor="none")
+    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def draw(folder):
@@ -47,7 +48,7 @@ def draw(folder):
             continue
         columns = min(2, len(names))
         lines = -(-len(names) // columns)
-        figure, axes = plt.subplots(lines, columns, figsize=(5.2 * columns, 2.9 * lines), squeeze=False)
+        figure, axes = plt.subplots(lines, columns, figsize=(6.4 * columns, 2.9 * lines), squeeze=False)
         for each in axes.flat[len(names):]:
             each.set_visible(False)
         for each, name in zip(axes.flat, names):
