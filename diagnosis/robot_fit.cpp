@@ -148,12 +148,9 @@ class RobotFit {
         search_fit(model_, measurements, Eigen::VectorXd::Ones(nominal_.size()), search_options);
     const bool has_lines = options_.lines != LineStage::kNone && search.best.theta.size() > 0 &&
                            search.best.status != FitStatus::kFailed;
-    if (has_lines) {
-      go_on_with_lines(search.best);
-      fill(search);
-      return std::move(report_);
-    }
+    const bool went_on = has_lines && go_on_with_lines(search.best);
     fill(search);
+    if (went_on) return std::move(report_);
     note_covariances(estimates);
     if (search.best.status == FitStatus::kFailed) return std::move(report_);
     assess(search.best, measurements);
@@ -185,14 +182,14 @@ class RobotFit {
         best.theta.cwiseProduct(nominal_), names);
   }
 
-  void go_on_with_lines(FitResult& best) {
+  // Whether it came to an end.
+  bool go_on_with_lines(FitResult& best) {
     const bool is_full = options_.lines == LineStage::kFull;
-    report_.method = fmt::format("spectral lines, maximum likelihood ({})",
-                                 is_full ? "full robot" : "local models");
     const auto family =
         robot_family(robot_, is_full ? RobotDynamics::kFull : RobotDynamics::kLocal);
     PeriodicDataOptions reading;
-    reading.line_factor = 1.0;
+    // Forces that are not linear need the motion's harmonics as well.
+    if (!is_full) reading.line_factor = 1.0;
     reading.threads = options_.threads;
     reading.keep_going = options_.keep_going;
     PeriodicData data = read_periodic_data(campaign_, *family, reading);
@@ -204,6 +201,11 @@ class RobotFit {
     const LineFit fit =
         fit_lines(*family, best.theta,
                   {.threads = options_.threads, .keep_going = options_.keep_going}, data);
+    if (fit.information.size() == 0) {
+      best.status = FitStatus::kIterationLimit;
+      add_note("the fit of the lines did not settle: these are the estimates of the responses");
+      return false;
+    }
     best.theta = fit.theta;
     best.information = fit.information;
     best.covariance = fit.covariance;
@@ -212,7 +214,10 @@ class RobotFit {
     best.status = fit.covariance.size() == 0 ? FitStatus::kSingular
                   : fit.converged            ? FitStatus::kConverged
                                              : FitStatus::kIterationLimit;
+    report_.method = fmt::format("spectral lines, maximum likelihood ({})",
+                                 is_full ? "full robot" : "local models");
     assess_lines(*family, fit, data);
+    return true;
   }
 
   void assess_lines(const PlantFamily& family, const LineFit& fit, const PeriodicData& data) {

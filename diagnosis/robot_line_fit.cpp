@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kNear = 0.5;  // standard errors
 constexpr double kAtRest = 0.02;
+constexpr double kLongest = 0.5;  // step of log theta, for parameters that the data do not see
 
 struct RecordSums {
   double chi_square = 0.0, error_power = 0.0, signal_power = 0.0;
@@ -59,7 +60,9 @@ bool settle(const PlantFamily& family, const PeriodicDataOptions& options, Perio
     const Eigen::LLT<Eigen::MatrixXd> factor(equations.information);
     if (factor.info() != Eigen::Success) return false;
     const Eigen::VectorXd change = factor.solve(equations.scores);
-    fit.theta.array() *= change.cwiseQuotient(fit.theta).array().exp();
+    const Eigen::ArrayXd logarithms =
+        change.cwiseQuotient(fit.theta).array().max(-kLongest).min(kLongest);
+    fit.theta.array() *= logarithms.exp();
     // (change^T H change)^(1/2) bounds every parameter's move in standard errors.
     if (std::sqrt(change.dot(equations.scores)) <= kAtRest) return true;
   }
@@ -89,8 +92,10 @@ LineFit fit_lines(const PlantFamily& family, const Eigen::VectorXd& start,
   near.parameters = start;
   const ClearedFit cleared = fit_and_clear_transients(family, near, noise, how, kNear, data);
   LineFit result;
+  result.theta = start;
+  if (!cleared.fit.converged) return result;
   result.theta = cleared.fit.parameters;
-  result.converged = cleared.fit.converged && settle(family, noise, data, result);
+  result.converged = settle(family, noise, data, result);
   for (const RecordSums& each :
        sums_of(family, result.theta, data, data.estimation, false, options.threads)) {
     result.chi_square += each.chi_square;

@@ -32,9 +32,9 @@ struct LineFitOptions {
 
 struct LineFit {
   bool converged = false;
-  Eigen::VectorXd theta;  // relative to the file's stiffness
-  Eigen::MatrixXd information;
-  Eigen::MatrixXd covariance;  // widened; empty where the information is singular
+  Eigen::VectorXd theta;        // relative to the file's stiffness
+  Eigen::MatrixXd information;  // empty: nothing was found near the start, where theta still is
+  Eigen::MatrixXd covariance;   // widened; empty where the information is singular
   double chi_square = 0.0;
   std::size_t degrees_of_freedom = 0;
   double noise_samples = 0.0;  // q

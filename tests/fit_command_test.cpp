@@ -132,6 +132,41 @@ TEST_F(FitCommand, GoesOnWithTheLinesThemselves) {
   }
 }
 
+// Motions that are not small: the arm's own forces are no noise.
+TEST_F(FitCommand, FitsTheLinesOfAFullRobot) {
+  for (const char* name : {"three_axis.yaml", "three_axis.urdf"}) {
+    fs::copy_file(fs::path(GRAYBOX_SOURCE_DIR) / "problems/robot" / name, folder_.file(name));
+  }
+  const std::string model = read_text(folder_.file("three_axis.yaml"));
+  write_text(folder_.file("truth.yaml"), replaced(model, "4.0e4", "4.4e4"));
+  write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
+plant: robot
+positions: [[20, 30, 40], [0, -20, 60]]
+levels: [2.0]
+realisations: 2
+validation_realisations: 1
+period: 1000
+settling_periods: 5
+periods: 4
+frequencies: {from: 2, to: 60, count: 20, spacing: log}
+noise: 1e-11
+)");
+  ASSERT_EQ(graybox("simulate truth.yaml plan.yaml -o campaign").exit_code, 0);
+  const Outcome outcome = graybox("fit three_axis.yaml campaign --starts 2 --lines full --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json fit = json::parse(outcome.out);
+  for (const char* role : {"estimation", "validation"}) {
+    EXPECT_NEAR(fit["fit"][role]["chi_square_per_dof"].get<double>(), 1.0, 0.15) << role;
+  }
+  for (const json& each : fit["parameters"]) {
+    const bool changed = each["name"] == "joint_1.gearbox";
+    const double truth = changed ? 4.4e4 : each["start"].get<double>();
+    const auto error = each["standard_error"].get<double>();
+    EXPECT_NEAR(each["value"].get<double>(), truth, 4.5 * error) << each["name"];
+    EXPECT_LT(error, 0.01 * truth) << each["name"];
+  }
+}
+
 TEST_F(FitCommand, RefusesLinesOfSinglePeriodsAndOtherModels) {
   simulate(
       replaced(replaced(kPlan, "periods: 2\nfreq", "periods: 1\nfreq"), "count: 18", "count: 4"));
