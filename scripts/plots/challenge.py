@@ -73,7 +73,7 @@ def rates(axes, rows):
     axes.set_ylim(-10, 104)
     axes.set_xlabel("size of the effect over the smallest detectable one")
     axes.set_ylabel("cases with one detectable effect, % (no answer: neither)")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08), fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncol=2, fontsize=8, frameon=False)
     axes.set_title("Detection and naming by size (bars: Wilson's 95 % intervals)", fontsize=9.5)
 
 
