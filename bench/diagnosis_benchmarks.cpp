@@ -13,19 +13,16 @@
 #include <fmt/format.h>
 #include <Eigen/Core>
 
-#include <stdlib.h>
-
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <map>
 #include <memory>
 #include <numeric>
 #include <string>
-#include <system_error>
 #include <vector>
 
+#include "graybox/bench/benchmark_folder.hpp"
 #include "graybox/bench/thread_argument.hpp"
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
@@ -48,12 +45,9 @@ elements:
 class HardeningRobot {
  public:
   HardeningRobot(std::size_t positions, int threads) {
-    std::string name = (std::filesystem::temp_directory_path() / "graybox_bench.XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::system_error(errno, std::generic_category());
-    folder_ = name;
-    std::ofstream(folder_ / "hidden.yaml") << kHidden;
+    std::ofstream(folder_.file("hidden.yaml")) << kHidden;
     const auto system =
-        graybox::load_system(graybox::default_robot_file(), folder_ / "hidden.yaml");
+        graybox::load_system(graybox::default_robot_file(), folder_.file("hidden.yaml"));
     graybox::ExcitationPlan plan;
     plan.plant = graybox::SimulatedSystem::PlantKind::kRobot;
     plan.levels = {2.0, 8.0};
@@ -70,24 +64,18 @@ class HardeningRobot {
     plan.lines = graybox::odd_lines(hertz, plan.period, system.sample_time);
     graybox::SimulationOptions options;
     options.threads = threads;
-    (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", options);
-  }
-  HardeningRobot(const HardeningRobot&) = delete;
-  HardeningRobot& operator=(const HardeningRobot&) = delete;
-  ~HardeningRobot() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
+    (void)graybox::simulate_campaign(system, plan, folder_.file("campaign"), options);
   }
 
   [[nodiscard]] std::unique_ptr<graybox::MismatchProblem> problem(int threads) const {
     graybox::PeriodicMismatchOptions options;
     options.threads = threads;
     return graybox::periodic_mismatch_problem(
-        graybox::default_robot_file(), graybox::read_campaign(folder_ / "campaign"), options);
+        graybox::default_robot_file(), graybox::read_campaign(folder_.file("campaign")), options);
   }
 
  private:
-  std::filesystem::path folder_;
+  graybox::BenchmarkFolder folder_;
 };
 
 // Simulated once for all benchmarks of as many positions.

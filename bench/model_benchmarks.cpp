@@ -22,21 +22,18 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include <stdlib.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <numbers>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
+#include "graybox/bench/benchmark_folder.hpp"
 #include "graybox/bench/thread_argument.hpp"
 #include "graybox/diagnosis/maximum_likelihood.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
@@ -179,9 +176,6 @@ void plant_sample(benchmark::State& state, bool is_local) {
 class TemporaryCampaign {
  public:
   TemporaryCampaign(graybox::ExcitationPlan::DataFormat data, int threads) {
-    std::string name = (std::filesystem::temp_directory_path() / "graybox_bench.XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) std::abort();
-    folder_ = name;
     const auto system = graybox::load_system(graybox::default_robot_file());
     graybox::ExcitationPlan plan;
     plan.levels = {1.0};
@@ -196,16 +190,10 @@ class TemporaryCampaign {
     plan.lines = graybox::odd_lines(hertz, plan.period, system.sample_time);
     graybox::SimulationOptions options;
     options.threads = threads;
-    (void)graybox::simulate_campaign(system, plan, folder_ / "campaign", options);
-  }
-  TemporaryCampaign(const TemporaryCampaign&) = delete;
-  TemporaryCampaign& operator=(const TemporaryCampaign&) = delete;
-  ~TemporaryCampaign() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
+    (void)graybox::simulate_campaign(system, plan, folder_.file("campaign"), options);
   }
   [[nodiscard]] std::vector<graybox::FrequencyResponseEstimate> estimate(int threads) const {
-    const graybox::Campaign campaign = graybox::read_campaign(folder_ / "campaign");
+    const graybox::Campaign campaign = graybox::read_campaign(folder_.file("campaign"));
     graybox::ResponseOptions options;
     options.threads = threads;
     return graybox::estimate_responses(campaign, options);
@@ -227,7 +215,7 @@ class TemporaryCampaign {
                                                                     {45, 75, 15, 90, 0, 0},
                                                                     {45, 75, 30, 90, 0, 0},
                                                                     {90, 75, 60, 0, -45, 0}}};
-  std::filesystem::path folder_;
+  graybox::BenchmarkFolder folder_;
 };
 
 void frequency_responses(benchmark::State& state, graybox::ExcitationPlan::DataFormat data,

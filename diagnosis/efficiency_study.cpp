@@ -36,11 +36,16 @@ bool accepted(const EstimateRow& row) {
          row.chi_square - dof <= kRejection * std::sqrt(2.0 * dof);
 }
 
-// Of the estimate, as the fit states them.
-void state_errors(const Eigen::MatrixXd& covariance, EstimateRow& row) {
+// What the fit says of its estimate, and how far that is from the truth.
+void state(const FitResult& fit, EstimateRow& row) {
+  row.status = fit.status;
+  row.chi_square = fit.chi_square;
+  row.degrees_of_freedom = fit.degrees_of_freedom;
+  row.theta = fit.theta;
+  if (fit.covariance.size() == 0) return;
   const Eigen::VectorXd error = row.theta.array() - 1.0;
-  row.error_chi_square = error.dot(covariance.llt().solve(error));
-  row.standard_errors = covariance.diagonal().cwiseSqrt();
+  row.error_chi_square = error.dot(fit.covariance.llt().solve(error));
+  row.standard_errors = fit.standard_errors();
 }
 
 std::vector<double> hertz(const std::vector<double>& frequencies) {
@@ -173,25 +178,14 @@ void EfficiencyStudy::fit_responses(const std::vector<ResponseMeasurement>& meas
     fit_options.closed_loop_stage = true;
     fit = fit_maximum_likelihood(model, measurements, start, fit_options);
   }
-  row.status = fit.status;
-  row.chi_square = fit.chi_square;
-  row.degrees_of_freedom = fit.degrees_of_freedom;
-  row.theta = fit.theta;
-  if (fit.covariance.size() > 0) state_errors(fit.covariance, row);
+  state(fit, row);
 }
 
 void EfficiencyStudy::refine_on_recordings(PeriodicData& data, EstimateRow& row) const {
   if (row.status == FitStatus::kFailed) return;
   const auto family = robot_family(recorded_, RobotDynamics::kLocal);
-  const LineFit fit =
-      fit_lines(*family, row.theta, {.noise_samples = options_.degrees_of_freedom}, data);
-  row.theta = fit.theta;
-  row.chi_square = fit.chi_square;
-  row.degrees_of_freedom = fit.degrees_of_freedom;
-  row.status = fit.covariance.size() == 0 ? FitStatus::kSingular
-               : fit.converged            ? FitStatus::kConverged
-                                          : FitStatus::kIterationLimit;
-  if (fit.covariance.size() > 0) state_errors(fit.covariance, row);
+  state(fit_lines(*family, row.theta, {.noise_samples = options_.degrees_of_freedom}, data).fit,
+        row);
 }
 
 EstimateRow EfficiencyStudy::estimate(const StudiedDesign& design, StudyData data,

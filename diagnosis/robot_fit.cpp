@@ -198,33 +198,27 @@ class RobotFit {
                        ": excitation: periods: 1; lines of single periods can't be freed of free "
                        "motion: record two or more, or fit without --lines");
     }
-    const LineFit fit =
+    const LineFit lines =
         fit_lines(*family, best.theta,
                   {.threads = options_.threads, .keep_going = options_.keep_going}, data);
-    if (fit.information.size() == 0) {
+    if (lines.fit.status == FitStatus::kFailed) {
       best.status = FitStatus::kIterationLimit;
       add_note("the fit of the lines did not settle: these are the estimates of the responses");
       return false;
     }
-    best.theta = fit.theta;
-    best.information = fit.information;
-    best.covariance = fit.covariance;
-    best.chi_square = fit.chi_square;
-    best.degrees_of_freedom = fit.degrees_of_freedom;
-    best.status = fit.covariance.size() == 0 ? FitStatus::kSingular
-                  : fit.converged            ? FitStatus::kConverged
-                                             : FitStatus::kIterationLimit;
+    best = lines.fit;
     report_.method = fmt::format("spectral lines, maximum likelihood ({})",
                                  is_full ? "full robot" : "local models");
-    assess_lines(*family, fit, data);
+    assess_lines(*family, lines, data);
     return true;
   }
 
-  void assess_lines(const PlantFamily& family, const LineFit& fit, const PeriodicData& data) {
+  void assess_lines(const PlantFamily& family, const LineFit& lines, const PeriodicData& data) {
+    const FitResult& fit = lines.fit;
     add_note(
         fmt::format("the noise of the lines is estimated with {:.3g} degrees of freedom or "
                     "more, which standard errors include",
-                    fit.noise_samples));
+                    lines.noise_samples));
     report_.estimation = line_fit_quality(family, fit.theta, data, data.estimation,
                                           -static_cast<double>(fit.theta.size()), options_.threads);
     if (data.validation.empty()) {

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "graybox/diagnosis/maximum_likelihood.hpp"
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
@@ -51,7 +50,7 @@ std::vector<RecordSums> sums_of(const PlantFamily& family, const Eigen::VectorXd
 
 // Gauss and Newton's steps with the error of the free motion in the weights, from the optimum without it.
 bool settle(const PlantFamily& family, const PeriodicDataOptions& options, PeriodicData& data,
-            LineFit& fit) {
+            FitResult& fit) {
   constexpr int kSteps = 10;
   for (int step = 0; step < kSteps; ++step) {
     const ModelState model = evaluate_model(family, data, fit.theta, {}, true, options.threads);
@@ -92,26 +91,30 @@ LineFit fit_lines(const PlantFamily& family, const Eigen::VectorXd& start,
   near.parameters = start;
   const ClearedFit cleared = fit_and_clear_transients(family, near, noise, how, kNear, data);
   LineFit result;
-  result.theta = start;
+  FitResult& fit = result.fit;
+  fit.theta = start;
   if (!cleared.fit.converged) return result;
-  result.theta = cleared.fit.parameters;
-  result.converged = settle(family, noise, data, result);
+  fit.theta = cleared.fit.parameters;
+  const bool is_settled = settle(family, noise, data, fit);
   for (const RecordSums& each :
-       sums_of(family, result.theta, data, data.estimation, false, options.threads)) {
-    result.chi_square += each.chi_square;
+       sums_of(family, fit.theta, data, data.estimation, false, options.threads)) {
+    fit.chi_square += each.chi_square;
   }
   const Eigen::Index d = start.size();
-  result.degrees_of_freedom =
+  fit.degrees_of_freedom =
       static_cast<std::size_t>(data.numbers_in(data.estimation)) - static_cast<std::size_t>(d);
   result.noise_samples = data.noise_pools.empty() ? 0.0 : data.noise_pools.front().samples;
-  const Eigen::LLT<Eigen::MatrixXd> factor(result.information);
-  if (factor.info() == Eigen::Success && factor.rcond() > 1e-14) {
-    const double kappa =
-        result.noise_samples > 0.0
-            ? weights_widening(result.noise_samples, static_cast<Eigen::Index>(data.outputs.size()))
-            : 1.0;
-    result.covariance = kappa * factor.solve(Eigen::MatrixXd::Identity(d, d));
+  const Eigen::LLT<Eigen::MatrixXd> factor(fit.information);
+  if (factor.info() != Eigen::Success || !(factor.rcond() > 1e-14)) {
+    fit.status = FitStatus::kSingular;
+    return result;
   }
+  const double kappa =
+      result.noise_samples > 0.0
+          ? weights_widening(result.noise_samples, static_cast<Eigen::Index>(data.outputs.size()))
+          : 1.0;
+  fit.covariance = kappa * factor.solve(Eigen::MatrixXd::Identity(d, d));
+  fit.status = is_settled ? FitStatus::kConverged : FitStatus::kIterationLimit;
   return result;
 }
 

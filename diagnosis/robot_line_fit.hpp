@@ -19,6 +19,7 @@
 #include <functional>
 
 #include "graybox/diagnosis/fit_report.hpp"
+#include "graybox/diagnosis/maximum_likelihood.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 
@@ -31,12 +32,7 @@ struct LineFitOptions {
 };
 
 struct LineFit {
-  bool converged = false;
-  Eigen::VectorXd theta;        // relative to the file's stiffness
-  Eigen::MatrixXd information;  // empty: nothing was found near the start, where theta still is
-  Eigen::MatrixXd covariance;   // widened; empty where the information is singular
-  double chi_square = 0.0;
-  std::size_t degrees_of_freedom = 0;
+  FitResult fit;  // theta relative to the file's stiffness; kFailed: nothing settled near the start
   double noise_samples = 0.0;  // q
 };
 

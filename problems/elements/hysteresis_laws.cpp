@@ -63,6 +63,14 @@ struct BoucWen {
   }
 };
 
+// How fast the spring of a slider follows while it pulls with a force near the level at which it slips.
+template <typename T>
+T slipping_rate(const T& rate, const T& pull, const T& level, const T& exponent) {
+  using std::abs;
+  using std::pow;
+  return rate * pull > 0.0 ? T(rate * (1.0 - pow(abs(pull) / level, exponent))) : rate;
+}
+
 // A slider behind a spring with play: the spring's deflection x follows z until its force nears F_c,
 //   f = k x - (k - k_p) clip(x, -h, h),   x' = z' (1 - |f/F_c|^n (1 + sign(z' f))/2).
 // p: k, k_p, h, F_c, n.
@@ -74,11 +82,7 @@ struct PlayAndSlip {
   }
   template <typename T>
   static void state_rate(const T* p, const T& z, const T& rate, const T* x, T* change) {
-    using std::abs;
-    using std::pow;
-    const T load = force(p, z, rate, x) / p[3];
-    change[0] = rate;
-    if (rate * load > 0.0) change[0] = rate * (1.0 - pow(abs(load), p[4]));
+    change[0] = slipping_rate(rate, force(p, z, rate, x), p[3], p[4]);
   }
 };
 
@@ -87,18 +91,13 @@ struct PlayAndSlip {
 struct AsymmetricPlayAndSlip {
   static constexpr int kParameters = 6, kStates = 1;
   template <typename T>
-  static T force(const T* p, const T&, const T&, const T* x) {
-    return p[0] * x[0] - (p[0] - p[1]) * clip(x[0], p[2]);
+  static T force(const T* p, const T& z, const T& rate, const T* x) {
+    return PlayAndSlip::force(p, z, rate, x);
   }
   template <typename T>
   static void state_rate(const T* p, const T& z, const T& rate, const T* x, T* change) {
-    using std::abs;
-    using std::pow;
     const T pull = force(p, z, rate, x);
-    change[0] = rate;
-    if (rate * pull > 0.0) {
-      change[0] = rate * (1.0 - pow(abs(pull) / (pull > 0.0 ? p[3] : p[4]), p[5]));
-    }
+    change[0] = slipping_rate(rate, pull, pull > 0.0 ? p[3] : p[4], p[5]);
   }
 };
 

@@ -50,21 +50,30 @@ struct Ripple {
   }
 };
 
-// A straight spring from an anchor at distance a of the axis to a lever of length b. With phi the
-// angle between the two, its length is l = sqrt(a^2 + b^2 - 2 a b cos phi) and its torque about the
-// axis (k (l - l_0)) dl/dphi, dl/dphi = a b sin(phi) / l. p: k, l_0, a, b, angle.
+// From an anchor at distance a of an axis to a lever of length b at the angle phi from it: the length
+// l = sqrt(a^2 + b^2 - 2 a b cos phi) and its slope dl/dphi = a b sin(phi) / l. No length: no direction.
+template <typename T>
+struct LeverReach {
+  T length = T(0.0), slope = T(0.0);
+  LeverReach(const T& a, const T& b, const T& phi) {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const T square = a * a + b * b - 2.0 * a * b * cos(phi);
+    if (!(square > 0.0)) return;
+    length = sqrt(square);
+    slope = a * b * sin(phi) / length;
+  }
+};
+
+// A straight spring between anchor and lever; its torque about the axis is (k (l - l_0)) dl/dphi.
+// p: k, l_0, a, b, angle.
 struct Balancer {
   static constexpr int kParameters = 5, kStates = 0;
   template <typename T>
   static T force(const T* p, const T& z, const T&, const T*) {
-    using std::cos;
-    using std::sin;
-    using std::sqrt;
-    const T phi = z - p[4];
-    const T square = p[2] * p[2] + p[3] * p[3] - 2.0 * p[2] * p[3] * cos(phi);
-    if (!(square > 0.0)) return T(0.0);  // spring of no length: no direction
-    const T length = sqrt(square);
-    return p[0] * (length - p[1]) * p[2] * p[3] * sin(phi) / length;
+    const LeverReach<T> reach(p[2], p[3], z - p[4]);
+    return p[0] * (reach.length - p[1]) * reach.slope;
   }
 };
 
@@ -78,17 +87,11 @@ struct GasBalancer {
   template <typename T>
   static T force(const T* p, const T& z, const T&, const T*) {
     using std::abs;
-    using std::cos;
     using std::pow;
-    using std::sin;
-    using std::sqrt;
-    const T phi = z - p[5];
-    const T square = p[3] * p[3] + p[4] * p[4] - 2.0 * p[3] * p[4] * cos(phi);
-    if (!(square > 0.0)) return T(0.0);
-    const T length = sqrt(square);
-    T column = 1.0 - (length - abs(p[3] - p[4])) / p[1];
+    const LeverReach<T> reach(p[3], p[4], z - p[5]);
+    T column = 1.0 - (reach.length - abs(p[3] - p[4])) / p[1];
     if (!(column > 1e-3)) column = T(1e-3);
-    return p[0] * pow(column, -p[2]) * p[3] * p[4] * sin(phi) / length;
+    return p[0] * pow(column, -p[2]) * reach.slope;
   }
 };
 
