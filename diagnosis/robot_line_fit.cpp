@@ -13,9 +13,7 @@
 namespace graybox {
 namespace {
 
-constexpr double kNear = 0.5;  // standard errors
-constexpr double kAtRest = 0.02;
-constexpr double kLongest = 0.5;  // step of log theta, for parameters that the data do not see
+constexpr double kAtRest = 0.02;  // standard errors
 
 struct RecordSums {
   double chi_square = 0.0, error_power = 0.0, signal_power = 0.0;
@@ -42,30 +40,11 @@ std::vector<RecordSums> sums_of(const PlantFamily& family, const Eigen::VectorXd
       sums[i].signal_power = records[i].output.rightCols(count).squaredNorm();
       if (!with_information) continue;
       solver.differentiate(model, records[i], true, jacobian);
+      records[i].decorrelate(jacobian);
       sums[i].information = (jacobian.adjoint() * jacobian).real();
     }
   }
   return sums;
-}
-
-// Gauss and Newton's steps with the error of the free motion in the weights, from the optimum without it.
-bool settle(const PlantFamily& family, const PeriodicDataOptions& options, PeriodicData& data,
-            FitResult& fit) {
-  constexpr int kSteps = 10;
-  for (int step = 0; step < kSteps; ++step) {
-    const ModelState model = evaluate_model(family, data, fit.theta, {}, true, options.threads);
-    const LineEquations equations = clear_and_linearise(family, model, options, data);
-    fit.information = equations.information;
-    const Eigen::LLT<Eigen::MatrixXd> factor(equations.information);
-    if (factor.info() != Eigen::Success) return false;
-    const Eigen::VectorXd change = factor.solve(equations.scores);
-    const Eigen::ArrayXd logarithms =
-        change.cwiseQuotient(fit.theta).array().max(-kLongest).min(kLongest);
-    fit.theta.array() *= logarithms.exp();
-    // (change^T H change)^(1/2) bounds every parameter's move in standard errors.
-    if (std::sqrt(change.dot(equations.scores)) <= kAtRest) return true;
-  }
-  return false;
 }
 
 }  // namespace
@@ -89,13 +68,13 @@ LineFit fit_lines(const PlantFamily& family, const Eigen::VectorXd& start,
   how.keep_going = options.keep_going;
   PeriodicFit near;
   near.parameters = start;
-  const ClearedFit cleared = fit_and_clear_transients(family, near, noise, how, kNear, data);
+  const ClearedFit cleared = fit_and_clear_transients(family, near, noise, how, kAtRest, data);
   LineFit result;
   FitResult& fit = result.fit;
   fit.theta = start;
   if (!cleared.fit.converged) return result;
   fit.theta = cleared.fit.parameters;
-  const bool is_settled = settle(family, noise, data, fit);
+  fit.information = cleared.fit.information;
   for (const RecordSums& each :
        sums_of(family, fit.theta, data, data.estimation, false, options.threads)) {
     fit.chi_square += each.chi_square;
@@ -114,7 +93,7 @@ LineFit fit_lines(const PlantFamily& family, const Eigen::VectorXd& start,
           ? weights_widening(result.noise_samples, static_cast<Eigen::Index>(data.outputs.size()))
           : 1.0;
   fit.covariance = kappa * factor.solve(Eigen::MatrixXd::Identity(d, d));
-  fit.status = is_settled ? FitStatus::kConverged : FitStatus::kIterationLimit;
+  fit.status = cleared.moved <= kAtRest ? FitStatus::kConverged : FitStatus::kIterationLimit;
   return result;
 }
 

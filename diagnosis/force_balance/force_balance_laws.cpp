@@ -168,14 +168,17 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const Motion& piece : rows.pieces) {
     const PlaceMotion motion = motion_at(place, piece);
+    const double mean = motion.deflection.mean();
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {
       scale.deflections.push_back(std::abs(motion.deflection(t)));
+      scale.excursions.push_back(std::abs(motion.deflection(t) - mean));
       scale.rates.push_back(std::abs(motion.rate(t)));
       lowest = std::min(lowest, motion.deflection(t));
       highest = std::max(highest, motion.deflection(t));
     }
   }
   std::sort(scale.deflections.begin(), scale.deflections.end());
+  std::sort(scale.excursions.begin(), scale.excursions.end());
   std::sort(scale.rates.begin(), scale.rates.end());
   scale.range = highest - lowest;
   return scale;

@@ -127,6 +127,8 @@ struct Diagnosis {
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;
   std::optional<Assessment> validation_before, validation_after;
+  // After, with what errors of the fitted parameters do counted as noise: what the verdict is verified by.
+  std::optional<Assessment> validation_within_errors;
   bool verified = false;  // the rest passed the test of step 6
   double rest_p_value = 1.0;
   std::optional<double> remaining_structure;  // where the noise is not known

@@ -120,8 +120,8 @@ std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& sca
 
 std::vector<LawShape> dahl(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double share : {0.02, 0.1, 0.3, 0.6, 0.95}) {
-    const double reach = scale.deflection(share);  // F_c / stiffness
+  for (const double share : {0.005, 0.02, 0.1, 0.3, 0.6, 0.95}) {
+    const double reach = scale.excursion(share);  // F_c / stiffness
     if (!(reach > 0.0)) continue;
     LawShape shape;
     shape.basis = {{1.0 / reach, 1.0}};
@@ -137,8 +137,8 @@ std::vector<LawShape> dahl(const MotionScale& scale) {
 // Bristles without Stribeck effect and damping; the refit finds those.
 std::vector<LawShape> lugre(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double share : {0.02, 0.1, 0.3}) {
-    const double reach = scale.deflection(share);
+  for (const double share : {0.005, 0.02, 0.1, 0.3}) {
+    const double reach = scale.excursion(share);
     const double slow = scale.rate(0.2);
     if (!(reach > 0.0) || !(slow > 0.0)) continue;
     const double damping = 0.3 * reach / slow;  // s_1 / F_c
@@ -157,7 +157,7 @@ std::vector<LawShape> lugre(const MotionScale& scale) {
 std::vector<LawShape> bouc_wen(const MotionScale& scale) {
   std::vector<LawShape> shapes;
   for (const double share : {0.1, 0.3, 0.6, 0.95}) {
-    const double yield = scale.deflection(share);
+    const double yield = scale.excursion(share);
     if (yield > 0.0) shapes.push_back(single_amplitude({1.0, yield, 2.0, 0.5}, 0, true));
   }
   return shapes;
@@ -168,7 +168,7 @@ std::vector<LawShape> play_and_slip(const MotionScale& scale) {
   std::vector<LawShape> shapes;
   for (const double play : {0.1, 0.3}) {
     for (const double slip : {0.3, 0.6, 0.95}) {
-      const double gap = scale.deflection(play), reach = scale.deflection(slip);
+      const double gap = scale.excursion(play), reach = scale.excursion(slip);
       if (!(gap > 0.0) || !(reach > gap)) continue;
       LawShape shape;
       shape.basis = {{1.0, 0.1, gap, reach, 2.0}};
@@ -305,6 +305,9 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
 
 double MotionScale::deflection(double share) const {
   return deflections.empty() ? 0.0 : quantile(deflections, share);
+}
+double MotionScale::excursion(double share) const {
+  return excursions.empty() ? 0.0 : quantile(excursions, share);
 }
 double MotionScale::rate(double share) const {
   return rates.empty() ? 0.0 : quantile(rates, share);

@@ -18,11 +18,13 @@ namespace graybox {
 // Of the motion at one place, all recordings together.
 struct MotionScale {
   std::vector<double> deflections;  // |z|, sorted
+  std::vector<double> excursions;   // |z - its mean|, sorted: what laws with memory know of z
   std::vector<double> rates;        // |z'|, sorted
   double range = 0.0;               // of z
 
   // Quantiles; 0 without motion.
   [[nodiscard]] double deflection(double share) const;
+  [[nodiscard]] double excursion(double share) const;
   [[nodiscard]] double rate(double share) const;
 };
 

@@ -162,6 +162,12 @@ class MismatchProblem {
   [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
   // On recordings kept out of the fit; none if there are none.
   [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
+  // The same where the noise is known, what the errors of the fitted parameters do to these recordings
+  // counted as noise: recordings that see a parameter better than those of the fit do differ by it.
+  [[nodiscard]] virtual std::optional<Assessment> validate_within_errors(
+      const ExtendedFit& fit) const {
+    return validate(fit);
+  }
 
   // Where the noise is not known: the share of what a fit leaves that still depends on the motion, 0 to
   // 1.

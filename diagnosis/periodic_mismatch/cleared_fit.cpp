@@ -12,7 +12,7 @@
 namespace graybox {
 namespace {
 
-constexpr int kRounds = 5;
+constexpr int kRounds = 10;
 
 Eigen::VectorXd values_of(const PeriodicFit& fit) {
   std::vector<double> values(fit.parameters.begin(), fit.parameters.end());

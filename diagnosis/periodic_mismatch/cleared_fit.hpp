@@ -19,7 +19,7 @@ struct ClearedFit {
 };
 
 // Begins with `near`, a fit that is close (its parameters and laws will do), and ends when a round moves
-// no parameter by more than `at_rest` standard errors, after five at the latest. Lines and whitening of
+// no parameter by more than `at_rest` standard errors, after ten at the latest. Lines and whitening of
 // `data` are those of the last round afterwards.
 [[nodiscard]] ClearedFit fit_and_clear_transients(const PlantFamily& family,
                                                   const PeriodicFit& near,

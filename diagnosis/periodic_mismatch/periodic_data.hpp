@@ -15,9 +15,11 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/periodic_mismatch/common_error.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/real_transform.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -48,6 +50,13 @@ struct MeasuredRecord {
   Eigen::Index periods = 1;                  // P
   Eigen::MatrixXcd output_bins, input_bins;  // n_y and n_u x bins from 0 on
   Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
+  // Of the free motion that was taken out, beside the noise; null: none was.
+  std::shared_ptr<const CommonError> common_error;
+
+  // Whitened residuals or derivatives, [n_y (K + 1)] columns, made independent of each other.
+  void decorrelate(Eigen::Ref<Eigen::MatrixXcd> columns) const {
+    if (common_error) common_error->take_out(columns);
+  }
 };
 
 // What the covariance of a line typically was estimated from.

@@ -204,16 +204,18 @@ class PeriodicFitter {
     {
       SteadyStateSolver solver(family_, data_, {});
       MatrixXcd jacobian;
+      Eigen::VectorXcd residual;
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
         const MeasuredRecord& record = data_.estimation[i];
         const SteadyState& state =
             solver.solve(*model, record, starts != nullptr ? &(*starts)[i] : nullptr);
         solver.differentiate(*model, record, exact, jacobian);
-        const Eigen::Map<const VectorXd> residual(as_real(state.residual).data(),
-                                                  2 * state.residual.size());
+        record.decorrelate(jacobian);
+        residual = state.residual.reshaped();
+        record.decorrelate(residual);
         information[i].noalias() = as_real(jacobian).transpose() * as_real(jacobian);
-        gradient[i].noalias() = as_real(jacobian).transpose() * residual;
+        gradient[i].noalias() = as_real(jacobian).transpose() * as_real(residual);
         chi_square[i] = state.chi_square;
         unsettled[i] = state.unsettled;
         result.forces[i] = state.forces;

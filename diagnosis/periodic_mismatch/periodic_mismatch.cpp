@@ -259,6 +259,7 @@ class NoiseDraws {
   [[nodiscard]] MatrixXd products(const MatrixXcd& whitened) const {
     return as_real(whitened).transpose() * as_real(noise_);
   }
+  void decorrelate(const MeasuredRecord& record) { record.decorrelate(noise_); }
 
  private:
   // By (nu - 2) / chi^2_nu in variance, which has the mean one: nu = 2 (q - n_y + 1). Chi-square by the cube
@@ -361,6 +362,21 @@ class Problem : public MismatchProblem {
     if (data_.validation.empty()) return {};
     const ModelState model = state_of(fit);
     return assess(model, data_.validation, 0);
+  }
+
+  // With C the parameters' covariance, residuals r with derivatives J have the covariance 1 + J C J^T:
+  // chi^2 = r^T r - b^T (C^-1 + J^T J)^-1 b, b = J^T r.
+  [[nodiscard]] std::optional<Assessment> validate_within_errors(
+      const ExtendedFit& fit) const override {
+    if (data_.validation.empty()) return {};
+    const ModelState model = state_of(fit);
+    Assessment result = assess(model, data_.validation, 0);
+    const BlockSums fitted = linearised(model, data_.estimation);
+    const BlockSums held_out = linearised(model, data_.validation);
+    const double explained = held_out.scores.dot(
+        solved(fitted.information + held_out.information, held_out.scores).col(0));
+    result.chi_square -= explained * result.degrees_of_freedom / data_.numbers_in(data_.validation);
+    return result;
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
@@ -496,6 +512,28 @@ class Problem : public MismatchProblem {
     return result;
   }
 
+  // J^T J and J^T r of all parameters over some recordings.
+  [[nodiscard]] BlockSums linearised(const ModelState& model,
+                                     const std::vector<MeasuredRecord>& records) const {
+    std::vector<BlockSums> sums(records.size());
+    for_each_record(records, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
+                                 std::size_t i, std::size_t) {
+      VectorXcd residual = solver.solve(model, record, nullptr).residual.reshaped();
+      MatrixXcd jacobian;
+      solver.differentiate(model, record, true, jacobian);
+      record.decorrelate(residual);
+      record.decorrelate(jacobian);
+      sums[i] = {as_real(jacobian).transpose() * as_real(jacobian),
+                 as_real(jacobian).transpose() * as_real(residual)};
+    });
+    BlockSums total = sums.front();
+    for (std::size_t i = 1; i < sums.size(); ++i) {
+      total.information += sums[i].information;
+      total.scores += sums[i].scores;
+    }
+    return total;
+  }
+
   [[nodiscard]] ExtendedFit report(const PeriodicFit& fitted,
                                    std::span<const LawStart> laws) const {
     ExtendedFit result;
@@ -578,7 +616,7 @@ class Problem : public MismatchProblem {
   void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
                   const std::vector<Candidate>& list,
                   const std::vector<std::vector<PlantChange>>& body_changes, bool follows_data,
-                  const NoiseDraws& draws, CandidateSums& sums) const;
+                  NoiseDraws draws, CandidateSums& sums) const;
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
   void place_answer(SteadyStateSolver& solver, const ModelState& model,
@@ -627,9 +665,11 @@ std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
   for (const auto& [place, scale] : scales) {
     if (!place->location.is_flange) list.push_back(place);
   }
-  // Values of each recording and place: deflections, rates.
+  struct Values {
+    VectorXd deflections, excursions, rates;
+  };
   const std::size_t records = data_.estimation.size();
-  std::vector<std::vector<std::pair<VectorXd, VectorXd>>> values(records);
+  std::vector<std::vector<Values>> values(records);  // of each place
   std::vector<std::vector<double>> ranges(records);
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t) {
@@ -648,20 +688,23 @@ std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
       solver.motion_of(deflection, motion);
       const Index step = std::max<Index>(1, motion.deflection.size() / kSamples);
       const auto samples = Eigen::seq(0, motion.deflection.size() - 1, step);
-      values[i].emplace_back(motion.deflection(samples).cwiseAbs(),
-                             motion.rate(samples).cwiseAbs());
+      const VectorXd excursion = motion.deflection.array() - motion.deflection.mean();
+      values[i].push_back({motion.deflection(samples).cwiseAbs(), excursion(samples).cwiseAbs(),
+                           motion.rate(samples).cwiseAbs()});
       ranges[i].push_back(motion.deflection.maxCoeff() - motion.deflection.minCoeff());
     }
   });
   for (std::size_t p = 0; p < list.size(); ++p) {
     MotionScale& scale = scales[list[p]];
     for (std::size_t i = 0; i < records; ++i) {
-      const auto& [deflections, rates] = values[i][p];
+      const auto& [deflections, excursions, rates] = values[i][p];
       scale.deflections.insert(scale.deflections.end(), deflections.begin(), deflections.end());
+      scale.excursions.insert(scale.excursions.end(), excursions.begin(), excursions.end());
       scale.rates.insert(scale.rates.end(), rates.begin(), rates.end());
       scale.range = std::max(scale.range, ranges[i][p]);
     }
     std::ranges::sort(scale.deflections);
+    std::ranges::sort(scale.excursions);
     std::ranges::sort(scale.rates);
   }
   return scales;
@@ -723,24 +766,39 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
 void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
                          const MeasuredRecord& record, const std::vector<Candidate>& list,
                          const std::vector<std::vector<PlantChange>>& bodies, bool follows_data,
-                         const NoiseDraws& draws, CandidateSums& sums) const {
+                         NoiseDraws draws, CandidateSums& sums) const {
   const Index lines = data_.last_line + 1;
   const auto outputs = static_cast<Index>(data_.outputs.size());
   MatrixXcd jacobian;
   solver.differentiate(model, record, false, jacobian);
+  MatrixXcd moved = jacobian, moved_jacobian;
+  record.decorrelate(jacobian);
+  VectorXcd residual = solver.state().residual.reshaped();
+  record.decorrelate(residual);
   sums.own_information += as_real(jacobian).transpose() * as_real(jacobian);
-  const MatrixXcd& residuals = solver.state().residual;
-  const Eigen::Map<const VectorXcd> residual(residuals.data(), residuals.size());
   sums.own_scores.col(0) += (jacobian.adjoint() * residual).real();
   const Index count = draws.draws();
   if (count > 0) sums.own_scores.rightCols(count) += draws.products(jacobian);
+  // Once more: columns of candidates are not decorrelated, what they are multiplied with is. Among
+  // themselves they lose what they have in common with the directions of the common error.
+  MatrixXcd twice = jacobian;
+  VectorXcd residual_twice = residual;
+  record.decorrelate(twice);
+  record.decorrelate(residual_twice);
+  draws.decorrelate(record);
+  const Index parameters = jacobian.cols();
+  if (record.common_error) {
+    const MatrixXcd common = record.common_error->inverse_directions();
+    twice.conservativeResize(Eigen::NoChange, parameters + common.cols());
+    twice.rightCols(common.cols()) = common;
+  }
+  const Index directions = twice.cols() - parameters;
   const PlaceObserver observer(solver, model, data_, follows_data);
-  MatrixXcd moved_jacobian = jacobian;
   bool is_moved = false;
-  MatrixXcd answer, seen_jacobian(lines, jacobian.cols());
+  MatrixXcd answer, seen_twice(lines, twice.cols());
   VectorXcd seen_residual(lines);
   MatrixXcd seen_noise;
-  MatrixXcd seen_moved(lines, jacobian.cols());
+  MatrixXcd seen_moved(lines, parameters);
   VectorXd gain(lines);
   VectorXcd force;
   PlaceMotion place_motion;
@@ -759,11 +817,12 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         solver.answer_of_plant(bodies[record.position][body], solver.state().coordinates, false,
                                change);
         const Eigen::Map<const VectorXcd> own(change.data(), change.size());
-        const Eigen::RowVectorXd nuisance = (own.adjoint() * jacobian).real();
-        sums.information[shape_index](0, 0) += own.squaredNorm();
-        sums.nuisance.row(column) += nuisance;
-        sums.moved_nuisance.row(column) += nuisance;
-        sums.scores(column, 0) += own.dot(residual).real();
+        const Eigen::RowVectorXd products = (own.adjoint() * twice).real();
+        sums.information[shape_index](0, 0) +=
+            own.squaredNorm() - products.tail(directions).squaredNorm();
+        sums.nuisance.row(column) += products.head(parameters);
+        sums.moved_nuisance.row(column) += products.head(parameters);
+        sums.scores(column, 0) += own.dot(residual_twice).real();
         if (count > 0) sums.scores.row(column).tail(count) += draws.products(own).row(0);
       }
       continue;
@@ -776,8 +835,11 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
       solver.motion_of(place_motion.deflection, motion);
       is_moved = place_motion.is_moved;
       if (is_moved) {
-        differentiate_moved(solver, model, record, place_motion.coordinates, moved_jacobian);
+        differentiate_moved(solver, model, record, place_motion.coordinates, moved);
+        moved_jacobian = moved;
+        record.decorrelate(moved_jacobian);
         add_block(moved_jacobian, residual, sums.blocks[candidate.block]);
+        record.decorrelate(moved_jacobian);
       } else {
         add_block(jacobian, residual, sums.blocks[candidate.block]);
       }
@@ -785,8 +847,8 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
       if (count > 0) seen_noise = draws.seen_by(answer);
       for (Index k = 0; k < lines; ++k) {
         const auto seen = answer.col(k).adjoint();
-        seen_residual(k) = seen * residuals.col(k);
-        seen_jacobian.row(k).noalias() = seen * jacobian.middleRows(k * outputs, outputs);
+        seen_residual(k) = seen * residual_twice.segment(k * outputs, outputs);
+        seen_twice.row(k).noalias() = seen * twice.middleRows(k * outputs, outputs);
         if (is_moved) {
           seen_moved.row(k).noalias() = seen * moved_jacobian.middleRows(k * outputs, outputs);
         }
@@ -806,11 +868,15 @@ void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
         columns.col(j) = force;
       }
       weighted = gain.cwiseSqrt().asDiagonal() * columns;
-      sums.information[shape_index] += as_real(weighted).transpose() * as_real(weighted);
-      const MatrixXd nuisance = as_real(columns).transpose() * as_real(seen_jacobian);
+      const MatrixXd products = as_real(columns).transpose() * as_real(seen_twice);
+      const auto common = products.rightCols(directions);
+      const auto nuisance = products.leftCols(parameters);
+      sums.information[shape_index] +=
+          as_real(weighted).transpose() * as_real(weighted) - common * common.transpose();
       sums.nuisance.middleRows(column, size) += nuisance;
       sums.moved_nuisance.middleRows(column, size) +=
-          is_moved ? MatrixXd(as_real(columns).transpose() * as_real(seen_moved)) : nuisance;
+          is_moved ? MatrixXd(as_real(columns).transpose() * as_real(seen_moved))
+                   : MatrixXd(nuisance);
       sums.scores.col(0).segment(column, size) +=
           as_real(columns).transpose() * as_real(seen_residual);
       if (count > 0) {
@@ -942,7 +1008,10 @@ std::vector<MismatchCell> Problem::mismatch(const ExtendedFit& fit) const {
   std::vector<MatrixXd> power(data_.estimation.size());
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t) {
-    power[i] = solver.solve(model, record, nullptr).residual.cwiseAbs2();
+    const SteadyState& state = solver.solve(model, record, nullptr);
+    VectorXcd residual = state.residual.reshaped();
+    record.decorrelate(residual);
+    power[i] = residual.reshaped(state.residual.rows(), state.residual.cols()).cwiseAbs2();
   });
   const double from = std::log(static_cast<double>(data_.first_line));
   const double to = std::log(static_cast<double>(data_.last_line) + 1.0);

@@ -95,6 +95,7 @@ MatrixXd information_of(SteadyStateSolver& solver, MeasuredRecord record, const 
   MatrixXcd columns(jacobian.rows(), jacobian.cols() + 1);
   columns.leftCols(jacobian.cols()) = jacobian;
   columns.rightCols(1) = Eigen::Map<const Eigen::VectorXcd>(difference.data(), difference.size());
+  record.decorrelate(columns);
   return (columns.adjoint() * columns).real();
 }
 

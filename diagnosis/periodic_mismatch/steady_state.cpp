@@ -616,7 +616,9 @@ void SteadyStateSolver::measure(const MeasuredRecord& record) {
     state_.residual.col(k).noalias() =
         data_.whitening[record.group][at(k)] * (record.output.col(k) - state_.output.col(k));
   }
-  state_.chi_square = state_.residual.squaredNorm();
+  VectorXcd independent = state_.residual.reshaped();
+  record.decorrelate(independent);
+  state_.chi_square = independent.squaredNorm();
 }
 
 // A sensor that is late or slow looks at the motion between samples: each image passes through it at

@@ -103,7 +103,7 @@ struct SteadyState {
   Eigen::MatrixXcd residual;              // whitened Y - y, zero at lines that do not count
   std::vector<Eigen::MatrixXcd> changed;  // X of each line; empty without force laws: D^-1
   double unsettled = 0.0;
-  double chi_square = 0.0;
+  double chi_square = 0.0;  // of the decorrelated residuals
 };
 
 struct SteadyStateOptions {

@@ -5,13 +5,13 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
 
 namespace graybox {
@@ -41,7 +41,7 @@ struct FreePlant {
   VectorXd departure_size;          // 2n, what |d| is expected to be at most
   // Of the last round:
   Eigen::LLT<MatrixXd> information;  // of d, scaled by its size
-  VectorXd leverage;                 // of each bin, mean over the outputs
+  VectorXd leverage;                 // of each bin between lines, mean over the outputs
 };
 
 struct FreeRecord {
@@ -75,25 +75,8 @@ class Clearing {
       whiten();
     }
     for (FreeRecord& free : records_) take_out(free);
+    find_common_errors();
     take_out_feedback();
-  }
-
-  // After run().
-  [[nodiscard]] LineEquations equations() const {
-    const std::size_t first_validation = data_.estimation.size();
-    std::vector<LineEquations> parts(std::min(first_validation, records_.size()));
-#pragma omp parallel num_threads(options_.threads)
-    {
-      SteadyStateSolver solver(family_, data_, {});
-#pragma omp for schedule(dynamic)
-      for (std::size_t i = 0; i < parts.size(); ++i) parts[i] = equations_of(solver, records_[i]);
-    }
-    LineEquations sum = parts.front();
-    for (std::size_t i = 1; i < parts.size(); ++i) {
-      sum.information += parts[i].information;
-      sum.scores += parts[i].scores;
-    }
-    return sum;
   }
 
  private:
@@ -253,6 +236,7 @@ class Clearing {
     }
     plant.information.compute(information);  // of the lower triangle
     for (Index bin = 1; bin <= plant.bins; ++bin) {
+      if (is_line(plant, bin)) continue;
       weighted_motion(plant, bin, rows);
       plant.leverage(bin) = plant.information.matrixL().solve(rows.transpose()).squaredNorm() /
                             (2.0 * static_cast<double>(outputs));
@@ -354,14 +338,12 @@ class Clearing {
       const double wanted = wanted_noise_samples(options_, outputs);
       const auto pooled = pool_covariances(scatter, frequencies, wanted);
       data_.noise_pools[group] = pool_of(pooled);
-      const VectorXd leverage = line_leverage(group);
       const MatrixXd level = output_level(data_, group);
       for (Index k = data_.first_line; k <= data_.last_line; ++k) {
         const std::size_t i = at(k - data_.first_line);
         data_.noise_degrees_of_freedom +=
             2.0 * static_cast<double>(outputs) * scatter[i].degrees_of_freedom;
-        const double inflation =
-            (1.0 + leverage(k)) * inverse_bias(pooled[i].degrees_of_freedom, outputs);
+        const double inflation = inverse_bias(pooled[i].degrees_of_freedom, outputs);
         const auto whitening =
             whitening_of(inflation * pooled[i].covariance, level.col(k), options_.model_accuracy);
         if (whitening) data_.whitening[group][at(k)] = *whitening;
@@ -388,17 +370,28 @@ class Clearing {
     return scatter;
   }
 
-  // What the error of the free motion adds to the noise of each line, on average of the group.
-  [[nodiscard]] VectorXd line_leverage(std::size_t group) const {
-    VectorXd sum = VectorXd::Zero(data_.last_line + 1);
-    double count = 0.0;
-    for (const FreeRecord& free : records_) {
-      if (free.record->group != group) continue;
-      const FreePlant& plant = plants_[free.plant];
-      for (Index k = 1; k <= data_.last_line; ++k) sum(k) += plant.leverage(k * plant.periods);
-      count += 1.0;
+  void find_common_errors() {
+    std::vector<std::shared_ptr<const CommonError>> errors(plants_.size());
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t i = 0; i < plants_.size(); ++i) {
+      weigh(plants_[i]);
+      errors[i] = std::make_shared<CommonError>(
+          common_error(motion_at_lines(plants_[i]), plants_[i].information));
     }
-    return sum / std::max(count, 1.0);
+    for (FreeRecord& free : records_) free.record->common_error = errors[free.plant];
+  }
+
+  // What a departure, in units of what it may be, does to the whitened lines.
+  [[nodiscard]] MatrixXcd motion_at_lines(const FreePlant& plant) const {
+    const Index outputs = plant.motion.back().rows();
+    MatrixXcd motion =
+        MatrixXcd::Zero(outputs * (data_.last_line + 1), plant.departure_size.size());
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      const Index bin = k * plant.periods;
+      motion.middleRows(k * outputs, outputs) =
+          weight(plant, bin) * (plant.motion[at(bin)] * plant.departure_size.asDiagonal());
+    }
+    return motion;
   }
 
   void take_out(const FreeRecord& free) const {
@@ -450,33 +443,6 @@ class Clearing {
     }
     renew_input_period(record);
     record.output = solver.solve(model_, record, nullptr).output + noise;
-  }
-
-  // The error of a record's free motion has the covariance I^-1 that the bins between its lines leave; over
-  // the lines, m of the whitened motion there, it adds m I^-1 m^T to the residuals' unit covariance, whose
-  // inverse is 1 - m (I + m^T m)^-1 m^T.
-  [[nodiscard]] LineEquations equations_of(SteadyStateSolver& solver,
-                                           const FreeRecord& free) const {
-    const FreePlant& plant = plants_[free.plant];
-    const Index outputs = free.rest.rows();
-    MatrixXcd jacobian;
-    const SteadyState& state = solver.solve(model_, *free.record, nullptr);
-    solver.differentiate(model_, *free.record, true, jacobian);
-    MatrixXcd moves = MatrixXcd::Zero(jacobian.rows(), plant.departure_size.size());
-    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-      const Index bin = k * plant.periods;
-      moves.middleRows(k * outputs, outputs) =
-          weight(plant, bin) * (plant.motion[at(bin)] * plant.departure_size.asDiagonal());
-    }
-    const VectorXcd residual = state.residual.reshaped();
-    const MatrixXd between = as_real(jacobian).transpose() * as_real(moves);
-    const VectorXd moved = as_real(moves).transpose() * as_real(residual);
-    const MatrixXd all =
-        plant.information.reconstructedMatrix() + as_real(moves).transpose() * as_real(moves);
-    const Eigen::LLT<MatrixXd> factor(all);
-    return {as_real(jacobian).transpose() * as_real(jacobian) -
-                between * factor.solve(between.transpose()),
-            as_real(jacobian).transpose() * as_real(residual) - between * factor.solve(moved)};
   }
 
   // Whatever earlier rounds did to it.
@@ -543,13 +509,6 @@ void clear_transients(const PlantFamily& family, const ModelState& model,
                       const PeriodicDataOptions& options, PeriodicData& data) {
   if (data.estimation.front().output_bins.size() == 0) return;
   Clearing(family, model, options, data).run();
-}
-
-LineEquations clear_and_linearise(const PlantFamily& family, const ModelState& model,
-                                  const PeriodicDataOptions& options, PeriodicData& data) {
-  Clearing clearing(family, model, options, data);
-  clearing.run();
-  return clearing.equations();
 }
 
 }  // namespace graybox

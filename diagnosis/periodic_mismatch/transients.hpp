@@ -57,21 +57,9 @@ struct SampledPlant {
 };
 [[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
 
-// Takes free motion and feedback out of the lines of all records, and replaces the whitening by that of the noise
-// between the lines. Records of a single period stay as they are. Results do not depend on the threads.
+// Takes free motion and feedback out of the lines of all records, states what error is left of it
+// (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the lines. Records of a single period stay as they are. Results do not depend on the threads.
 void clear_transients(const PlantFamily& family, const ModelState& model,
                       const PeriodicDataOptions& options, PeriodicData& data);
-
-// Normal equations of the parameters (of the model, then of its laws) over the cleared lines of the
-// estimation records. The error of d is in them: neighbouring lines and channels have it in common.
-struct LineEquations {
-  Eigen::MatrixXd information;
-  Eigen::VectorXd scores;
-};
-
-// clear_transients(), and the equations there. Data must have bins between their lines.
-[[nodiscard]] LineEquations clear_and_linearise(const PlantFamily& family, const ModelState& model,
-                                                const PeriodicDataOptions& options,
-                                                PeriodicData& data);
 
 }  // namespace graybox

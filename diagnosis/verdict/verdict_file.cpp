@@ -242,27 +242,31 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
   for (const FoundEffect& effect : diagnosis.effects) {
     physics.push_back(effect_json(effect, hypotheses));
   }
-  return {{"format", "graybox-verdict/1"},
-          {"model", files.model},
-          {"campaign", files.campaign},
-          {"verdict", to_string(diagnosis.verdict)},
-          {"interrupted", diagnosis.interrupted},
-          {"noise_is_known", diagnosis.noise_is_known},
-          {"verified", diagnosis.verified},
-          {"remaining_structure",
-           diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
-          {"words", verdict_words(diagnosis, hypotheses)},
-          {"channel_faults", channel_faults_json(diagnosis)},
-          {"recording_warnings", files.warnings},
-          {"mismatch", mismatch_json(diagnosis, hypotheses)},
-          {"physics", physics},
-          {"fit",
-           {{"before",
-             fit_json(diagnosis.before, diagnosis.validation_before, diagnosis.noise_is_known)},
-            {"after",
-             fit_json(diagnosis.after, diagnosis.validation_after, diagnosis.noise_is_known)}}},
-          {"parameters", model_parameters_json(diagnosis)},
-          {"next_experiment", next_json(diagnosis, hypotheses)}};
+  return {
+      {"format", "graybox-verdict/1"},
+      {"model", files.model},
+      {"campaign", files.campaign},
+      {"verdict", to_string(diagnosis.verdict)},
+      {"interrupted", diagnosis.interrupted},
+      {"noise_is_known", diagnosis.noise_is_known},
+      {"verified", diagnosis.verified},
+      {"remaining_structure",
+       diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
+      {"words", verdict_words(diagnosis, hypotheses)},
+      {"channel_faults", channel_faults_json(diagnosis)},
+      {"recording_warnings", files.warnings},
+      {"mismatch", mismatch_json(diagnosis, hypotheses)},
+      {"physics", physics},
+      {"fit",
+       {{"before",
+         fit_json(diagnosis.before, diagnosis.validation_before, diagnosis.noise_is_known)},
+        {"after", fit_json(diagnosis.after, diagnosis.validation_after, diagnosis.noise_is_known)},
+        {"validation_within_errors",
+         diagnosis.validation_within_errors && diagnosis.noise_is_known
+             ? number(diagnosis.validation_within_errors->chi_square_per_dof())
+             : Json(nullptr)}}},
+      {"parameters", model_parameters_json(diagnosis)},
+      {"next_experiment", next_json(diagnosis, hypotheses)}};
 }
 
 }  // namespace graybox

@@ -48,7 +48,8 @@ struct MismatchSummary {
 
 struct DiagnosedFiles {
   std::string model, campaign;
-  std::vector<std::string> warnings = {};  // what checks of the recordings found: clipped channels, ...
+  std::vector<std::string> warnings =
+      {};  // what checks of the recordings found: clipped channels, ...
 };
 
 [[nodiscard]] nlohmann::ordered_json verdict_json(const Diagnosis& diagnosis,

@@ -181,11 +181,16 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
           diagnosis.noise_is_known, lines);
   if (diagnosis.detection.detected && diagnosis.noise_is_known) {
-    lines.push_back(fmt::format(
-        "What is left {} (p = {:.2g}{}).",
-        diagnosis.verified ? "is no more than noise" : "is more than noise", diagnosis.rest_p_value,
-        diagnosis.validation_after ? ", on recordings kept out of the fit"
-                                   : "; no recordings were kept out of the fit"));
+    const std::string where =
+        diagnosis.validation_within_errors
+            ? fmt::format(
+                  ", on recordings kept out of the fit, where chi-square per degree of "
+                  "freedom is {:.4g} with the errors of the fitted parameters counted",
+                  diagnosis.validation_within_errors->chi_square_per_dof())
+            : "; no recordings were kept out of the fit";
+    lines.push_back(fmt::format("What is left {} (p = {:.2g}{}).",
+                                diagnosis.verified ? "is no more than noise" : "is more than noise",
+                                diagnosis.rest_p_value, where));
   }
   if (diagnosis.remaining_structure) {
     lines.push_back(
