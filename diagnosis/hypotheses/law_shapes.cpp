@@ -346,7 +346,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry) {
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
   if (name == "mode") return {"inertia", "stiffness", "viscous"};
-  if (name == "dead_zone") return {"stiffness"};
+  if (name == "dead_zone" || name == "balancer") return {"stiffness"};
   return {};
 }
 

@@ -90,6 +90,8 @@ struct LawStart {
   // What the model's own parameters may be with that law, first of them first; those that are left
   // out, or all, start as in the fit nearby.
   std::vector<double> model_parameters{};
+  // Other parameters of the law that a fit should start from as well: of a law whose valleys are many.
+  std::vector<std::vector<double>> others{};
 
   friend bool operator==(const LawStart&, const LawStart&) = default;
 };

@@ -11,6 +11,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
@@ -350,7 +351,16 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    return report(fit_periodic(*family_, data_, starts, acting, how_to_fit()), laws);
+    PeriodicFit best = fit_periodic(*family_, data_, starts, acting, how_to_fit());
+    if (!laws.empty()) {
+      for (const std::vector<double>& other : laws.back().others) {
+        acting.back().parameters = other;
+        PeriodicFit fit = fit_periodic(*family_, data_, starts, acting, how_to_fit());
+        if (!fit.converged) continue;
+        if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
+      }
+    }
+    return report(best, laws);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -407,10 +417,12 @@ class Problem : public MismatchProblem {
   }
 
   void list_hypotheses() {
+    std::set<std::size_t> positions;
+    for (const MeasuredRecord& record : data_.estimation) positions.insert(record.position);
     for (const CandidatePlace& place : family_->places()) {
-      for (const LawEntry* entry : hypothetical_laws(place)) {
+      for (const LawEntry* entry : hypothetical_laws(place, positions.size())) {
         add_hypothesis(place, *entry);
-        const LawEntry* twin = twin_of(*entry, place);
+        const LawEntry* twin = twin_of(*entry, place, positions.size());
         if (twin == nullptr) continue;
         hypotheses_.back().twins = {hypotheses_.size()};
         add_hypothesis(place, *twin);
@@ -621,6 +633,8 @@ class Problem : public MismatchProblem {
       const ModelState& model, const std::vector<Candidate>& list) const;
   void place_answer(SteadyStateSolver& solver, const ModelState& model,
                     const MeasuredRecord& record, const Location& place, MatrixXcd& answer) const;
+  static std::vector<std::vector<double>> other_starts(
+      std::vector<std::pair<double, std::vector<double>>> starts);
   static void add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
                         BlockSums& sums);
   void differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
@@ -922,6 +936,18 @@ std::vector<double> Problem::parameters_with(const ModelState& model, const Bloc
   return values;
 }
 
+// The best few after the best.
+std::vector<std::vector<double>> Problem::other_starts(
+    std::vector<std::pair<double, std::vector<double>>> starts) {
+  constexpr std::size_t kOthers = 7;
+  std::ranges::stable_sort(starts, {}, [](const auto& start) { return start.first; });
+  std::vector<std::vector<double>> others;
+  for (std::size_t i = 1; i < starts.size() && i <= kOthers; ++i) {
+    others.push_back(std::move(starts[i].second));
+  }
+  return others;
+}
+
 ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                            int null_draws, std::uint64_t seed) const {
   const ModelState model = state_of(fit);
@@ -968,6 +994,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
     HypothesisScore& best = table.scores.emplace_back();
     best.start.hypothesis = candidate.hypothesis;
     best.shapes = candidate.shapes.size();
+    std::vector<std::pair<double, std::vector<double>>> starts;  // -statistic
     const LawParameter& leading = candidate.entry->parameters.front();
     best.amplitude_unit = unit_at(leading.unit, candidate.place->location.units);
     auto column = static_cast<Index>(candidate.first_column);
@@ -983,6 +1010,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
       const CandidateScore score = tests[candidate.block].score(products);
       if (score.degrees_of_freedom == 0.0) continue;
       const std::vector<double> start = shape.parameters(score.amplitudes);
+      if (!start.empty()) starts.emplace_back(-score.statistic, start);
       if (best.start.parameters.empty() ||
           (!start.empty() &&
            score.statistic + by_parameters[candidate.block] > best.score.statistic)) {
@@ -996,6 +1024,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
                                                       products.nuisance, score.amplitudes);
       }
     }
+    if (has_many_valleys(*candidate.entry)) best.start.others = other_starts(std::move(starts));
     best.explained_share =
         fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
   }

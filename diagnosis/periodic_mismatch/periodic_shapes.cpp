@@ -1,6 +1,7 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 
 #include <cmath>
+#include <numbers>
 
 namespace graybox {
 namespace {
@@ -28,6 +29,26 @@ std::vector<LawShape> payload() {
     }
   }
   return shapes;
+}
+
+// Geometry in units of the anchor's distance. Fits start from the best few, so that few will do.
+std::vector<LawShape> balancer() {
+  constexpr int kAngles = 8;
+  std::vector<LawShape> shapes;
+  for (const double lever : {0.2, 0.5}) {
+    for (const double free_length : {0.0, 0.6}) {
+      for (int k = 0; k < kAngles; ++k) {
+        const double angle = 2.0 * std::numbers::pi * k / kAngles;
+        shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
+      }
+    }
+  }
+  return shapes;
+}
+
+// At robots' arms, where the angle differs between positions by what a balancer turns.
+bool shows_balancers(const CandidatePlace& place, std::size_t positions) {
+  return place.shifts_rest && place.turns && positions > 1;
 }
 
 // Laws without amplitude: as they are.
@@ -80,16 +101,20 @@ std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlac
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
   if (entry.name == "mode") return mode(band);
+  if (entry.name == "balancer") return balancer();
   if (entry.name == "offset") return {single_amplitude({1.0}, 0, false)};
   return law_shapes(entry, place, scale);
 }
 
-std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
+bool has_many_valleys(const LawEntry& entry) { return entry.name == "balancer"; }
+
+std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place, std::size_t positions) {
   const Location& location = place.location;
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
     const std::string& name = entry.name;
-    if (name == "balancer" || name == "asymmetric_coulomb") continue;
+    if (name == "asymmetric_coulomb") continue;
+    if (name == "balancer" && !shows_balancers(place, positions)) continue;
     // Between gearbox and arm it makes no difference: the motor is held.
     if (name == "offset" && !(place.shifts_rest && place.turns)) continue;
     const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
@@ -115,11 +140,12 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place) {
   return laws;
 }
 
-const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place) {
+const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place, std::size_t positions) {
   if (place.location.kind != LocationKind::kElement || place.is_coupling) return nullptr;
   if (entry.name == "backlash" && place.has_free_stiffness) return find_law("dead_zone", false);
   if (entry.name == "coulomb") return find_law("asymmetric_coulomb", false);
-  if (entry.name == "stiffness" && place.location.units.deflection == "rad") {
+  if (entry.name == "stiffness" && place.location.units.deflection == "rad" &&
+      !shows_balancers(place, positions)) {
     return find_law("balancer", false);
   }
   return nullptr;

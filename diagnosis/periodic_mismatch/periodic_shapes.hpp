@@ -17,6 +17,9 @@ struct FrequencyBand {
   double lowest = 0.0, highest = 0.0;  // Hz, of the excitation
 };
 
+// Whether fits of a law should start from the best few of its shapes.
+[[nodiscard]] bool has_many_valleys(const LawEntry& entry);
+
 // Empty where there was no motion that could show the law.
 [[nodiscard]] std::vector<LawShape> periodic_shapes(const LawEntry& entry,
                                                     const CandidatePlace& place,
@@ -25,12 +28,14 @@ struct FrequencyBand {
 
 // The laws of the catalogue that are hypotheses at a place: those that it can take and that do not
 // only change a parameter that is estimated anyway. Constant forces are left out, which lines do not
-// show, and laws that are a twin of another.
-[[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place);
+// show, and laws that are a twin of another. `positions`: of the recordings of the fit.
+[[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place,
+                                                             std::size_t positions);
 
 // The law that these recordings can't tell from this one: a stop beside a free spring is a play beside
 // another spring, dry friction that differs between the directions is their mean and a constant, and
-// over small motions a balancer is a spring. Null if there is none.
-[[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place);
+// over small motions about one position a balancer is a spring. Null if there is none.
+[[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place,
+                                      std::size_t positions);
 
 }  // namespace graybox
