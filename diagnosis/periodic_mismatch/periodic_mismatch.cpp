@@ -14,11 +14,13 @@
 #include <set>
 #include <utility>
 
+#include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
@@ -42,45 +44,6 @@ using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-// One law at one place, with the shapes that are tried.
-struct Candidate {
-  std::size_t hypothesis = 0;
-  const CandidatePlace* place = nullptr;
-  const LawEntry* entry = nullptr;
-  std::vector<LawShape> shapes;
-  std::size_t first_column = 0;  // of its basis functions among all
-  std::size_t block = 0;         // of candidates that share a motion
-};
-
-// Products of the parameters' columns under the motion that one block of candidates goes with.
-struct BlockSums {
-  MatrixXd information;  // parameters x parameters
-  VectorXd scores;       // with the residuals
-};
-
-// Products of all candidates' columns, summed over recordings.
-struct CandidateSums {
-  MatrixXd scores;                       // columns x (1 + draws)
-  MatrixXd nuisance;                     // columns x parameters, as fitted
-  MatrixXd moved_nuisance;               // columns x parameters under the block's motion
-  std::vector<MatrixXd> information;     // of each shape
-  MatrixXd own_information, own_scores;  // of the parameters, as fitted
-  std::vector<BlockSums> blocks;
-
-  void add(const CandidateSums& other) {
-    scores += other.scores;
-    nuisance += other.nuisance;
-    moved_nuisance += other.moved_nuisance;
-    own_information += other.own_information;
-    own_scores += other.own_scores;
-    for (std::size_t s = 0; s < information.size(); ++s) information[s] += other.information[s];
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
-      blocks[b].information += other.blocks[b].information;
-      blocks[b].scores += other.blocks[b].scores;
-    }
-  }
-};
-
 // Information^+ scores, parameters scaled alike.
 MatrixXd solved(const MatrixXd& information, const MatrixXd& scores) {
   const VectorXd unit = information.diagonal().unaryExpr(
@@ -89,201 +52,6 @@ MatrixXd solved(const MatrixXd& information, const MatrixXd& scores) {
   return unit.asDiagonal() *
          scaled.completeOrthogonalDecomposition().solve(unit.asDiagonal() * scores);
 }
-
-// The virtual force and the motion at a place, in one recording.
-struct PlaceMotion {
-  VectorXcd deflection;   // or the signal
-  VectorXcd force;        // virtual; empty at signals
-  MatrixXcd coordinates;  // with it
-  bool is_moved = false;  // coordinates are not those of the model
-};
-
-class PlaceObserver {
- public:
-  // `follows_data`: else the motion is the model's throughout.
-  PlaceObserver(SteadyStateSolver& solver, const ModelState& model, const PeriodicData& data,
-                bool follows_data)
-      : solver_(solver), model_(model), data_(data), follows_data_(follows_data) {}
-
-  // `answer`: whitened, of a force at the place (not used at signals).
-  [[nodiscard]] PlaceMotion observe(const MeasuredRecord& record, const Location& place,
-                                    const MatrixXcd& answer) const {
-    PlaceMotion motion;
-    const Index lines = data_.last_line;
-    const SteadyState& state = solver_.state();
-    const LinearPlant& plant = model_.positions[record.position].plant;
-    motion.coordinates = state.coordinates;
-    if (place.kind == LocationKind::kActuator) {
-      motion.deflection = record.input.row(place.channel).transpose();
-      const VectorXcd held = virtual_force(state.residual, answer).cwiseProduct(holds());
-      move(plant.input.col(place.channel), held, motion);
-      return motion;
-    }
-    if (place.kind == LocationKind::kSensor) {
-      motion.deflection = measured(record, place.channel);
-      return motion;
-    }
-    motion.force = virtual_force(state.residual, answer);
-    move(place.output, motion.force, motion);
-    motion.deflection = state.coordinates.transpose() * place.input.cast<Complex>();
-    const auto& receptances =
-        state.changed.empty() ? model_.positions[record.position].receptance : state.changed;
-    for (Index k = data_.first_line; k <= lines; ++k) {
-      motion.deflection(k) -= motion.force(k) * between(receptances[at(k)], place);
-    }
-    take_measured(record, plant, place, motion.deflection);
-    motion.deflection(0) += solver_.static_scale() * place.input.dot(plant.rest);
-    return motion;
-  }
-
- private:
-  void move(const VectorXd& b, const VectorXcd& force, PlaceMotion& motion) const {
-    motion.is_moved = !force.isZero(0.0);
-    if (motion.is_moved) motion.coordinates = solver_.moved_coordinates(b, force);
-  }
-
-  [[nodiscard]] VectorXcd holds() const {
-    VectorXcd factors = VectorXcd::Ones(data_.last_line + 1);
-    for (Index k = 1; k <= data_.last_line; ++k) {
-      factors(k) = hold_factor(data_.frequencies[at(k)], data_.sample_time);
-    }
-    return factors;
-  }
-
-  // b_in^T X b_out
-  static Complex between(const MatrixXcd& receptance, const Location& place) {
-    Complex sum = 0.0;
-    for (Index i = 0; i < place.input.size(); ++i) {
-      if (place.input(i) == 0.0) continue;
-      for (Index j = 0; j < place.output.size(); ++j) {
-        if (place.output(j) != 0.0) sum += place.input(i) * receptance(i, j) * place.output(j);
-      }
-    }
-    return sum;
-  }
-
-  // None where it is no larger than its noise is once in e^12 lines: a deflection with the noise of
-  // the residuals in it would be correlated with them, and any law would seem to explain them.
-  [[nodiscard]] VectorXcd virtual_force(const MatrixXcd& residual, const MatrixXcd& answer) const {
-    VectorXcd force = VectorXcd::Zero(data_.last_line + 1);
-    if (!follows_data_) return force;
-    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-      const double gain = answer.col(k).squaredNorm();
-      if (!(gain > 0.0)) continue;
-      const Complex estimate = -answer.col(k).dot(residual.col(k)) / gain;
-      const double power = std::norm(estimate), noise = 2.0 / gain;
-      if (power > kSignificant * noise) force(k) = estimate;
-    }
-    return force;
-  }
-
-  // A channel as recorded where it differs from the model by more than noise, else as the model has it,
-  // for the same reason.
-  [[nodiscard]] VectorXcd measured(const MeasuredRecord& record, Index channel) const {
-    const SteadyState& state = solver_.state();
-    VectorXcd signal = state.output.row(channel).transpose();
-    if (!follows_data_) return signal;
-    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-      if (state.residual.col(k).squaredNorm() >
-          2.0 * (kSignificant + static_cast<double>(state.residual.rows()))) {
-        signal(k) = record.output(channel, k);
-      }
-    }
-    return signal;
-  }
-
-  // z from a sensor's own signal, where one measures this deflection or its rate.
-  void take_measured(const MeasuredRecord& record, const LinearPlant& plant, const Location& place,
-                     VectorXcd& deflection) const {
-    for (Index c = 0; c < plant.velocity_output.rows(); ++c) {
-      for (const bool is_rate : {true, false}) {
-        const VectorXd row =
-            (is_rate ? plant.velocity_output : plant.position_output).row(c).transpose();
-        const VectorXd other =
-            (is_rate ? plant.position_output : plant.velocity_output).row(c).transpose();
-        const double ratio = row.dot(place.input) / place.input.squaredNorm();
-        if (ratio == 0.0 || !other.isZero(0.0) || !row.isApprox(ratio * place.input, 1e-12)) {
-          continue;
-        }
-        const VectorXcd signal = measured(record, c);
-        for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-          const Complex rate = is_rate ? Complex(0.0, data_.frequencies[at(k)]) : Complex(1.0);
-          deflection(k) = signal(k) / (ratio * rate);
-        }
-        return;
-      }
-    }
-  }
-
-  static constexpr double kSignificant = 12.0;  // power over noise
-
-  SteadyStateSolver& solver_;
-  const ModelState& model_;
-  const PeriodicData& data_;
-  bool follows_data_;
-};
-
-// Draws of what pure noise leaves over the lines of one recording, whitened by a covariance that is an
-// estimate itself: where that came out too small in a draw, the noise is too large, in neighbouring lines
-// and in all records of a group alike.
-class NoiseDraws {
- public:
-  NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,
-             std::uint64_t record)
-      : outputs_(static_cast<Index>(data.outputs.size())), lines_(data.last_line + 1) {
-    if (draws == 0) return;
-    Random random(seed + 0x9e3779b97f4a7c15ULL * (record + 1));
-    noise_ = MatrixXcd::Zero(outputs_ * lines_, draws);
-    for (Index d = 0; d < draws; ++d) {
-      for (Index i = outputs_ * data.first_line; i < noise_.rows(); ++i) {
-        const double real = random.normal();
-        noise_(i, d) = Complex(real, random.normal());
-      }
-    }
-    if (!data.noise_pools.empty()) scale(data, data.noise_pools[group], seed ^ (group + 1));
-  }
-
-  [[nodiscard]] Index draws() const { return noise_.cols(); }
-  // Each draw through an answer (n_y x lines), answer^H noise at each line: lines x draws.
-  [[nodiscard]] MatrixXcd seen_by(const MatrixXcd& answer) const {
-    MatrixXcd seen(lines_, draws());
-    for (Index k = 0; k < lines_; ++k) {
-      seen.row(k).noalias() = answer.col(k).adjoint() * noise_.middleRows(k * outputs_, outputs_);
-    }
-    return seen;
-  }
-  // Re columns^H seen, of columns over lines.
-  static MatrixXd products(const MatrixXcd& columns, const MatrixXcd& seen) {
-    return as_real(columns).transpose() * as_real(seen);
-  }
-  // The same of whitened columns over outputs and lines.
-  [[nodiscard]] MatrixXd products(const MatrixXcd& whitened) const {
-    return as_real(whitened).transpose() * as_real(noise_);
-  }
-  void decorrelate(const MeasuredRecord& record) { record.decorrelate(noise_); }
-
- private:
-  // By (nu - 2) / chi^2_nu in variance, which has the mean one: nu = 2 (q - n_y + 1). Chi-square by the cube
-  // of a normal number (Wilson and Hilferty 1931).
-  void scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
-    const double freedom = 2.0 * (pool.samples - static_cast<double>(outputs_) + 1.0);
-    if (!(freedom > 4.0)) return;
-    Random random(seed);
-    const auto width = std::max<Index>(1, static_cast<Index>(pool.lines));
-    const double spread = 2.0 / (9.0 * freedom);
-    for (Index d = 0; d < noise_.cols(); ++d) {
-      for (Index k = data.first_line; k < lines_; k += width) {
-        const double root = 1.0 - spread + std::sqrt(spread) * random.normal();
-        const double chi_square = freedom * std::max(root * root * root, 1e-3);
-        const Index count = std::min(width, lines_ - k) * outputs_;
-        noise_.col(d).segment(k * outputs_, count) *= std::sqrt((freedom - 2.0) / chi_square);
-      }
-    }
-  }
-
-  Index outputs_, lines_;
-  MatrixXcd noise_;  // (outputs of each line) x draws
-};
 
 class Problem : public MismatchProblem {
  public:
@@ -625,21 +393,10 @@ class Problem : public MismatchProblem {
   [[nodiscard]] std::vector<Candidate> candidates(
       std::span<const std::size_t> asked,
       const std::map<const CandidatePlace*, MotionScale>& scales) const;
-  void add_record(SteadyStateSolver& solver, const ModelState& model, const MeasuredRecord& record,
-                  const std::vector<Candidate>& list,
-                  const std::vector<std::vector<PlantChange>>& body_changes, bool follows_data,
-                  NoiseDraws draws, CandidateSums& sums) const;
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
-  void place_answer(SteadyStateSolver& solver, const ModelState& model,
-                    const MeasuredRecord& record, const Location& place, MatrixXcd& answer) const;
   static std::vector<std::vector<double>> other_starts(
       std::vector<std::pair<double, std::vector<double>>> starts);
-  static void add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
-                        BlockSums& sums);
-  void differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
-                           const MeasuredRecord& record, const MatrixXcd& coordinates,
-                           MatrixXcd& jacobian) const;
   [[nodiscard]] std::vector<double> parameters_with(const ModelState& model, const BlockSums& own,
                                                     const MatrixXd& nuisance,
                                                     const VectorXd& amplitudes) const;
@@ -657,18 +414,6 @@ class Problem : public MismatchProblem {
   std::vector<const CandidatePlace*> places_;  // of each hypothesis
   std::vector<const LawEntry*> entries_;
 };
-
-void Problem::place_answer(SteadyStateSolver& solver, const ModelState& model,
-                           const MeasuredRecord& record, const Location& place,
-                           MatrixXcd& answer) const {
-  if (place.kind == LocationKind::kElement) {
-    solver.answer(model, record, place.output, answer);
-  } else if (place.kind == LocationKind::kActuator) {
-    solver.answer_of_input(model, record, place.channel, answer);
-  } else {
-    solver.answer_of_output(record, place.channel, answer);
-  }
-}
 
 std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
     const ModelState& model, std::span<const std::size_t> asked, bool follows_data) const {
@@ -692,7 +437,7 @@ std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
     MatrixXcd answer;
     PeriodicMotion motion;
     for (const CandidatePlace* place : list) {
-      place_answer(solver, model, record, place->location, answer);
+      answer_at(solver, model, record, place->location, answer);
       VectorXcd deflection = observer.observe(record, place->location, answer).deflection;
       if (place->location.kind == LocationKind::kActuator) {
         deflection(0) +=
@@ -777,150 +522,6 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
   return changes;
 }
 
-void Problem::add_record(SteadyStateSolver& solver, const ModelState& model,
-                         const MeasuredRecord& record, const std::vector<Candidate>& list,
-                         const std::vector<std::vector<PlantChange>>& bodies, bool follows_data,
-                         NoiseDraws draws, CandidateSums& sums) const {
-  const Index lines = data_.last_line + 1;
-  const auto outputs = static_cast<Index>(data_.outputs.size());
-  MatrixXcd jacobian;
-  solver.differentiate(model, record, false, jacobian);
-  MatrixXcd moved = jacobian, moved_jacobian;
-  record.decorrelate(jacobian);
-  VectorXcd residual = solver.state().residual.reshaped();
-  record.decorrelate(residual);
-  sums.own_information += as_real(jacobian).transpose() * as_real(jacobian);
-  sums.own_scores.col(0) += (jacobian.adjoint() * residual).real();
-  const Index count = draws.draws();
-  if (count > 0) sums.own_scores.rightCols(count) += draws.products(jacobian);
-  // Once more: columns of candidates are not decorrelated, what they are multiplied with is. Among
-  // themselves they lose what they have in common with the directions of the common error.
-  MatrixXcd twice = jacobian;
-  VectorXcd residual_twice = residual;
-  record.decorrelate(twice);
-  record.decorrelate(residual_twice);
-  draws.decorrelate(record);
-  const Index parameters = jacobian.cols();
-  if (record.common_error) {
-    const MatrixXcd common = record.common_error->inverse_directions();
-    twice.conservativeResize(Eigen::NoChange, parameters + common.cols());
-    twice.rightCols(common.cols()) = common;
-  }
-  const Index directions = twice.cols() - parameters;
-  const PlaceObserver observer(solver, model, data_, follows_data);
-  bool is_moved = false;
-  MatrixXcd answer, seen_twice(lines, twice.cols());
-  VectorXcd seen_residual(lines);
-  MatrixXcd seen_noise;
-  MatrixXcd seen_moved(lines, parameters);
-  VectorXd gain(lines);
-  VectorXcd force;
-  PlaceMotion place_motion;
-  PeriodicMotion motion;
-  std::size_t shape_index = 0, body = 0;
-  const Candidate* before = nullptr;
-  for (const Candidate& candidate : list) {
-    const Location& place = candidate.place->location;
-    auto column = static_cast<Index>(candidate.first_column);
-    const bool is_new = before == nullptr || candidate.block != before->block;
-    before = &candidate;
-    if (is_body(*candidate.place, *candidate.entry)) {
-      if (is_new) add_block(jacobian, residual, sums.blocks[candidate.block]);
-      MatrixXcd change(outputs, lines);
-      for (std::size_t s = 0; s < candidate.shapes.size(); ++s, ++column, ++shape_index, ++body) {
-        solver.answer_of_plant(bodies[record.position][body], solver.state().coordinates, false,
-                               change);
-        const Eigen::Map<const VectorXcd> own(change.data(), change.size());
-        const Eigen::RowVectorXd products = (own.adjoint() * twice).real();
-        sums.information[shape_index](0, 0) +=
-            own.squaredNorm() - products.tail(directions).squaredNorm();
-        sums.nuisance.row(column) += products.head(parameters);
-        sums.moved_nuisance.row(column) += products.head(parameters);
-        sums.scores(column, 0) += own.dot(residual_twice).real();
-        if (count > 0) sums.scores.row(column).tail(count) += draws.products(own).row(0);
-      }
-      continue;
-    }
-    if (is_new) {
-      place_answer(solver, model, record, place, answer);
-      if (place.kind == LocationKind::kElement) answer = -answer;
-      place_motion = observer.observe(
-          record, place, place.kind == LocationKind::kElement ? MatrixXcd(-answer) : answer);
-      solver.motion_of(place_motion.deflection, motion);
-      is_moved = place_motion.is_moved;
-      if (is_moved) {
-        differentiate_moved(solver, model, record, place_motion.coordinates, moved);
-        moved_jacobian = moved;
-        record.decorrelate(moved_jacobian);
-        add_block(moved_jacobian, residual, sums.blocks[candidate.block]);
-        record.decorrelate(moved_jacobian);
-      } else {
-        add_block(jacobian, residual, sums.blocks[candidate.block]);
-      }
-      gain = answer.colwise().squaredNorm().transpose();
-      if (count > 0) seen_noise = draws.seen_by(answer);
-      for (Index k = 0; k < lines; ++k) {
-        const auto seen = answer.col(k).adjoint();
-        seen_residual(k) = seen * residual_twice.segment(k * outputs, outputs);
-        seen_twice.row(k).noalias() = seen * twice.middleRows(k * outputs, outputs);
-        if (is_moved) {
-          seen_moved.row(k).noalias() = seen * moved_jacobian.middleRows(k * outputs, outputs);
-        }
-      }
-    }
-    for (const LawShape& shape : candidate.shapes) {
-      const auto size = static_cast<Index>(shape.basis.size());
-      MatrixXcd columns(lines, size), weighted;
-      for (Index j = 0; j < size; ++j) {
-        const PeriodicLaw law(*candidate.entry, shape.basis[at(j)]);
-        if (place.kind == LocationKind::kActuator) {
-          solver.signal_lines(law, record, model.positions[record.position].plant, place.channel,
-                              force);
-        } else {
-          solver.force_lines(law, place_motion.deflection, motion, force);
-        }
-        columns.col(j) = force;
-      }
-      weighted = gain.cwiseSqrt().asDiagonal() * columns;
-      const MatrixXd products = as_real(columns).transpose() * as_real(seen_twice);
-      const auto common = products.rightCols(directions);
-      const auto nuisance = products.leftCols(parameters);
-      sums.information[shape_index] +=
-          as_real(weighted).transpose() * as_real(weighted) - common * common.transpose();
-      sums.nuisance.middleRows(column, size) += nuisance;
-      sums.moved_nuisance.middleRows(column, size) +=
-          is_moved ? MatrixXd(as_real(columns).transpose() * as_real(seen_moved))
-                   : MatrixXd(nuisance);
-      sums.scores.col(0).segment(column, size) +=
-          as_real(columns).transpose() * as_real(seen_residual);
-      if (count > 0) {
-        sums.scores.middleRows(column, size).rightCols(count) +=
-            NoiseDraws::products(columns, seen_noise);
-      }
-      column += size;
-      ++shape_index;
-    }
-  }
-}
-
-void Problem::add_block(const MatrixXcd& jacobian, const Eigen::Ref<const VectorXcd>& residual,
-                        BlockSums& sums) {
-  sums.information += as_real(jacobian).transpose() * as_real(jacobian);
-  sums.scores += (jacobian.adjoint() * residual).real();
-}
-
-// The columns of the plant's parameters under the motion q; those of laws stay.
-void Problem::differentiate_moved(SteadyStateSolver& solver, const ModelState& model,
-                                  const MeasuredRecord& record, const MatrixXcd& coordinates,
-                                  MatrixXcd& jacobian) const {
-  const std::size_t own = model.positions[record.position].changes.size();
-  for (std::size_t p = 0; p < own; ++p) {
-    Eigen::Map<MatrixXcd> column(jacobian.col(static_cast<Index>(p)).data(),
-                                 static_cast<Index>(data_.outputs.size()), data_.last_line + 1);
-    solver.answer_of_parameter(record, p, coordinates, false, column);
-  }
-}
-
 // The plant's parameters that go with these amplitudes, kept positive where they must be.
 std::vector<double> Problem::parameters_with(const ModelState& model, const BlockSums& own,
                                              const MatrixXd& nuisance,
@@ -975,8 +576,9 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
   for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                         std::size_t i, std::size_t chunk) {
     solver.solve(model, record, nullptr);
-    const NoiseDraws draws(data_, record.group, null_draws, seed, i);
-    add_record(solver, model, record, list, bodies, follows_data, draws, sums[chunk]);
+    NoiseDraws draws(data_, record.group, null_draws, seed, i);
+    add_products(*family_, data_, model, solver, record, follows_data, list,
+                 bodies[record.position], std::move(draws), sums[chunk]);
   });
   for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
   const CandidateSums& total = sums.front();
@@ -1094,7 +696,7 @@ std::vector<ForcePicture> Problem::force_pictures(const ExtendedFit& fit) const 
           periodic.is_linear()) {
         continue;
       }
-      place_answer(solver, model, record, place, answer);
+      answer_at(solver, model, record, place, answer);
       const PlaceMotion seen =
           PlaceObserver(solver, model, data_, true).observe(record, place, answer);
       solver.motion_of(seen.deflection, motion);
