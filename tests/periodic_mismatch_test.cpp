@@ -385,13 +385,12 @@ TEST(PeriodicMismatch, RaisesFewFalseAlarms) {
 class RecordedRobot {
  public:
   // `hidden`: elements of a graybox-physics/1 file, or nothing.
-  explicit RecordedRobot(const std::string& hidden) {
+  explicit RecordedRobot(const std::string& hidden, const std::string& positions = "[[20, 30, 40]]",
+                         const std::string& noise = "1e-13") {
     const std::filesystem::path robot =
         std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
     testing::write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
 plant: robot
-positions:
-  - [20, 30, 40]
 levels: [2.0]
 realisations: 2
 validation_realisations: 1
@@ -399,8 +398,7 @@ period: 1000
 settling_periods: 5
 periods: 2
 frequencies: {from: 2, to: 60, count: 20, spacing: log}
-noise: 1e-13
-)");
+positions: )" + positions + "\nnoise: " + noise + "\n");
     std::optional<std::filesystem::path> physics;
     if (!hidden.empty()) {
       physics = folder_.file("hidden.yaml");
@@ -466,6 +464,58 @@ TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
   EXPECT_NEAR(fit.model_parameters.back().value, -60.0,
               4.0 * fit.model_parameters.back().standard_error);
+}
+
+// Over small motions about one position it is a spring; how stiff, depends on the position.
+TEST(PeriodicMismatch, NamesABalancerAtAnArm) {
+  const RecordedRobot robot(R"(  - name: balancer
+    location: {kind: element, joint: joint_3, axis: arm}
+    law: balancer
+    parameters:
+      stiffness: {value: 900, unit: N/m}
+      free_length: {value: 0.15, unit: m}
+      anchor_distance: {value: 0.41, unit: m}
+      lever_length: {value: 0.2, unit: m}
+      anchor_angle: {value: -1.1, unit: rad}
+)",
+                            "[[20, 30, 40], [-40, 10, -70]]", "1e-7");
+  const auto problem = robot.problem();
+  const Diagnosis diagnosis = diagnose(*problem, {});
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  const FittedLaw& law = diagnosis.after.laws.front();
+  EXPECT_EQ(problem->hypotheses()[law.hypothesis].place, "joint_3.arm");
+  EXPECT_EQ(problem->hypotheses()[law.hypothesis].law, "balancer");
+  EXPECT_NEAR(diagnosis.after.estimation.chi_square_per_dof(), 1.0, 0.1);
+  EXPECT_NEAR(diagnosis.validation_within_errors->chi_square_per_dof(), 1.0, 0.1);
+}
+
+// The joint stands at 40 degrees and moves by a thousandth of that: bristles know but how far it moves.
+TEST(PeriodicMismatch, FindsFrictionWithMemoryAtAJointFarFromZero) {
+  const RecordedRobot robot(R"(  - name: seal
+    location: {kind: element, joint: joint_3, axis: arm}
+    law: dahl
+    parameters:
+      stiffness: {value: 300, unit: N m/rad}
+      level: {value: 0.03, unit: N m}
+)",
+                            "[[20, 30, 40]]", "1e-6");
+  const auto problem = robot.problem();
+  const ExtendedFit fit = problem->fit({}, nullptr);
+  const auto hypotheses = problem->hypotheses();
+  const auto is_seal = [](const Hypothesis& hypothesis) {
+    return hypothesis.place == "joint_3.arm" && hypothesis.law == "dahl";
+  };
+  const auto seal = std::ranges::find_if(hypotheses, is_seal);
+  ASSERT_NE(seal, hypotheses.end());
+  const std::vector<std::size_t> asked{static_cast<std::size_t>(seal - hypotheses.begin())};
+  const std::vector<LawStart> start{problem->scores(fit, asked, 0, 1).scores.front().start};
+  const ExtendedFit extended = problem->fit(start, &fit);
+  ASSERT_TRUE(extended.usable) << extended.trouble;
+  EXPECT_NEAR(extended.estimation.chi_square_per_dof(), 1.0, 0.1);
+  const FittedLaw& law = extended.laws.front();
+  EXPECT_NEAR(law.parameters[0].value, 300.0, 4.0 * law.parameters[0].standard_error);
+  EXPECT_NEAR(law.parameters[1].value, 0.03, 4.0 * law.parameters[1].standard_error);
 }
 
 TEST(PeriodicMismatch, ScoresDoNotDependOnThreads) {
