@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numeric>
 #include <set>
 #include <span>
@@ -53,10 +54,10 @@ std::vector<LawStart> starts_of(const ExtendedFit& fit) {
 class Search {
  public:
   Search(const MismatchProblem& problem, const SearchOptions& options)
-      : problem_(problem), options_(options) {}
+      : problem_(&problem), options_(options) {}
 
   Diagnosis run() {
-    result_.noise_is_known = problem_.noise_is_known();
+    result_.noise_is_known = problem_->noise_is_known();
     if (!options_.ignore_channel_faults && has_channel_faults()) return std::move(result_);
     if (!fit_as_it_is()) return std::move(result_);
     detect();
@@ -65,7 +66,7 @@ class Search {
       extend();
       prune();
       simplify();
-      if (!problem_.noise_is_known()) exchange();
+      if (!problem_->noise_is_known()) exchange();
       weigh_rivals();
     }
     verify();
@@ -76,7 +77,7 @@ class Search {
  private:
   [[nodiscard]] double bic(const ExtendedFit& fit) const {
     return fit.deviance +
-           static_cast<double>(fit.parameter_count) * std::log(problem_.sample_count());
+           static_cast<double>(fit.parameter_count) * std::log(problem_->sample_count());
   }
 
   [[nodiscard]] static double evidence(const ExtendedFit& fit) {
@@ -86,7 +87,7 @@ class Search {
   // Less is better: BIC or, where the noise is not known, the error of blocks kept out relative to that
   // of `common`.
   [[nodiscard]] double criterion(const ExtendedFit& fit, const ExtendedFit& common) const {
-    return problem_.noise_is_known() ? bic(fit) : -held_out_gain(common, fit).mean;
+    return problem_->noise_is_known() ? bic(fit) : -held_out_gain(common, fit).mean;
   }
 
   bool proceed(const std::string& step) {
@@ -97,13 +98,13 @@ class Search {
   }
 
   [[nodiscard]] std::string name_of(std::size_t hypothesis) const {
-    const Hypothesis& named = problem_.hypotheses()[hypothesis];
+    const Hypothesis& named = problem_->hypotheses()[hypothesis];
     return named.law + " at " + named.place;
   }
 
   bool has_channel_faults() {
     proceed("checking wires, signs and units");
-    result_.channel_faults = problem_.channel_faults();
+    result_.channel_faults = problem_->channel_faults();
     if (result_.channel_faults.empty()) return false;
     result_.trouble = "the recordings are not what the channels say";
     return true;
@@ -111,7 +112,7 @@ class Search {
 
   bool fit_as_it_is() {
     proceed("fitting the model as it is");
-    result_.before = problem_.fit({}, nullptr);
+    result_.before = problem_->fit({}, nullptr);
     if (!result_.before.usable) {
       result_.after = result_.before;
       result_.trouble = "the model as it is can't be fitted: " + result_.before.trouble;
@@ -124,7 +125,7 @@ class Search {
   // What looks like missing physics may be a fit that stopped short of its optimum. With a law more the
   // parameters have come elsewhere: from there the model alone is fitted once more.
   bool fit_better() {
-    if (!problem_.noise_is_known() || first_fits_ == kFirstFits) return false;
+    if (!problem_->noise_is_known() || first_fits_ == kFirstFits) return false;
     ++first_fits_;
     ScoreTable table;
     table.scores = result_.ranking;
@@ -132,21 +133,33 @@ class Search {
     ExtendedFit best = result_.before;
     for (std::size_t i = 0; i < std::min(kTriedTrials, trials.size()); ++i) {
       if (!proceed("fitting the model as it is once more")) return false;
-      ExtendedFit again = problem_.fit({}, &trials[i].fit);
+      ExtendedFit again = problem_->fit({}, &trials[i].fit);
       if (again.usable && again.deviance < best.deviance) best = std::move(again);
     }
     if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
     result_.before = std::move(best);
     refits_.clear();
+    renew();
     describe_fit_as_it_is();
     return true;
   }
 
+  // A first fit that stopped far from the recordings could not free them of the plant's free motion.
+  void renew() {
+    std::unique_ptr<MismatchProblem> problem = problem_->renewed(result_.before);
+    if (problem == nullptr) return;
+    ExtendedFit fit = problem->fit({}, nullptr);
+    if (!fit.usable) return;
+    renewed_ = std::move(problem);
+    problem_ = renewed_.get();
+    result_.before = std::move(fit);
+  }
+
   void describe_fit_as_it_is() {
     result_.after = result_.before;
-    result_.mismatch_before = problem_.mismatch(result_.before);
-    result_.curves_before = problem_.residual_curves(result_.before);
-    result_.validation_before = problem_.validate(result_.before);
+    result_.mismatch_before = problem_->mismatch(result_.before);
+    result_.curves_before = problem_->residual_curves(result_.before);
+    result_.validation_before = problem_->validate(result_.before);
   }
 
   [[nodiscard]] bool is_excluded(const Hypothesis& hypothesis) const {
@@ -162,9 +175,9 @@ class Search {
   // already.
   [[nodiscard]] std::vector<std::size_t> open_hypotheses(const ExtendedFit& fit) const {
     std::vector<std::size_t> open;
-    for (std::size_t i = 0; i < problem_.hypotheses().size(); ++i) {
+    for (std::size_t i = 0; i < problem_->hypotheses().size(); ++i) {
       const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
-      const Hypothesis& hypothesis = problem_.hypotheses()[i];
+      const Hypothesis& hypothesis = problem_->hypotheses()[i];
       if (hypothesis.only_named || is_excluded(hypothesis) || is_closed(hypothesis)) continue;
       if (hypothesis.repeatable || std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
         open.push_back(i);
@@ -174,8 +187,8 @@ class Search {
   }
 
   ScoreTable rank(const ExtendedFit& fit, int draws) {
-    ScoreTable table = problem_.scores(fit, open_hypotheses(fit), draws, options_.seed);
-    const double cost = std::log(problem_.sample_count());
+    ScoreTable table = problem_->scores(fit, open_hypotheses(fit), draws, options_.seed);
+    const double cost = std::log(problem_->sample_count());
     const auto gain = [cost](const HypothesisScore& score) {
       return score.score.statistic - cost * score.score.degrees_of_freedom;
     };
@@ -197,13 +210,13 @@ class Search {
       detection.smallest_p_value = std::min(detection.smallest_p_value, score.score.p_value);
     }
     double share = options_.level;
-    if (problem_.noise_is_known()) {
+    if (problem_->noise_is_known()) {
       share = 0.5 * options_.level;
       const Assessment& fitted = result_.before.estimation;
       detection.lack_of_fit_p_value = chi_square_tail(fitted.chi_square, fitted.degrees_of_freedom);
     }
     detection.threshold = table.scores.empty() ? 0.0 : family_threshold(table.null_minima, share);
-    const std::optional<double> structure = problem_.remaining_structure(result_.before);
+    const std::optional<double> structure = problem_->remaining_structure(result_.before);
     detection.detected = detection.lack_of_fit_p_value < 0.5 * options_.level ||
                          detection.smallest_p_value < detection.threshold ||
                          (structure && *structure > options_.structure_tolerance);
@@ -250,14 +263,14 @@ class Search {
     std::size_t relatives = 0;
     for (const HypothesisScore& score : table.scores) {
       if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
-      if (is_closed(problem_.hypotheses()[score.start.hypothesis])) continue;
+      if (is_closed(problem_->hypotheses()[score.start.hypothesis])) continue;
       if (best == nullptr) best = &score;
       const std::string& place = place_of(score);
       const bool has_room = chosen.size() < options_.shortlist + relatives;
       if (has_room && (chosen.size() < crowd || places.count(place) == 0)) {
         chosen.push_back(score.start);
         places.insert(place);
-      } else if (problem_.noise_is_known() && place == place_of(*best) && relatives < crowd &&
+      } else if (problem_->noise_is_known() && place == place_of(*best) && relatives < crowd &&
                  score.score.statistic > kRelative * best->score.statistic) {
         chosen.push_back(score.start);
         ++relatives;
@@ -267,14 +280,14 @@ class Search {
   }
 
   [[nodiscard]] const std::string& place_of(const HypothesisScore& score) const {
-    return problem_.hypotheses()[score.start.hypothesis].place;
+    return problem_->hypotheses()[score.start.hypothesis].place;
   }
 
   // Rivals of an effect are often what was tried when it was found.
   const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby) {
     const auto known = std::ranges::find(refits_, laws, &Refit::laws);
     if (known != refits_.end()) return known->fit;
-    return refits_.emplace_back(Refit{laws, problem_.fit(laws, &nearby)}).fit;
+    return refits_.emplace_back(Refit{laws, problem_->fit(laws, &nearby)}).fit;
   }
 
   std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
@@ -299,8 +312,8 @@ class Search {
   [[nodiscard]] bool significant(const ExtendedFit& without, const ExtendedFit& with) const {
     if (with.parameter_count <= without.parameter_count) return with.deviance < without.deviance;
     const double added = static_cast<double>(with.parameter_count - without.parameter_count);
-    const double count = static_cast<double>(problem_.hypotheses().size());
-    if (problem_.noise_is_known()) {
+    const double count = static_cast<double>(problem_->hypotheses().size());
+    if (problem_->noise_is_known()) {
       return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
     }
     return chi_square_tail(with.laws.back().wald_statistic, added) < options_.level / count &&
@@ -325,24 +338,24 @@ class Search {
   // How much worse `fit` is than `reference`, so that `exclusion_margin` excludes it: by BIC or, where
   // the noise is not known, by the squared standard errors of what it loses on blocks kept out.
   [[nodiscard]] double disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {
-    if (problem_.noise_is_known()) return bic(fit) - bic(reference);
+    if (problem_->noise_is_known()) return bic(fit) - bic(reference);
     const HeldOutGain gain = held_out_gain(fit, reference);
     const double errors = gain.mean / std::max(gain.standard_error, 1e-300);
     return errors * std::abs(errors);
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
-    if (!problem_.noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
+    if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
     return disadvantage(fit, reference) > options_.exclusion_margin &&
            evidence(fit) - evidence(reference) > options_.exclusion_margin;
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
     if (options_.effect_limit > 0) return options_.effect_limit;
-    return problem_.noise_is_known() ? 4 : 24;
+    return problem_->noise_is_known() ? 4 : 24;
   }
 
   [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const {
-    return problem_.noise_is_known() &&
+    return problem_->noise_is_known() &&
            chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) >=
                options_.verification_level;
   }
@@ -375,7 +388,7 @@ class Search {
   }
 
   [[nodiscard]] const std::string& place_of(const Trial& trial) const {
-    return problem_.hypotheses()[trial.hypothesis].place;
+    return problem_->hypotheses()[trial.hypothesis].place;
   }
 
   // The best of those that are significant; where the noise is not known the one of fewest parameters
@@ -389,7 +402,7 @@ class Search {
       if (best == nullptr) {
         best = &trial;
         top = &trial.fit;
-        if (problem_.noise_is_known()) break;
+        if (problem_->noise_is_known()) break;
         continue;
       }
       const HeldOutGain gain = held_out_gain(trial.fit, *top);
@@ -405,7 +418,7 @@ class Search {
   [[nodiscard]] ExtendedFit fit_without(const ExtendedFit& fit, std::size_t law) const {
     std::vector<LawStart> laws = starts_of(fit);
     laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(law));
-    return laws.empty() ? result_.before : problem_.fit(laws, &fit);
+    return laws.empty() ? result_.before : problem_->fit(laws, &fit);
   }
 
   void prune() {
@@ -414,8 +427,8 @@ class Search {
       ExtendedFit without = fit_without(result_.after, law);
       const bool is_superfluous =
           without.usable &&
-          (problem_.noise_is_known() ? bic(without) <= bic(result_.after)
-                                     : !predicts_better(without, result_.after, kExclusionErrors));
+          (problem_->noise_is_known() ? bic(without) <= bic(result_.after)
+                                      : !predicts_better(without, result_.after, kExclusionErrors));
       if (is_superfluous) {
         result_.after = std::move(without);
         law = 0;
@@ -429,13 +442,13 @@ class Search {
   // the margin.
   void simplify() {
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
-      const Hypothesis& richer = problem_.hypotheses()[result_.after.laws[law].hypothesis];
+      const Hypothesis& richer = problem_->hypotheses()[result_.after.laws[law].hypothesis];
       if (richer.special_cases.empty()) continue;
       const ExtendedFit without = fit_without(result_.after, law);
       if (!without.usable) continue;
       std::vector<LawStart> plainer;
       for (const HypothesisScore& score : rank(without, 0).scores) {
-        const Hypothesis& candidate = problem_.hypotheses()[score.start.hypothesis];
+        const Hypothesis& candidate = problem_->hypotheses()[score.start.hypothesis];
         if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
           plainer.push_back(score.start);
         }
@@ -518,7 +531,7 @@ class Search {
       if (start.hypothesis != effect.law.hypothesis) candidates.push_back(start);
     }
     std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
-    if (problem_.noise_is_known()) {
+    if (problem_->noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
     std::vector<const Trial*> standing, members;
@@ -531,7 +544,7 @@ class Search {
         const std::optional<double> least = evidence_of_special_cases(trial, effect, standing);
         if (least.has_value() != richer) continue;
         Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
-        const bool is_rival = richer ? problem_.noise_is_known() && evidence(trial.fit) < *least
+        const bool is_rival = richer ? problem_->noise_is_known() && evidence(trial.fit) < *least
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {
           members.push_back(&trial);
@@ -548,7 +561,7 @@ class Search {
   [[nodiscard]] std::optional<double> evidence_of_special_cases(
       const Trial& trial, const FoundEffect& effect,
       const std::vector<const Trial*>& others) const {
-    const std::span<const Hypothesis> all = problem_.hypotheses();
+    const std::span<const Hypothesis> all = problem_->hypotheses();
     const Hypothesis& richer = all[trial.hypothesis];
     std::optional<double> least;
     const auto consider = [&](std::size_t plain, const ExtendedFit& fit) {
@@ -563,7 +576,7 @@ class Search {
 
   std::optional<NextExperiment> experiment_against(const Trial& rival) {
     if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
-    const auto experiments = problem_.experiments_between(result_.after, rival.fit);
+    const auto experiments = problem_->experiments_between(result_.after, rival.fit);
     if (!experiments) return {};
     try {
       return next_experiment(*experiments, options_.exclusion_margin);
@@ -576,22 +589,22 @@ class Search {
     std::vector<Rival> members{{effect.law, 0.0}};
     members.insert(members.end(), effect.rivals.begin(), effect.rivals.end());
     for (const Rival& member : members) {
-      for (const std::size_t twin : problem_.hypotheses()[member.law.hypothesis].twins) {
-        if (is_excluded(problem_.hypotheses()[twin])) continue;
+      for (const std::size_t twin : problem_->hypotheses()[member.law.hypothesis].twins) {
+        if (is_excluded(problem_->hypotheses()[twin])) continue;
         effect.rivals.push_back({{twin, {}}, member.bic_difference});
       }
     }
   }
 
   void verify() {
-    result_.validation_after = problem_.validate(result_.after);
-    result_.validation_within_errors = problem_.validate_within_errors(result_.after);
-    result_.mismatch_after = problem_.mismatch(result_.after);
-    result_.curves_after = problem_.residual_curves(result_.after);
-    if (!result_.after.laws.empty()) result_.pictures = problem_.force_pictures(result_.after);
+    result_.validation_after = problem_->validate(result_.after);
+    result_.validation_within_errors = problem_->validate_within_errors(result_.after);
+    result_.mismatch_after = problem_->mismatch(result_.after);
+    result_.curves_after = problem_->residual_curves(result_.after);
+    if (!result_.after.laws.empty()) result_.pictures = problem_->force_pictures(result_.after);
     const Assessment& judged = result_.validation_within_errors ? *result_.validation_within_errors
                                                                 : result_.after.estimation;
-    if (!problem_.noise_is_known()) {
+    if (!problem_->noise_is_known()) {
       verify_without_noise();
       return;
     }
@@ -600,7 +613,7 @@ class Search {
   }
 
   void verify_without_noise() {
-    result_.remaining_structure = problem_.remaining_structure(result_.after);
+    result_.remaining_structure = problem_->remaining_structure(result_.after);
     const bool generalises =
         !result_.validation_after || result_.validation_after->chi_square_per_dof() <=
                                          options_.generalisation * options_.generalisation *
@@ -622,7 +635,9 @@ class Search {
     }
   }
 
-  const MismatchProblem& problem_;
+  const MismatchProblem* problem_;
+  std::unique_ptr<MismatchProblem>
+      renewed_;  // what problem_ is, once recordings were freed of more
   const SearchOptions& options_;
   // Compound places are looked at when single ones explain no more.
   bool compounds_are_open_ = true;

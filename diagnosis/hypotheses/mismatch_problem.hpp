@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -176,6 +177,12 @@ class MismatchProblem {
   [[nodiscard]] virtual std::optional<double> remaining_structure(
       const ExtendedFit& /*fit*/) const {
     return {};
+  }
+
+  // The same problem, its recordings freed of what this fit can tell apart from what is measured and an
+  // earlier one could not (free motion); the hypotheses are the same. Null where that changes nothing.
+  [[nodiscard]] virtual std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& /*fit*/) const {
+    return nullptr;
   }
 
   // What further experiments would tell of two fits; none where that can't be said.

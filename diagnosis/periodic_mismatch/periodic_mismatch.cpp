@@ -55,9 +55,9 @@ MatrixXd solved(const MatrixXd& information, const MatrixXd& scores) {
 
 class Problem : public MismatchProblem {
  public:
-  Problem(std::unique_ptr<PlantFamily> family, PeriodicData data,
-          const PeriodicMismatchOptions& options)
-      : family_(std::move(family)), data_(std::move(data)), options_(options) {
+  Problem(std::shared_ptr<const PlantFamily> family, PeriodicData data,
+          const PeriodicDataOptions& reading, const PeriodicMismatchOptions& options)
+      : family_(std::move(family)), data_(std::move(data)), reading_(reading), options_(options) {
     list_base_laws();
     list_hypotheses();
     start_.resize(static_cast<Index>(family_->parameters().size()));
@@ -75,15 +75,25 @@ class Problem : public MismatchProblem {
   // the fitted model, until the fit no longer moves. What is between the lines is a hundredth of what is on
   // them or less, and so is what the wrong model's response does to it: a tenth of the noise at most up to
   // the misfit below. Beyond, polynomials do less harm.
-  void clear_transients(const PeriodicDataOptions& options) {
-    constexpr double kAtRest = 0.1;    // standard errors
-    constexpr double kMisfit = 100.0;  // chi-square per degree of freedom
+  void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
     const PeriodicFit first = first_fit(base_laws_);
-    if (!first.converged || report(first, {}).estimation.chi_square_per_dof() > kMisfit) return;
-    cleared_start_ =
-        fit_and_clear_transients(*family_, first, options, how_to_fit(), kAtRest, data_)
-            .fit.parameters;
+    if (first.converged && can_clear_with(report(first, {}))) clear_with(first);
+  }
+
+  // Where clear_transients() could not.
+  [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
+    if (data_.estimation.front().output_bins.size() == 0 || cleared_start_ ||
+        !can_clear_with(fit)) {
+      return nullptr;
+    }
+    const ModelState model = state_of(fit);
+    PeriodicFit near;
+    near.parameters = model.parameters;
+    near.laws = model.laws;
+    auto problem = std::make_unique<Problem>(*this);
+    problem->clear_with(near);
+    return problem;
   }
 
   [[nodiscard]] PeriodicFitOptions how_to_fit() const {
@@ -169,17 +179,29 @@ class Problem : public MismatchProblem {
   }
 
  private:
+  [[nodiscard]] static bool can_clear_with(const ExtendedFit& fit) {
+    constexpr double kMisfit = 100.0;
+    return fit.estimation.chi_square_per_dof() <= kMisfit;
+  }
+
+  void clear_with(const PeriodicFit& fit) {
+    constexpr double kAtRest = 0.1;  // standard errors
+    cleared_start_ = fit_and_clear_transients(*family_, fit, reading_, how_to_fit(), kAtRest, data_)
+                         .fit.parameters;
+  }
+
   static constexpr int kChunks = 8;  // of recordings, whose sums are added in order
 
   void list_base_laws() {
     const std::vector<Element>& elements = family_->elements();
-    base_places_.resize(elements.size());
+    base_places_ = std::make_shared<std::vector<CandidatePlace>>(elements.size());
     for (std::size_t e = 0; e < elements.size(); ++e) {
-      base_places_[e].location = elements[e].location;
-      base_places_[e].shifts_rest = family_->shifts_rest(elements[e].location);
+      CandidatePlace& place = (*base_places_)[e];
+      place.location = elements[e].location;
+      place.shifts_rest = family_->shifts_rest(elements[e].location);
       const bool is_signal = elements[e].location.kind != LocationKind::kElement;
       base_laws_.push_back(
-          {&base_places_[e], find_law(elements[e].law_name, is_signal), elements[e].parameters});
+          {&place, find_law(elements[e].law_name, is_signal), elements[e].parameters});
       base_names_.push_back(elements[e].name);
     }
   }
@@ -401,13 +423,15 @@ class Problem : public MismatchProblem {
                                                     const MatrixXd& nuisance,
                                                     const VectorXd& amplitudes) const;
 
-  std::unique_ptr<PlantFamily> family_;
+  // Shared with renewed problems, whose hypotheses point into it.
+  std::shared_ptr<const PlantFamily> family_;
   PeriodicData data_;
+  PeriodicDataOptions reading_;
   PeriodicMismatchOptions options_;
   VectorXd start_;
   std::vector<ChannelFault> faults_;
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
-  std::vector<CandidatePlace> base_places_;
+  std::shared_ptr<std::vector<CandidatePlace>> base_places_;
   std::vector<ActingLaw> base_laws_;
   std::vector<std::string> base_names_;
   std::vector<Hypothesis> hypotheses_;
@@ -735,8 +759,8 @@ std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem
   reading.threads = options.threads;
   reading.keep_going = options.keep_going;
   PeriodicData data = read_periodic_data(campaign, *family, reading);
-  auto problem = std::make_unique<Problem>(std::move(family), std::move(data), options);
-  problem->clear_transients(reading);
+  auto problem = std::make_unique<Problem>(std::move(family), std::move(data), reading, options);
+  problem->clear_transients();
   return problem;
 }
 

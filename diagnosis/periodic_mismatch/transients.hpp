@@ -57,8 +57,9 @@ struct SampledPlant {
 };
 [[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
 
-// Takes free motion and feedback out of the lines of all records, states what error is left of it
-// (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the lines. Records of a single period stay as they are. Results do not depend on the threads.
+// Takes free motion and feedback out of the lines of all records, states what error that leaves
+// (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the lines.
+// Records of a single period stay as they are. Results do not depend on the threads.
 void clear_transients(const PlantFamily& family, const ModelState& model,
                       const PeriodicDataOptions& options, PeriodicData& data);
 
