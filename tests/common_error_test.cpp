@@ -34,10 +34,10 @@ Motion random_motion(Index numbers, Index states, double size) {
   for (Index i = 0; i < numbers; ++i) {
     for (Index j = 0; j < states; ++j) {
       motion.seen(i, j) = size * std::complex<double>(random.normal(), random.normal());
-      if (i < 3)
-        motion.information +=
-            0.1 * motion.seen.row(i).real().transpose() * motion.seen.row(i).real();
     }
+    if (i >= 3) continue;
+    const VectorXd row = motion.seen.row(i).real();
+    motion.information += 0.1 * row * row.transpose();
   }
   return motion;
 }
