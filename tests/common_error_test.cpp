@@ -12,6 +12,7 @@
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/random.hpp"
+#include "ringing_drive.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -75,35 +76,9 @@ TEST(CommonError, LeavesOutWhatIsFarLessThanTheNoise) {
   EXPECT_EQ(error.inverse_directions().cols(), 0);
 }
 
-// A drive whose shaft hardly damps, recorded from rest.
-constexpr const char* kDrive = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {motor: 0.0021, load: 0.01}
-elements:
-  - name: shaft
-    location: {kind: element, between: [motor, load]}
-    law: stiffness
-    parameters: {stiffness: {value: 30, unit: N m/rad}}
-  - name: shaft damping
-    location: {kind: element, between: [motor, load]}
-    law: viscous
-    parameters: {damping: {value: 0.005, unit: N m s/rad}}
-  - name: bearing
-    location: {kind: element, mass: load}
-    law: viscous
-    parameters: {damping: {value: 0.05, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: motor}
-outputs:
-  - {name: speed, mass: motor, quantity: velocity}
-  - {name: load_speed, mass: load, quantity: velocity}
-noise: {speed: 0.005, load_speed: 0.005}
-)";
-
 Campaign drive_from_rest(const testing::TemporaryFolder& folder, const std::string& levels,
                          int seed) {
-  testing::write_text(folder.file("model.yaml"), kDrive);
+  testing::write_text(folder.file("model.yaml"), testing::kRingingDrive);
   testing::write_text(folder.file("plan.yaml"),
                       "format: graybox-plan/1\nlevels: " + levels +
                           "\nrealisations: 2\nperiod: 500\nsettling_periods: 0\nperiods: 4\n"

@@ -14,6 +14,7 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "ringing_drive.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -74,31 +75,7 @@ TEST(SampledPlant, StateIsTheTransformOfTheFreeMotion) {
 
 constexpr double kNoise = 0.005;
 
-// A drive whose shaft hardly damps, recorded from rest.
-constexpr const char* kDrive = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {motor: 0.0021, load: 0.01}
-elements:
-  - name: shaft
-    location: {kind: element, between: [motor, load]}
-    law: stiffness
-    parameters: {stiffness: {value: 30, unit: N m/rad}}
-  - name: shaft damping
-    location: {kind: element, between: [motor, load]}
-    law: viscous
-    parameters: {damping: {value: 0.005, unit: N m s/rad}}
-  - name: bearing
-    location: {kind: element, mass: load}
-    law: viscous
-    parameters: {damping: {value: 0.05, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: motor}
-outputs:
-  - {name: speed, mass: motor, quantity: velocity}
-  - {name: load_speed, mass: load, quantity: velocity}
-noise: {speed: 0.005, load_speed: 0.005}
-)";
+using testing::kRingingDrive;
 
 constexpr const char* kPlan = R"(format: graybox-plan/1
 levels: [0.1, 0.3]
@@ -113,7 +90,7 @@ frequencies: {from: 1, to: 60, count: 40, spacing: log}
 class UnsettledDrive {
  public:
   explicit UnsettledDrive(const std::string& truth, std::uint64_t seed = 1) {
-    testing::write_text(folder_.file("model.yaml"), kDrive);
+    testing::write_text(folder_.file("model.yaml"), kRingingDrive);
     testing::write_text(folder_.file("truth.yaml"), truth);
     testing::write_text(folder_.file("plan.yaml"), kPlan);
     const SimulatedSystem system = load_system(folder_.file("truth.yaml"), std::nullopt);
@@ -140,7 +117,7 @@ double chi_square_per_number(const PlantFamily& family, const ModelState& model,
 }
 
 TEST(Transients, LeaveNothingButTheNoise) {
-  const UnsettledDrive drive(kDrive);
+  const UnsettledDrive drive(kRingingDrive);
   const auto family = plant_family(drive.model());
   const PeriodicDataOptions options;
   PeriodicData data = read_periodic_data(drive.campaign(), *family, options);
@@ -172,7 +149,7 @@ TEST(Transients, LeaveNothingButTheNoise) {
 }
 
 TEST(Transients, AreTakenOutWithAnotherModelThanTheTrueOne) {
-  std::string truth = kDrive;
+  std::string truth = kRingingDrive;
   truth.replace(truth.find("value: 30,"), 10, "value: 27,");
   const UnsettledDrive drive(truth);
   const auto problem = periodic_mismatch_problem(drive.model(), drive.campaign());

@@ -18,8 +18,8 @@ struct CandidatePlace {
   bool turns = false;        // an axis that comes round: ripple has periods of whole turns
   bool is_compound = false;  // sum or difference of two places
   bool is_coupling = false;  // b_in differs from b_out
-  bool shifts_rest =
-      false;  // a constant force here changes where the model rests, and its plant there
+  // A constant force here changes where the model rests, and its plant there.
+  bool shifts_rest = false;
 };
 
 }  // namespace graybox

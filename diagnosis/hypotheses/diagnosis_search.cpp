@@ -598,16 +598,16 @@ class Search {
 
   void verify() {
     result_.validation_after = problem_->validate(result_.after);
-    result_.validation_within_errors = problem_->validate_within_errors(result_.after);
     result_.mismatch_after = problem_->mismatch(result_.after);
     result_.curves_after = problem_->residual_curves(result_.after);
     if (!result_.after.laws.empty()) result_.pictures = problem_->force_pictures(result_.after);
-    const Assessment& judged = result_.validation_within_errors ? *result_.validation_within_errors
-                                                                : result_.after.estimation;
     if (!problem_->noise_is_known()) {
       verify_without_noise();
       return;
     }
+    result_.validation_within_errors = problem_->validate_within_errors(result_.after);
+    const Assessment& judged = result_.validation_within_errors ? *result_.validation_within_errors
+                                                                : result_.after.estimation;
     result_.rest_p_value = practical_size_p_value(judged, options_.tolerance);
     result_.verified = result_.rest_p_value >= options_.verification_level;
   }

@@ -182,21 +182,6 @@ std::vector<LawShape> play_and_slip(const MotionScale& scale) {
   return shapes;
 }
 
-// Geometry in units of the anchor's distance; only ratios and the angle shape the torque.
-std::vector<LawShape> balancer() {
-  constexpr int kAngles = 12;
-  std::vector<LawShape> shapes;
-  for (const double lever : {0.15, 0.3, 0.6}) {
-    for (const double free_length : {0.0, 0.4, 0.8}) {
-      for (int k = 0; k < kAngles; ++k) {
-        const double angle = 2.0 * std::numbers::pi * k / kAngles;
-        shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
-      }
-    }
-  }
-  return shapes;
-}
-
 // One damping each way.
 LawShape asymmetric_viscous() {
   LawShape shape;
@@ -303,6 +288,20 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
   return shape;
 }
 
+std::vector<LawShape> balancer_shapes(const std::vector<double>& levers,
+                                      const std::vector<double>& free_lengths, int angles) {
+  std::vector<LawShape> shapes;
+  for (const double lever : levers) {
+    for (const double free_length : free_lengths) {
+      for (int k = 0; k < angles; ++k) {
+        const double angle = 2.0 * std::numbers::pi * k / angles;
+        shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
+      }
+    }
+  }
+  return shapes;
+}
+
 double MotionScale::deflection(double share) const {
   return deflections.empty() ? 0.0 : quantile(deflections, share);
 }
@@ -327,7 +326,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "lugre") return lugre(scale);
   if (name == "bouc_wen") return bouc_wen(scale);
   if (name == "play_and_slip") return play_and_slip(scale);
-  if (name == "balancer") return balancer();
+  if (name == "balancer") return balancer_shapes({0.15, 0.3, 0.6}, {0.0, 0.4, 0.8}, 12);
   if (name == "asymmetric_viscous") return {asymmetric_viscous()};
   if (name == "sublinear_friction") return sublinear_friction(scale);
   if (name == "payload") return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true)};

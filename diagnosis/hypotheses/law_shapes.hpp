@@ -39,6 +39,12 @@ struct LawShape {
 // One amplitude, the parameter at `index`, of the law with the parameters `unit`.
 [[nodiscard]] LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool positive);
 
+// Balancers of these levers and free lengths, in units of the anchor's distance, and so many angles a turn:
+// only ratios and the angle shape the torque.
+[[nodiscard]] std::vector<LawShape> balancer_shapes(const std::vector<double>& levers,
+                                                    const std::vector<double>& free_lengths,
+                                                    int angles);
+
 // Of laws with a force, and inertia. Empty where there was no motion that could show the law, and for
 // laws of several parameters that have no shapes.
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,

@@ -77,8 +77,8 @@ class Problem : public MismatchProblem {
   // the misfit below. Beyond, polynomials do less harm.
   void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
-    const PeriodicFit first = first_fit(base_laws_);
-    if (first.converged && can_clear_with(report(first, {}))) clear_with(first);
+    first_ = first_fit(base_laws_);
+    if (first_->converged && can_clear_with(report(*first_, {}))) clear_with(*first_);
   }
 
   // Where clear_transients() could not.
@@ -123,7 +123,9 @@ class Problem : public MismatchProblem {
     for (const LawStart& law : laws) {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
-    if (is_first && !cleared_start_) return report(first_fit(acting), laws);
+    if (is_first && !cleared_start_) {
+      return report(first_ && laws.empty() ? *first_ : first_fit(acting), laws);
+    }
     std::vector<VectorXd> starts{is_first ? *cleared_start_ : start};
     if (!is_first && !laws.empty() && !laws.back().model_parameters.empty()) {
       const std::vector<double>& other = laws.back().model_parameters;
@@ -430,6 +432,7 @@ class Problem : public MismatchProblem {
   PeriodicMismatchOptions options_;
   VectorXd start_;
   std::vector<ChannelFault> faults_;
+  std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
   std::shared_ptr<std::vector<CandidatePlace>> base_places_;
   std::vector<ActingLaw> base_laws_;

@@ -1,7 +1,6 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 
 #include <cmath>
-#include <numbers>
 
 namespace graybox {
 namespace {
@@ -25,21 +24,6 @@ std::vector<LawShape> payload() {
     for (const double y : {-0.25, 0.0, 0.25}) {
       for (const double z : {0.0, 0.25}) {
         shapes.push_back(single_amplitude({1.0, x, y, z}, 0, true));
-      }
-    }
-  }
-  return shapes;
-}
-
-// Geometry in units of the anchor's distance. Fits start from the best few, so that few will do.
-std::vector<LawShape> balancer() {
-  constexpr int kAngles = 8;
-  std::vector<LawShape> shapes;
-  for (const double lever : {0.2, 0.5}) {
-    for (const double free_length : {0.0, 0.6}) {
-      for (int k = 0; k < kAngles; ++k) {
-        const double angle = 2.0 * std::numbers::pi * k / kAngles;
-        shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
       }
     }
   }
@@ -101,7 +85,8 @@ std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlac
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
   if (entry.name == "mode") return mode(band);
-  if (entry.name == "balancer") return balancer();
+  // Fits start from the best few, so that few will do.
+  if (entry.name == "balancer") return balancer_shapes({0.2, 0.5}, {0.0, 0.6}, 8);
   if (entry.name == "offset") return {single_amplitude({1.0}, 0, false)};
   return law_shapes(entry, place, scale);
 }
