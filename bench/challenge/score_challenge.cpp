@@ -31,14 +31,32 @@ double number_in(const Json& json, const char* key) {
                                                    : std::numeric_limits<double>::quiet_NaN();
 }
 
-AnsweredLaw law_from(const Json& json) {
-  AnsweredLaw law{json.at("place").get<std::string>(), json.at("law").get<std::string>(), {}};
+AnsweredLaw law_from(const Json& json, const std::string& law_name) {
+  AnsweredLaw law{json.at("place").get<std::string>(), law_name, {}};
   const auto parameters = json.find("parameters");
   if (parameters == json.end()) return law;
   for (const auto& [name, estimate] : parameters->items()) {
     law.parameters[name] = {number_in(estimate, "value"), number_in(estimate, "standard_error")};
   }
   return law;
+}
+
+// The law at its place, and at others where it is the same system. Nor have alternatives that are only
+// named, without parameters, a system of their own: such recordings can't tell them from the one before.
+void add_members(const Json& json, std::vector<AnsweredLaw>& members) {
+  const auto law = json.at("law").get<std::string>();
+  members.push_back(law_from(json, law));
+  members.back().is_same_system = members.back().parameters.empty();
+  const auto places = json.find("same_at");
+  if (places == json.end()) return;
+  for (const Json& place : *places) {
+    members.push_back(law_from(place, law));
+    members.back().is_same_system = true;
+  }
+}
+
+std::size_t systems_in(const std::vector<AnsweredLaw>& members) {
+  return static_cast<std::size_t>(std::ranges::count(members, false, &AnsweredLaw::is_same_system));
 }
 
 // fit.after.validation.chi_square_per_dof, if all of it is there.
@@ -90,6 +108,10 @@ void compare_parameters(const HiddenEffect& effect, const AnsweredLaw& law, Scor
   }
 }
 
+bool is_final(const Answer& answer) {
+  return answer.verdict == "explained" || answer.verdict == "ambiguous";
+}
+
 std::string outcome_of_one(const ScoredCase& scored, bool found) {
   const std::string& verdict = scored.answer.verdict;
   if (verdict == "none" || verdict == "unknown") return verdict;
@@ -104,8 +126,7 @@ std::string outcome_of_two(const std::vector<const std::vector<AnsweredLaw>*>& f
   if (answer.verdict == "none") return "none";
   const auto count = std::ranges::count_if(
       found, [](const auto* each) { return each != nullptr && each->size() <= kLargestClass; });
-  const bool is_final = answer.verdict == "explained" || answer.verdict == "ambiguous";
-  if (count == 2 && is_final) return "both";
+  if (count == 2 && is_final(answer)) return "both";
   if (answer.verdict == "unknown") return "unknown";
   return count >= 1 ? "one" : answer.verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
 }
@@ -139,10 +160,11 @@ Answer read_answer(const fs::path& folder) {
     const Json verdict = Json::parse(stream);
     answer.verdict = verdict.at("verdict").get<std::string>();
     for (const Json& effect : verdict.at("physics")) {
-      std::vector<AnsweredLaw> members{law_from(effect)};
+      std::vector<AnsweredLaw> members;
+      add_members(effect, members);
       const auto alternatives = effect.find("alternatives");
       if (alternatives != effect.end()) {
-        for (const Json& other : *alternatives) members.push_back(law_from(other));
+        for (const Json& other : *alternatives) add_members(other, members);
       }
       answer.effects.push_back(std::move(members));
     }
@@ -173,8 +195,12 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
   for (std::size_t e = 0; e < found.size(); ++e) {
     if (found[e] == nullptr) continue;
     scored.class_size = std::max(scored.class_size, found[e]->size());
+    scored.systems = std::max(scored.systems, systems_in(*found[e]));
     compare_parameters(truth.effects[e], *member_of(*found[e], truth.effects[e]), scored);
   }
+  scored.named_as_system =
+      is_final(answer) && !found.empty() && !(scored.extra && truth.kind == CaseKind::kOneEffect) &&
+      std::ranges::count(found, nullptr) == 0 && scored.systems <= kLargestClass;
   switch (truth.kind) {
     case CaseKind::kNothing:
       scored.outcome = answer.verdict == "none" ? "right" : "false_alarm";
@@ -244,6 +270,7 @@ bool is_hidden(const ScoredCase& each) {
 bool is_named(const ScoredCase& each) {
   return each.outcome == "right" || (each.outcome == "in_class" && !each.extra);
 }
+bool is_named_as_system(const ScoredCase& each) { return each.named_as_system; }
 bool is_detected(const ScoredCase& each) {
   return each.answer.given && each.answer.verdict != "none";
 }
@@ -414,11 +441,13 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"detectable_detected", "90 % at the smallest size",
        rate_of(cases, is_detectable_one, is_detected)},
       {"detectable_named", "95 %", rate_of(cases, is_detectable_one, is_named)},
+      {"detectable_named_as_systems", "-", rate_of(cases, is_detectable_one, is_named_as_system)},
       {"detectable_right_alone", "-", rate_of(cases, is_detectable_one, outcome_is("right"))},
       {"wrong_and_confident", "at most 2 %",
        rate_of(cases, is_detectable_one, outcome_is("wrong_confident"))},
       {"parameters_within_3", "95 %", parameter_rate(cases)},
       {"two_effects_both", "80 %", rate_of(cases, is_two, outcome_is("both"))},
+      {"two_effects_both_as_systems", "-", rate_of(cases, is_two, is_named_as_system)},
       {"outside_unknown", "90 %", rate_of(cases, is_outside, outcome_is("unknown"))},
       {"explained_at_noise_floor", "100 %", rate_of(cases, is_explained, at_floor)},
       {"hidden_no_false_law", "-",
@@ -455,7 +484,7 @@ Json score_json(const Score& score) {
 std::string score_text(const Score& score) {
   std::string text = fmt::format("{} cases, seed {}\n\n", score.cases.size(), score.origin.seed);
   for (const NamedRate& each : rates_of(score)) {
-    text += fmt::format("{:<26} {:<42} target {}\n", each.name, percent(each.rate), each.target);
+    text += fmt::format("{:<28} {:<42} target {}\n", each.name, percent(each.rate), each.target);
   }
   text += "\noutcomes (rates with Wilson's 95 % intervals above)\n";
   for (const auto& [kind, outcomes] : outcomes_of(score)) {
@@ -482,6 +511,15 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   write(folder, "challenge_sizes.csv", sizes_table(score));
 }
 
+namespace {
+
+// The columns that every scored run has had.
+bool is_in_history(const NamedRate& rate) {
+  return !rate.name.starts_with("left_out") && !rate.name.ends_with("_as_systems");
+}
+
+}  // namespace
+
 void append_history(const Score& score, const fs::path& file) {
   if (score.origin.commit.empty() || !score.origin.family.empty() ||
       score.origin.seed != seed_of_commit(score.origin.commit)) {
@@ -499,7 +537,7 @@ void append_history(const Score& score, const fs::path& file) {
   if (text.empty()) {
     text = "date,commit,seed,cases";
     for (const NamedRate& each : rates) {
-      if (each.name.starts_with("left_out")) continue;
+      if (!is_in_history(each)) continue;
       text += fmt::format(",{0},{0}_of", each.name);
     }
     text += "\n";
@@ -507,7 +545,7 @@ void append_history(const Score& score, const fs::path& file) {
   text += fmt::format("{},{},{},{}", utc_now(), score.origin.commit, score.origin.seed,
                       score.cases.size());
   for (const NamedRate& each : rates) {
-    if (each.name.starts_with("left_out")) continue;
+    if (!is_in_history(each)) continue;
     text += fmt::format(",{},{}", each.rate.hits, each.rate.of);
   }
   write_text_file(file.string(), text + "\n");

@@ -1,7 +1,8 @@
 // Scores the answers to a challenge against its unsealed truth.
 //
 // An answer's effect is a class: the law at a place that it names and the alternatives that it says the
-// data can't exclude. For a case with one detectable effect:
+// data can't exclude; where a verdict says that one law is the same system at several places, each place
+// counts as a member. For a case with one detectable effect:
 //
 //   right            verdict explained, one effect, its class is the true law at the true place alone
 //   in_class         the truth is in the class of one of the effects named, of at most 3 members
@@ -16,7 +17,9 @@
 // where both are in classes of at most 3 of different effects of a verdict explained or ambiguous.
 // Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out test fails (such
 // an answer is `unknown` as well; what passed on held-out data is `nearest_law`).
-// Effects that are not detectable are tabulated apart.
+// Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at
+// places that make one system (a delay of the only actuator or the only sensor) as one member, and so
+// alternatives that the answer only names, as the same in such recordings.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once
@@ -52,6 +55,7 @@ struct AnsweredParameter {
 struct AnsweredLaw {
   std::string place, law;
   std::map<std::string, AnsweredParameter> parameters;
+  bool is_same_system = false;  // as another of the class
 };
 struct Answer {
   bool given = false;
@@ -70,6 +74,8 @@ struct ScoredCase {
   Answer answer;
   std::string outcome{};         // as above; for two effects also both | one
   std::size_t class_size = 0;    // of the class that holds the truth
+  std::size_t systems = 0;       // in that class
+  bool named_as_system = false;  // all effects in classes of at most 3 systems, in a final verdict
   bool extra = false;            // more effects than there are
   bool place_right = false;      // the first effect's place is a true one
   std::size_t parameters = 0;    // compared

@@ -24,8 +24,18 @@ constexpr int kFirstFits = 3;
 constexpr std::size_t kTriedTrials = 3;
 constexpr double kShortOfOptimum = 1.0;  // of the deviance
 
-// Share of the best score statistic that makes a law at the same place worth a refit.
+// Share of the best score statistic that makes a law worth a refit: at the same place, and anywhere.
 constexpr double kRelative = 0.7;
+constexpr double kEqual = 0.97;
+
+// One law at two places is the same to every experiment of a kind where fits with it differ by no more
+// than this in deviance, and the best further experiment leaves no more distance than that
+// (next_experiment.hpp; about 20 excludes a rival).
+constexpr double kSameDeviance = 0.1;
+constexpr double kSameDistance = 1e-3;
+
+// Exchanges of laws for better ones where the noise is known; each lowers BIC.
+constexpr int kExchanges = 4;
 
 // What was fitted, and where the laws started.
 struct Refit {
@@ -254,7 +264,7 @@ class Search {
 
   // The best of the ranking, and besides the best law of each of the best places: laws at one place
   // crowd each other's neighbours out. Where the noise is known, laws besides that come close to the best at
-  // its place: which of them it is only refits can tell.
+  // its place, or as good as equal it anywhere: which of them it is only refits can tell.
   [[nodiscard]] std::vector<LawStart> shortlist(const ScoreTable& table) const {
     std::vector<LawStart> chosen;
     std::set<std::string> places;
@@ -270,8 +280,9 @@ class Search {
       if (has_room && (chosen.size() < crowd || places.count(place) == 0)) {
         chosen.push_back(score.start);
         places.insert(place);
-      } else if (problem_->noise_is_known() && place == place_of(*best) && relatives < crowd &&
-                 score.score.statistic > kRelative * best->score.statistic) {
+      } else if (problem_->noise_is_known() && relatives < crowd &&
+                 score.score.statistic >
+                     (place == place_of(*best) ? kRelative : kEqual) * best->score.statistic) {
         chosen.push_back(score.start);
         ++relatives;
       }
@@ -370,14 +381,20 @@ class Search {
     ScoreTable table;
     table.scores = result_.ranking;
     while (result_.after.laws.size() < effect_limit() && !result_.interrupted) {
+      bool is_small = false;  // what may still be missing
       if (!result_.after.laws.empty()) {
-        if (rest_is_noise(result_.after)) return;
         if (!proceed("testing all hypotheses again")) return;
         table = rank(result_.after, 0);
+        is_small = rest_is_noise(result_.after);
+        if (is_small && !points_elsewhere(table)) return;
       }
       const std::vector<Trial> trials =
           refit_each(starts_of(result_.after), shortlist(table), result_.after);
       const Trial* best = choose(result_.after, trials);
+      if (is_small &&
+          (best == nullptr || bic(result_.after) - bic(best->fit) <= options_.exclusion_margin)) {
+        return;
+      }
       if (best == nullptr && compounds_are_open_) return;
       if (best == nullptr) {
         compounds_are_open_ = true;
@@ -385,6 +402,20 @@ class Search {
       }
       result_.after = best->fit;
     }
+  }
+
+  // A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at it
+  // still sees it; the law must then be better by `exclusion_margin`. At a place that has its law, though,
+  // what is left is first of all that law's own imperfection.
+  [[nodiscard]] bool points_elsewhere(const ScoreTable& table) const {
+    if (table.scores.empty()) return false;
+    const HypothesisScore& best = table.scores.front();
+    const auto is_there = [&](const FittedLaw& law) {
+      return problem_->hypotheses()[law.hypothesis].place == place_of(best);
+    };
+    const auto count = static_cast<double>(problem_->hypotheses().size());
+    return best.score.p_value < options_.level / count &&
+           std::ranges::none_of(result_.after.laws, is_there);
   }
 
   [[nodiscard]] const std::string& place_of(const Trial& trial) const {
@@ -500,19 +531,43 @@ class Search {
     return false;
   }
 
+  // Where one of several laws found one after another has a better rival now that the others are there,
+  // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
+    int exchanges = 0;
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       FoundEffect effect;
       effect.law = result_.after.laws[law];
       const ExtendedFit without = fit_without(result_.after, law);
       if (without.usable) {
+        const std::vector<Trial> trials = rivals_of(effect, without);
+        const Trial* better = better_than_found(effect, trials);
+        if (better != nullptr && exchanges++ < kExchanges) {
+          result_.after = better->fit;
+          result_.effects.clear();
+          law = static_cast<std::size_t>(-1);
+          continue;
+        }
         effect.bic_difference = disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
-        weigh_rivals_of(effect, without);
+        divide_rivals(effect, trials);
       }
       add_twins(effect);
       result_.effects.push_back(std::move(effect));
     }
+  }
+
+  // Of another law than the one found, one that does not merely generalise it, by BIC.
+  [[nodiscard]] const Trial* better_than_found(const FoundEffect& effect,
+                                               const std::vector<Trial>& trials) const {
+    if (!problem_->noise_is_known() || result_.after.laws.size() < 2) return nullptr;
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    const Trial* best = nullptr;
+    for (const Trial& trial : trials) {
+      if (is_special_case(all[effect.law.hypothesis], all[trial.hypothesis])) continue;
+      if (bic(trial.fit) < (best == nullptr ? bic(result_.after) : bic(best->fit))) best = &trial;
+    }
+    return best;
   }
 
   static double share_explained(const ExtendedFit& without, const ExtendedFit& with) {
@@ -521,8 +576,8 @@ class Search {
     return excess > gain ? gain / excess : 1.0;
   }
 
-  void weigh_rivals_of(FoundEffect& effect, const ExtendedFit& without) {
-    if (!proceed("weighing rivals of " + name_of(effect.law.hypothesis))) return;
+  std::vector<Trial> rivals_of(const FoundEffect& effect, const ExtendedFit& without) {
+    if (!proceed("weighing rivals of " + name_of(effect.law.hypothesis))) return {};
     std::vector<LawStart> candidates;
     ScoreTable table;
     table.scores = result_.ranking;
@@ -534,27 +589,58 @@ class Search {
     if (problem_->noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
-    std::vector<const Trial*> standing, members;
+    return trials;
+  }
+
+  // Into those that are not excluded, and the others.
+  void divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
+    std::vector<const Trial*> standing;
     for (const Trial& trial : trials) {
       if (!excludes(result_.after, trial.fit)) standing.push_back(&trial);
     }
-    // Laws of which no other that stands is a special case come first.
+    // Fits of the class, the law found first. Laws of which no other that stands is a special case come
+    // before the others.
+    std::vector<const ExtendedFit*> members{&result_.after};
     for (const bool richer : {false, true}) {
       for (const Trial& trial : trials) {
         const std::optional<double> least = evidence_of_special_cases(trial, effect, standing);
         if (least.has_value() != richer) continue;
-        Rival rival{trial.fit.laws.back(), disadvantage(trial.fit, result_.after), {}};
+        Rival rival{.law = trial.fit.laws.back(),
+                    .bic_difference = disadvantage(trial.fit, result_.after)};
         const bool is_rival = richer ? problem_->noise_is_known() && evidence(trial.fit) < *least
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {
-          members.push_back(&trial);
+          if (std::vector<FittedLaw>* same = same_law_among(members, trial.fit, effect)) {
+            same->push_back(std::move(rival.law));
+            continue;
+          }
+          members.push_back(&trial.fit);
           effect.rivals.push_back(std::move(rival));
         } else if (!richer) {
           effect.excluded.push_back(std::move(rival));
         }
       }
     }
-    if (!members.empty()) effect.rivals.front().next = experiment_against(*members.front());
+    if (!effect.rivals.empty()) effect.rivals.front().next = experiment_against(*members[1]);
+  }
+
+  // Where the last law of this fit is that of a member of the class, at a place that no experiment of this
+  // kind would tell from the member's: the member's list of such places.
+  [[nodiscard]] std::vector<FittedLaw>* same_law_among(
+      const std::vector<const ExtendedFit*>& members, const ExtendedFit& fit,
+      FoundEffect& effect) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      const FittedLaw& law = m == 0 ? effect.law : effect.rivals[m - 1].law;
+      if (all[law.hypothesis].law != all[fit.laws.back().hypothesis].law ||
+          std::abs(members[m]->deviance - fit.deviance) > kSameDeviance) {
+        continue;
+      }
+      const auto experiments = problem_->experiments_between(*members[m], fit);
+      if (!experiments || experiments->distance_at_best > kSameDistance) continue;
+      return m == 0 ? &effect.same_at : &effect.rivals[m - 1].same_at;
+    }
+    return nullptr;
   }
 
   // The least among the law found and others in its place of which this one is a generalisation.
@@ -574,10 +660,13 @@ class Search {
     return least;
   }
 
-  std::optional<NextExperiment> experiment_against(const Trial& rival) {
-    if (!proceed("designing the experiment that excludes " + name_of(rival.hypothesis))) return {};
-    const auto experiments = problem_->experiments_between(result_.after, rival.fit);
-    if (!experiments) return {};
+  std::optional<NextExperiment> experiment_against(const ExtendedFit& rival) {
+    if (!proceed("designing the experiment that excludes " +
+                 name_of(rival.laws.back().hypothesis))) {
+      return {};
+    }
+    const auto experiments = problem_->experiments_between(result_.after, rival);
+    if (!experiments || !(experiments->distance_at_best > 0.0)) return {};
     try {
       return next_experiment(*experiments, options_.exclusion_margin);
     } catch (const InputError&) {
@@ -586,12 +675,12 @@ class Search {
   }
 
   void add_twins(FoundEffect& effect) const {
-    std::vector<Rival> members{{effect.law, 0.0}};
+    std::vector<Rival> members{{.law = effect.law}};
     members.insert(members.end(), effect.rivals.begin(), effect.rivals.end());
     for (const Rival& member : members) {
       for (const std::size_t twin : problem_->hypotheses()[member.law.hypothesis].twins) {
         if (is_excluded(problem_->hypotheses()[twin])) continue;
-        effect.rivals.push_back({{twin, {}}, member.bic_difference});
+        effect.rivals.push_back({.law = {twin, {}}, .bic_difference = member.bic_difference});
       }
     }
   }
@@ -628,7 +717,9 @@ class Search {
     } else if (result_.effects.empty() || !result_.verified) {
       result_.verdict = Verdict::kUnknown;
     } else {
-      const auto has_rivals = [](const FoundEffect& effect) { return !effect.rivals.empty(); };
+      const auto has_rivals = [](const FoundEffect& effect) {
+        return !effect.rivals.empty() || !effect.same_at.empty();
+      };
       result_.verdict = std::any_of(result_.effects.begin(), result_.effects.end(), has_rivals)
                             ? Verdict::kAmbiguous
                             : Verdict::kExplained;
@@ -679,6 +770,7 @@ HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with) {
 }
 
 double practical_size_p_value(const Assessment& assessment, double tolerance) {
+  if (!std::isfinite(assessment.chi_square)) return 0.0;
   return noncentral_chi_square_tail(assessment.chi_square, assessment.degrees_of_freedom,
                                     tolerance * assessment.degrees_of_freedom);
 }

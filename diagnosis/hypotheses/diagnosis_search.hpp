@@ -31,7 +31,9 @@
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
 //      so that a small effect would exclude all laws of many parameters. A law that generalises another
 //      that stands is at least as good always: a rival where the noise is known and its evidence is
-//      better, else left out. Twins (mismatch_problem.hpp) are rivals always.
+//      better, else left out. Twins (mismatch_problem.hpp) are rivals always. Members of a class with one
+//      law at several places that no experiment of this kind would tell apart (a delay of the only
+//      actuator or of the only sensor of a linear system) are one explanation: `same_at`.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
@@ -44,7 +46,7 @@
 //      (next_experiment.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members. `unknown`: something is missing that
+// `ambiguous`: the rest is noise, but a class has several members, or one law several places. `unknown`: something is missing that
 // no hypothesis explains down to the noise; the laws found so far are reported with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
@@ -102,6 +104,8 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
+  // The same law at other places, where it is the same to every experiment of this kind: one explanation.
+  std::vector<FittedLaw> same_at = {};
   // To the best of its class; where the noise is not known, of the prediction of blocks kept out, in
   // squared standard errors, negative where it is better.
   double bic_difference = 0.0;
@@ -111,10 +115,11 @@ struct Rival {
 
 struct FoundEffect {
   FittedLaw law;
-  double explained_share = 0.0;  // of the excess of chi-square that was there before it
-  double bic_difference = 0.0;   // of the model without it, likewise
-  std::vector<Rival> rivals;     // not excluded
-  std::vector<Rival> excluded;   // the best of those that are, by their distance
+  std::vector<FittedLaw> same_at = {};  // as in Rival
+  double explained_share = 0.0;         // of the excess of chi-square that was there before it
+  double bic_difference = 0.0;          // of the model without it, likewise
+  std::vector<Rival> rivals;            // not excluded
+  std::vector<Rival> excluded;          // the best of those that are, by their distance
 };
 
 struct Diagnosis {

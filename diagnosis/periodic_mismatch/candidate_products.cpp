@@ -49,6 +49,7 @@ class RecordProducts {
         coarse_(family, data, coarse_grid()),
         record_(record),
         observer_(solver, model, data, follows_data),
+        undisturbed_(solver, model, data, false),
         lines_(data.last_line + 1),
         outputs_(static_cast<Index>(data.outputs.size())),
         draws_(std::move(draws)),
@@ -122,7 +123,8 @@ class RecordProducts {
     const Location& place = first.place->location;
     MatrixXcd answer;
     answer_at(solver_, model_, record_, place, answer);
-    motion_ = observer_.observe(record_, place, answer);
+    const PlaceObserver& observer = may_follow_data(*first.entry) ? observer_ : undisturbed_;
+    motion_ = observer.observe(record_, place, answer);
     // A law's force acts against the motion.
     if (place.kind == LocationKind::kElement) answer = -answer;
     coarse_.motion_of(motion_.deflection, times_);
@@ -220,7 +222,7 @@ class RecordProducts {
   SteadyStateSolver& solver_;
   SteadyStateSolver coarse_;
   const MeasuredRecord& record_;
-  PlaceObserver observer_;
+  PlaceObserver observer_, undisturbed_;
   Index lines_, outputs_;
   NoiseDraws draws_;
   CandidateSums& sums_;
@@ -239,6 +241,8 @@ class RecordProducts {
 };
 
 }  // namespace
+
+bool may_follow_data(const LawEntry& entry) { return entry.name != "gain"; }
 
 NoiseDraws::NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,
                        std::uint64_t record)

@@ -20,6 +20,11 @@
 
 namespace graybox {
 
+// Whether a law's column is worth taking from the motion as measured. What a gain error does is
+// proportional to it whatever its size, and often to what the parameters do: the model's own motion, which
+// has nothing of the residuals in it, gives that exactly.
+[[nodiscard]] bool may_follow_data(const LawEntry& entry);
+
 // One law at one place, with the shapes that are tried.
 struct Candidate {
   std::size_t hypothesis = 0;

@@ -230,7 +230,9 @@ class PeriodicFitter {
       result.information += scales.asDiagonal() * information[i] * scales.asDiagonal();
       result.gradient += scales.cwiseProduct(gradient[i]);
     }
-    if (!std::isfinite(result.chi_square)) {
+    // A force may be finite where its derivatives no longer are.
+    if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
+        !result.gradient.allFinite()) {
       result.chi_square = std::numeric_limits<double>::infinity();
     }
     return result;

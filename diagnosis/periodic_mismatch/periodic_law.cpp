@@ -10,6 +10,13 @@ namespace {
 using Complex = std::complex<double>;
 
 // phi_1(x) = (e^x - 1) / x
+constexpr int kRuns = 2;  // through the period; the last counts
+
+// The mean of a time and the next, around the period.
+double halfway(const Eigen::VectorXd& times, Eigen::Index t) {
+  return 0.5 * (times(t) + times(t + 1 == times.size() ? 0 : t + 1));
+}
+
 double relative_growth(double x) { return std::abs(x) < 1e-12 ? 1.0 : std::expm1(x) / x; }
 
 }  // namespace
@@ -43,7 +50,11 @@ std::optional<Complex> PeriodicLaw::response(double w) const {
 void PeriodicLaw::force(const PeriodicMotion& motion, Eigen::VectorXd& times) const {
   times.resize(motion.deflection.size());
   if (law_->state_count() > 0) {
-    march(motion, times);
+    Eigen::VectorXd states;
+    march(motion, states);
+    for (Eigen::Index t = 0; t < times.size(); ++t) {
+      times(t) = law_->force(motion.deflection(t), motion.rate(t), {&states(t), 1});
+    }
     return;
   }
   for (Eigen::Index t = 0; t < times.size(); ++t) {
@@ -51,23 +62,29 @@ void PeriodicLaw::force(const PeriodicMotion& motion, Eigen::VectorXd& times) co
   }
 }
 
-void PeriodicLaw::march(const PeriodicMotion& motion, Eigen::VectorXd& times) const {
+PeriodicLaw::Advance PeriodicLaw::advanced(double deflection, double rate, double state,
+                                           double step) const {
+  double change = 0.0, shifted_change = 0.0;
+  law_->state_rate(deflection, rate, {&state, 1}, {&change, 1});
+  const double shift = 1e-6 * (std::abs(state) + std::abs(change) * step) + 1e-300;
+  const double shifted = state + shift;
+  law_->state_rate(deflection, rate, {&shifted, 1}, {&shifted_change, 1});
+  const double slope = (shifted_change - change) / shift;
+  const double relative = relative_growth(slope * step);
+  return {state + change * step * relative, 1.0 + slope * step * relative};
+}
+
+// The states at the times of the grid.
+void PeriodicLaw::march(const PeriodicMotion& motion, Eigen::VectorXd& states) const {
+  const Eigen::Index count = motion.deflection.size();
+  states.resize(count);
   double state = 0.0;
-  double rate = 0.0, shifted_rate = 0.0;
   law_->rest(motion.deflection(0), {&state, 1});
-  const Eigen::Index count = times.size();
-  for (int run = 0; run < 2; ++run) {
+  for (int run = 0; run < kRuns; ++run) {
     for (Eigen::Index t = 0; t < count; ++t) {
-      times(t) = law_->force(motion.deflection(t), motion.rate(t), {&state, 1});
-      const Eigen::Index next = t + 1 == count ? 0 : t + 1;
-      const double z = 0.5 * (motion.deflection(t) + motion.deflection(next));
-      const double v = 0.5 * (motion.rate(t) + motion.rate(next));
-      law_->state_rate(z, v, {&state, 1}, {&rate, 1});
-      const double shift = 1e-6 * (std::abs(state) + std::abs(rate) * motion.step) + 1e-300;
-      const double shifted = state + shift;
-      law_->state_rate(z, v, {&shifted, 1}, {&shifted_rate, 1});
-      const double slope = (shifted_rate - rate) / shift;
-      state += rate * motion.step * relative_growth(slope * motion.step);
+      states(t) = state;
+      state = advanced(halfway(motion.deflection, t), halfway(motion.rate, t), state, motion.step)
+                  .state;
     }
   }
 }
@@ -80,18 +97,61 @@ std::pair<double, double> PeriodicLaw::describing_slopes(const PeriodicMotion& m
   return {size > 0.0 ? f.dot(swing) / size : 0.0, speed > 0.0 ? f.dot(motion.rate) / speed : 0.0};
 }
 
-void PeriodicLaw::slopes(const PeriodicMotion& motion, Eigen::VectorXd& by_deflection,
-                         Eigen::VectorXd& by_rate) const {
+void PeriodicLaw::linearise(const PeriodicMotion& motion, LawTangent& tangent) const {
   const Eigen::Index count = motion.deflection.size();
   const double root = std::sqrt(static_cast<double>(count));
   const double dz = 1e-4 * motion.deflection.norm() / root + 1e-300;
   const double dv = 1e-4 * motion.rate.norm() / root + 1e-300;
-  by_deflection.resize(count);
-  by_rate.resize(count);
+  tangent.by_deflection.resize(count);
+  tangent.by_rate.resize(count);
+  if (has_states()) {
+    linearise_state(motion, dz, dv, tangent);
+    return;
+  }
   for (Eigen::Index t = 0; t < count; ++t) {
     const double z = motion.deflection(t), v = motion.rate(t);
-    by_deflection(t) = (law_->force(z + dz, v, {}) - law_->force(z - dz, v, {})) / (2.0 * dz);
-    by_rate(t) = (law_->force(z, v + dv, {}) - law_->force(z, v - dv, {})) / (2.0 * dv);
+    tangent.by_deflection(t) =
+        (law_->force(z + dz, v, {}) - law_->force(z - dz, v, {})) / (2.0 * dz);
+    tangent.by_rate(t) = (law_->force(z, v + dv, {}) - law_->force(z, v - dv, {})) / (2.0 * dv);
+  }
+}
+
+// One-sided differences: a state is dearer than a force, and as good as smooth but where it turns.
+void PeriodicLaw::linearise_state(const PeriodicMotion& motion, double dz, double dv,
+                                  LawTangent& tangent) const {
+  Eigen::VectorXd states;
+  march(motion, states);
+  const Eigen::Index count = states.size();
+  const double ds = 1e-4 * states.norm() / std::sqrt(static_cast<double>(count)) + 1e-300;
+  for (auto* values :
+       {&tangent.by_state, &tangent.growth, &tangent.state_by_deflection, &tangent.state_by_rate}) {
+    values->resize(count);
+  }
+  for (Eigen::Index t = 0; t < count; ++t) {
+    const double z = motion.deflection(t), v = motion.rate(t), s = states(t), beside = s + ds;
+    const double force = law_->force(z, v, {&s, 1});
+    tangent.by_deflection(t) = (law_->force(z + dz, v, {&s, 1}) - force) / dz;
+    tangent.by_rate(t) = (law_->force(z, v + dv, {&s, 1}) - force) / dv;
+    tangent.by_state(t) = (law_->force(z, v, {&beside, 1}) - force) / ds;
+    const double z_on = halfway(motion.deflection, t), v_on = halfway(motion.rate, t);
+    const Advance on = advanced(z_on, v_on, s, motion.step);
+    tangent.growth(t) = on.growth;
+    tangent.state_by_deflection(t) =
+        (advanced(z_on + dz, v_on, s, motion.step).state - on.state) / dz;
+    tangent.state_by_rate(t) = (advanced(z_on, v_on + dv, s, motion.step).state - on.state) / dv;
+  }
+}
+
+void LawTangent::apply(const PeriodicMotion& change, Eigen::VectorXd& times) const {
+  times = by_deflection.cwiseProduct(change.deflection) + by_rate.cwiseProduct(change.rate);
+  if (by_state.size() == 0) return;
+  double state = 0.0;
+  for (int run = 0; run < kRuns; ++run) {
+    for (Eigen::Index t = 0; t < times.size(); ++t) {
+      if (run + 1 == kRuns) times(t) += by_state(t) * state;
+      state = growth(t) * state + state_by_deflection(t) * halfway(change.deflection, t) +
+              state_by_rate(t) * halfway(change.rate, t);
+    }
   }
 }
 

@@ -28,6 +28,18 @@ struct PeriodicMotion {
   double step = 0.0;  // s, of the grid
 };
 
+// What a small change of the motion does to a law's force, over the grid of the period:
+//   df = f_z dz + f_z' dz' + f_s ds,
+// and where the law has a state s, from each time to the next
+//   ds_next = growth ds + s_z dz + s_z' dz',  dz and dz' halfway,
+// through the period twice from ds = 0, as the state itself.
+struct LawTangent {
+  Eigen::VectorXd by_deflection, by_rate;
+  Eigen::VectorXd by_state, growth, state_by_deflection, state_by_rate;  // empty without a state
+
+  void apply(const PeriodicMotion& change, Eigen::VectorXd& times) const;
+};
+
 class PeriodicLaw {
  public:
   // Keeps the entry, which belongs to the catalogue.
@@ -39,15 +51,22 @@ class PeriodicLaw {
   // f over the period of one that is not.
   void force(const PeriodicMotion& motion, Eigen::VectorXd& times) const;
   [[nodiscard]] bool has_states() const { return law_ != nullptr && law_->state_count() > 0; }
-  // f_z and f_z' over the period, of a law without states, by central differences.
-  void slopes(const PeriodicMotion& motion, Eigen::VectorXd& by_deflection,
-              Eigen::VectorXd& by_rate) const;
+  // By finite differences.
+  void linearise(const PeriodicMotion& motion, LawTangent& tangent) const;
   // (k, d) of the spring and damper nearest to the force of a law with states (its describing
   // function).
   [[nodiscard]] std::pair<double, double> describing_slopes(const PeriodicMotion& motion) const;
 
  private:
-  void march(const PeriodicMotion& motion, Eigen::VectorXd& times) const;
+  // The state one step of the grid later, under the mean motion of the step.
+  struct Advance {
+    double state = 0.0;
+    double growth = 1.0;  // e^(slope h), of small differences in the state
+  };
+  [[nodiscard]] Advance advanced(double deflection, double rate, double state, double step) const;
+  void march(const PeriodicMotion& motion, Eigen::VectorXd& states) const;
+  void linearise_state(const PeriodicMotion& motion, double dz, double dv,
+                       LawTangent& tangent) const;
 
   const LawEntry* entry_;
   std::vector<double> parameters_;

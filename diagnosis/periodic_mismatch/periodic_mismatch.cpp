@@ -507,10 +507,12 @@ std::vector<Candidate> Problem::candidates(
   for (const std::size_t hypothesis : asked) {
     Candidate candidate{hypothesis, places_[hypothesis], entries_[hypothesis], {}, column, 0};
     if (!list.empty()) {
+      const Candidate& last = list.back();
       const bool is_same =
-          list.back().place == candidate.place && is_body(*list.back().place, *list.back().entry) ==
-                                                      is_body(*candidate.place, *candidate.entry);
-      candidate.block = list.back().block + (is_same ? 0 : 1);
+          last.place == candidate.place &&
+          is_body(*last.place, *last.entry) == is_body(*candidate.place, *candidate.entry) &&
+          may_follow_data(*last.entry) == may_follow_data(*candidate.entry);
+      candidate.block = last.block + (is_same ? 0 : 1);
     }
     candidate.shapes =
         periodic_shapes(*candidate.entry, *candidate.place, scales.at(candidate.place), band);

@@ -65,7 +65,7 @@ PlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Location&
   for (Index k = data_.first_line; k <= lines; ++k) {
     motion.deflection(k) -= motion.force(k) * between(receptances[at(k)], place);
   }
-  take_measured(record, plant, place, motion.deflection);
+  take_measured(record, plant, place, motion.force, motion.deflection);
   motion.deflection(0) += solver_.static_scale() * place.input.dot(plant.rest);
   return motion;
 }
@@ -115,7 +115,8 @@ VectorXcd PlaceObserver::measured(const MeasuredRecord& record, Index channel) c
 
 // z from a sensor's own signal, where one measures this deflection or its rate.
 void PlaceObserver::take_measured(const MeasuredRecord& record, const LinearPlant& plant,
-                                  const Location& place, VectorXcd& deflection) const {
+                                  const Location& place, const VectorXcd& force,
+                                  VectorXcd& deflection) const {
   for (Index c = 0; c < plant.velocity_output.rows(); ++c) {
     for (const bool is_rate : {true, false}) {
       const VectorXd row =
@@ -128,6 +129,8 @@ void PlaceObserver::take_measured(const MeasuredRecord& record, const LinearPlan
       }
       const VectorXcd signal = measured(record, c);
       for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+        // With the rest of the motion, or a law would seem to act where the model's own like it does not.
+        if (force(k) == 0.0) continue;
         const Complex rate = is_rate ? Complex(0.0, data_.frequencies[at(k)]) : Complex(1.0);
         deflection(k) = signal(k) / (ratio * rate);
       }

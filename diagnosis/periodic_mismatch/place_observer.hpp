@@ -43,7 +43,7 @@ class PlaceObserver {
                                                const Eigen::MatrixXcd& answer) const;
   [[nodiscard]] Eigen::VectorXcd measured(const MeasuredRecord& record, Eigen::Index channel) const;
   void take_measured(const MeasuredRecord& record, const LinearPlant& plant, const Location& place,
-                     Eigen::VectorXcd& deflection) const;
+                     const Eigen::VectorXcd& force, Eigen::VectorXcd& deflection) const;
 
   SteadyStateSolver& solver_;
   const ModelState& model_;

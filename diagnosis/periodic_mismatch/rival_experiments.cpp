@@ -112,10 +112,11 @@ std::vector<std::vector<const MeasuredRecord*>> templates_of(const PeriodicData&
   return templates;
 }
 
-// Schur complement of the last diagonal entry, 0 where the others are singular.
+// Schur complement of the last diagonal entry, 0 where it or the others are singular.
 double distance_in(const MatrixXd& information) {
   const Index n = information.rows() - 1;
   const VectorXd scale = information.diagonal().cwiseSqrt();
+  if (!(scale.minCoeff() > 0.0)) return 0.0;
   const MatrixXd scaled =
       scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
   const Eigen::LLT<MatrixXd> factor(scaled.topLeftCorner(n, n));
@@ -193,20 +194,22 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
   for (std::size_t i = 0; i < known; ++i) now += tasks[i];
   // Parameters that are known have no columns.
   std::vector<Index> free;
-  for (Index p = 0; p < now.rows(); ++p) {
+  for (Index p = 0; p + 1 < now.rows(); ++p) {
     if (now(p, p) > 0.0) free.push_back(p);
   }
-  if (free.empty() || free.back() != now.rows() - 1) return {};
+  if (free.empty()) return {};
+  free.push_back(now.rows() - 1);
   now = MatrixXd(now(free, free));
   const VectorXd scale = parameter_scale(now);
   const auto dimension = static_cast<std::size_t>(now.rows());
   const std::size_t packed = packed_size(dimension);
   AlignedArray information(options.size() * packed);
-  RivalExperiments result{{}, InformationSet(dimension, AlignedArray(packed)), 0.0, 0.0};
+  RivalExperiments result{{}, InformationSet(dimension, AlignedArray(packed))};
   for (std::size_t i = 0; i < options.size(); ++i) {
-    const MatrixXd scaled = scale.cwiseInverse().asDiagonal() *
-                            (now + tasks[known + i](free, free)) *
-                            scale.cwiseInverse().asDiagonal();
+    const MatrixXd then = now + tasks[known + i](free, free);
+    const MatrixXd scaled =
+        scale.cwiseInverse().asDiagonal() * then * scale.cwiseInverse().asDiagonal();
+    result.distance_at_best = std::max(result.distance_at_best, distance_in(then));
     pack(scaled.data(), dimension, information.data() + i * packed);
     result.options.push_back(described(options[i], *templates[options[i].position].front(), data));
   }

@@ -168,8 +168,7 @@ void SteadyStateSolver::list_laws(const ModelState& model) {
     if (law.place->location.kind != LocationKind::kElement || is_body(*law.place, *law.entry)) {
       continue;
     }
-    force_laws_.push_back(
-        {l, &law.place->location, PeriodicLaw(*law.entry, law.parameters), {}, {}});
+    force_laws_.push_back({l, &law.place->location, PeriodicLaw(*law.entry, law.parameters)});
   }
 }
 
@@ -409,12 +408,12 @@ void SteadyStateSolver::renew_forces(MatrixXcd& renewed) {
     double stiffness = 0.0, damping = 0.0;
     if (!law.periodic.is_linear()) {
       motion_of(z, motion_);
+      law.periodic.linearise(motion_, law.tangent);
       if (law.periodic.has_states()) {
         std::tie(stiffness, damping) = law.periodic.describing_slopes(motion_);
       } else {
-        law.periodic.slopes(motion_, law.by_deflection, law.by_rate);
-        stiffness = law.by_deflection.mean();
-        damping = law.by_rate.mean();
+        stiffness = law.tangent.by_deflection.mean();
+        damping = law.tangent.by_rate.mean();
       }
     }
     force_lines(law.periodic, z, motion_, force);
@@ -451,13 +450,12 @@ void SteadyStateSolver::apply_slopes(const MatrixXcd& deflections, MatrixXcd& fo
   for (std::size_t l = 0; l < force_laws_.size(); ++l) {
     const auto column = static_cast<Index>(l);
     const ForceLaw& law = force_laws_[l];
-    if (law.by_deflection.size() == 0) {
+    if (law.periodic.is_linear()) {
       forces.col(column) = state_.slopes.col(column).cwiseProduct(deflections.col(column));
       continue;
     }
     motion_of(deflections.col(column), motion_);
-    times_ =
-        law.by_deflection.cwiseProduct(motion_.deflection) + law.by_rate.cwiseProduct(motion_.rate);
+    law.tangent.apply(motion_, times_);
     transform_.to_lines(times_, force);
     forces.col(column) = force;
   }
@@ -482,7 +480,7 @@ double SteadyStateSolver::product(const MatrixXcd& a, const MatrixXcd& b) const 
 // linear over real numbers only.
 void SteadyStateSolver::solve_equation(MatrixXcd& forces, bool exact) {
   const bool is_line_by_line = std::ranges::all_of(
-      force_laws_, [](const ForceLaw& law) { return law.by_deflection.size() == 0; });
+      force_laws_, [](const ForceLaw& law) { return law.periodic.is_linear(); });
   if (!exact || is_line_by_line) {
     precondition(forces);
     return;

@@ -11,9 +11,9 @@
 //
 //   (I + S r) dF = law(z(F)) - F,   r_lm = b_in,l^T D^-1 b_out,m,
 //
-// S the laws linearised about the present motion (they multiply by f_z(t) and f_z'(t) in time, so
-// that S couples lines), solves each step by GMRES in the norm of the outputs' noise, preconditioned
-// with the mean slopes s in place of S, which couple nothing. Laws with states have mean slopes only.
+// S the laws linearised about the present motion (they multiply by f_z(t) and f_z'(t) in time, and laws
+// with a state remember, so that S couples lines), solves each step by GMRES in the norm of the outputs' noise,
+// preconditioned with the mean slopes s in place of S, which couple nothing.
 // The iteration starts at the virtual force: what F must be to explain the recorded outputs, by
 // weighted least squares at each line, shrunk where it is not larger than its noise. Where the
 // equation has several solutions that start selects the recorded one, and where the iteration does
@@ -167,7 +167,7 @@ class SteadyStateSolver {
     std::size_t law = 0;  // of the model
     const Location* place = nullptr;
     PeriodicLaw periodic;
-    Eigen::VectorXd by_deflection, by_rate;  // slopes over the period; empty: mean slopes serve
+    LawTangent tangent{};  // of laws that are not linear
   };
 
   void list_laws(const ModelState& model);

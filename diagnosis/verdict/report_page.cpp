@@ -239,8 +239,13 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
       std::string("<table><tr><th>law and place</th><th></th><th>parameters</th><th class=\"n\">") +
       (noise_is_known ? "BIC" : "prediction, squared standard errors") + "</th></tr>\n" +
       law_rows(effect.law, hypotheses, 0.0, "found");
+  const auto add_same_places = [&](const std::vector<FittedLaw>& laws, double bic) {
+    for (const FittedLaw& law : laws) rows += law_rows(law, hypotheses, bic, "the same system");
+  };
+  add_same_places(effect.same_at, 0.0);
   for (const Rival& rival : effect.rivals) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
+    add_same_places(rival.same_at, rival.bic_difference);
   }
   for (const Rival& rival : effect.excluded) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "excluded");

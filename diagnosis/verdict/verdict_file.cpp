@@ -46,6 +46,17 @@ Json parameters_json(const FittedLaw& law) {
   return parameters;
 }
 
+Json same_at_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const FittedLaw& law : laws) {
+    const Hypothesis& hypothesis = hypotheses[law.hypothesis];
+    list.push_back({{"place", hypothesis.place},
+                    {"location", json_of(YAML::Load(hypothesis.location))},
+                    {"parameters", parameters_json(law)}});
+  }
+  return list;
+}
+
 Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses) {
   Json list = Json::array();
   for (const Rival& rival : rivals) {
@@ -53,7 +64,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
     list.push_back({{"place", hypothesis.place},
                     {"law", hypothesis.law},
                     {"parameters", parameters_json(rival.law)},
-                    {"bic_difference", number(rival.bic_difference)}});
+                    {"bic_difference", number(rival.bic_difference)},
+                    {"same_at", same_at_json(rival.same_at, hypotheses)}});
   }
   return list;
 }
@@ -67,6 +79,7 @@ Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypothes
           {"parameters", parameters_json(effect.law)},
           {"explained_share", number(effect.explained_share)},
           {"bic_difference", number(effect.bic_difference)},
+          {"same_at", same_at_json(effect.same_at, hypotheses)},
           {"alternatives", rivals_json(effect.rivals, hypotheses)},
           {"excluded", rivals_json(effect.excluded, hypotheses)}};
 }

@@ -81,6 +81,16 @@ std::string next_words(const NextExperiment& next) {
       next.distance_then, next.recordings, next.distance_needed);
 }
 
+void add_same_places(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses,
+                     std::vector<std::string>& lines) {
+  for (const FittedLaw& law : laws) {
+    lines.push_back(
+        fmt::format("The same, or at {}: {}. To experiments with these channels both are one "
+                    "system; another sensor would tell.",
+                    hypotheses[law.hypothesis].place, parameters_words(law)));
+  }
+}
+
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
@@ -93,6 +103,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
                                 hypothesis_words(hypotheses[rival.law.hypothesis]),
                                 parameters_words(rival.law),
                                 evidence_words(rival.bic_difference, noise_is_known)));
+    add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
   }
   constexpr std::size_t kNamed = 3;
@@ -174,6 +185,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (!diagnosis.trouble.empty()) return lines;
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
+    add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
