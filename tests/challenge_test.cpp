@@ -484,6 +484,58 @@ TEST(Score, OutcomesOfOneEffect) {
   EXPECT_EQ(far.within_three, 0U);
 }
 
+// Strictly each place is a member of a class; as systems, places that make one count once.
+TEST(Score, CountsPlacesOfOneSystemBothWays) {
+  const CaseTruth truth =
+      truth_with("a", CaseKind::kOneEffect, {effect_of("sensor y", "saturation", 0.5)});
+  const auto place = [](const char* name, const char* law, bool is_same) {
+    AnsweredLaw answered = named(name, law);
+    answered.is_same_system = is_same;
+    return answered;
+  };
+  const Answer answer =
+      answer_of("ambiguous",
+                {{place("actuator u", "saturation", false), place("sensor y", "saturation", true),
+                  place("actuator u", "dead_zone", false), place("sensor y", "dead_zone", true)}});
+  const ScoredCase scored = score_case(truth, answer);
+  EXPECT_EQ(scored.outcome, "in_large_class");
+  EXPECT_EQ(scored.class_size, 4U);
+  EXPECT_EQ(scored.systems, 2U);
+  EXPECT_TRUE(scored.named_as_system);
+  Answer extra = answer;
+  extra.effects.push_back({named("motor", "viscous")});
+  EXPECT_FALSE(score_case(truth, extra).named_as_system);
+  Answer open = answer;
+  open.verdict = "unknown";
+  EXPECT_FALSE(score_case(truth, open).named_as_system);
+  Answer other = answer;
+  other.effects[0].erase(other.effects[0].begin() + 1);
+  EXPECT_FALSE(score_case(truth, other).named_as_system);
+}
+
+TEST(Score, ReadsPlacesOfOneSystemFromAVerdict) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("run.json"), R"({"status": "answered", "seconds": 1.0})");
+  testing::write_text(folder.file("verdict.json"), R"({"verdict": "ambiguous", "physics": [
+    {"place": "actuator u", "law": "delay",
+     "parameters": {"time": {"value": 1e-3, "standard_error": 1e-5}},
+     "same_at": [{"place": "sensor y",
+                  "parameters": {"time": {"value": 1.1e-3, "standard_error": 1e-5}}}],
+     "alternatives": [
+       {"place": "actuator u", "law": "lag", "same_at": [],
+        "parameters": {"time_constant": {"value": 1e-3, "standard_error": 1e-5}}},
+       {"place": "actuator u", "law": "offset", "parameters": {}}]}]})");
+  const Answer answer = read_answer(folder.file(""));
+  ASSERT_EQ(answer.effects.size(), 1U);
+  const std::vector<AnsweredLaw>& members = answer.effects[0];
+  ASSERT_EQ(members.size(), 4U);
+  EXPECT_EQ(members[1].place, "sensor y");
+  EXPECT_EQ(members[1].law, "delay");
+  EXPECT_EQ(members[1].parameters.at("time").value, 1.1e-3);
+  const std::vector<bool> same{false, true, false, true};
+  for (std::size_t m = 0; m < 4; ++m) EXPECT_EQ(members[m].is_same_system, same[m]) << m;
+}
+
 TEST(Score, OutcomesOfTheOtherKinds) {
   const CaseTruth two =
       truth_with("a", CaseKind::kTwoEffects,

@@ -66,8 +66,7 @@ frequencies: {from: 1, to: 60, count: 40, spacing: log}
 detection_lines: 4
 )";
 
-std::string drive(const std::string& stiffness) {
-  std::string text = kDrive;
+std::string drive(const std::string& stiffness, std::string text = kDrive) {
   return text.replace(text.find("STIFFNESS"), 9, stiffness);
 }
 
@@ -80,9 +79,13 @@ std::string element(const std::string& location, const std::string& law,
 // A campaign simulated with hidden physics and the model, 10 % off in its stiffness, to diagnose it.
 class HiddenPhysics {
  public:
-  explicit HiddenPhysics(const std::string& physics, std::uint64_t seed = 1, int threads = 1) {
-    testing::write_text(folder_.file("truth.yaml"), drive("30"));
-    testing::write_text(folder_.file("model.yaml"), drive("33"));
+  explicit HiddenPhysics(const std::string& physics, std::uint64_t seed = 1, int threads = 1)
+      : HiddenPhysics(physics, kDrive, seed, threads) {}
+
+  HiddenPhysics(const std::string& physics, const std::string& model, std::uint64_t seed = 1,
+                int threads = 1) {
+    testing::write_text(folder_.file("truth.yaml"), drive("30", model));
+    testing::write_text(folder_.file("model.yaml"), drive("33", model));
     testing::write_text(folder_.file("plan.yaml"), kPlan);
     std::optional<std::filesystem::path> hidden;
     if (!physics.empty()) {
@@ -294,6 +297,61 @@ TEST(PeriodicLaw, BristlesFollowTheirEquation) {
   EXPECT_NEAR(force(after), 2.0 * std::exp(-100.0 * (1.0 - motion.deflection(after))) - 1.0, 1e-2);
 }
 
+PeriodicMotion motion_of_three_tones(double size) {
+  constexpr Index grid = 3000;
+  PeriodicMotion motion;
+  motion.deflection.resize(grid);
+  motion.rate.resize(grid);
+  motion.step = 1.0 / grid;
+  for (Index t = 0; t < grid; ++t) {
+    const double angle = 2.0 * std::numbers::pi * static_cast<double>(t) / grid;
+    motion.deflection(t) =
+        size * (std::sin(angle) + 0.4 * std::cos(3.0 * angle) + 0.2 * std::sin(7.0 * angle));
+    motion.rate(t) = size * 2.0 * std::numbers::pi *
+                     (std::cos(angle) - 1.2 * std::sin(3.0 * angle) + 1.4 * std::cos(7.0 * angle));
+  }
+  return motion;
+}
+
+// Of a force that remembers as well: against the force of a motion that is a little larger and later.
+TEST(PeriodicLaw, TangentsAreThoseOfDifferences) {
+  struct Example {
+    const char* law;
+    std::vector<double> parameters;
+  };
+  for (const Example& example : {Example{"cubic_spring", {3.0}}, Example{"coulomb", {1.0, 2.0}},
+                                 Example{"quadratic_drag", {0.3}}, Example{"dahl", {30.0, 1.0}},
+                                 Example{"bouc_wen", {20.0, 0.1, 2.0, 0.6}},
+                                 Example{"lugre", {30.0, 0.1, 0.05, 1.0, 1.5, 2.0}}}) {
+    const PeriodicLaw law(*find_law(example.law, false), example.parameters);
+    const PeriodicMotion motion = motion_of_three_tones(0.5);
+    PeriodicMotion change = motion;
+    const Index grid = motion.deflection.size();
+    for (Index t = 0; t < grid; ++t) {
+      const double angle =
+          2.0 * std::numbers::pi * static_cast<double>(t) / static_cast<double>(grid);
+      change.deflection(t) = std::sin(2.0 * angle) + 0.3 * std::cos(5.0 * angle);
+      change.rate(t) =
+          2.0 * std::numbers::pi * (2.0 * std::cos(2.0 * angle) - 1.5 * std::sin(5.0 * angle));
+    }
+    LawTangent tangent;
+    law.linearise(motion, tangent);
+    Eigen::VectorXd predicted, above, below;
+    tangent.apply(change, predicted);
+    constexpr double step = 1e-5;
+    const auto moved = [&](double share) {
+      PeriodicMotion result = motion;
+      result.deflection += share * change.deflection;
+      result.rate += share * change.rate;
+      return result;
+    };
+    law.force(moved(step), above);
+    law.force(moved(-step), below);
+    const Eigen::VectorXd difference = (above - below) / (2.0 * step);
+    EXPECT_LT((predicted - difference).norm(), 0.02 * difference.norm()) << example.law;
+  }
+}
+
 TEST(PeriodicMismatch, FitsATrueModelDownToTheNoise) {
   const HiddenPhysics nothing("");
   const ExtendedFit fit = nothing->fit({}, nullptr);
@@ -348,6 +406,61 @@ TEST(PeriodicMismatch, ExplainsAnExtraMode) {
                                          "{value: 25, unit: Hz}, damping_ratio: {value: 0.03, "
                                          "unit: 1}")),
                    "load", "mode", {0.0002, 25.0, 0.03});
+}
+
+// Sliding friction whose bristles bend: the steady state is found with what the force remembers.
+TEST(PeriodicMismatch, FitsBristlesDownToTheNoise) {
+  const HiddenPhysics hidden(element("{kind: element, mass: motor}", "dahl",
+                                     "stiffness: {value: 3, unit: N m/rad}, level: "
+                                     "{value: 0.05, unit: N m}"));
+  const ExtendedFit before = hidden->fit({}, nullptr);
+  ASSERT_TRUE(before.usable) << before.trouble;
+  EXPECT_GT(before.estimation.chi_square_per_dof(), 3.0);
+  const std::size_t dahl = hidden.index_of("motor", "dahl");
+  const ScoreTable table = hidden->scores(before, std::vector<std::size_t>{dahl}, 0, 1);
+  const ExtendedFit after = hidden->fit(std::vector<LawStart>{table.scores.front().start}, &before);
+  ASSERT_TRUE(after.usable) << after.trouble;
+  EXPECT_NEAR(after.estimation.chi_square_per_dof(), 1.0, 0.15);
+  // Solved anew from the recordings, the fitted model is as good as the fit says.
+  const double numbers = hidden->sample_count() - static_cast<double>(after.parameter_count);
+  EXPECT_NEAR(after.estimation.chi_square_per_dof(), after.deviance / numbers, 0.01);
+  const std::vector<double> truth{3.0, 0.05};
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const LawParameterEstimate& estimate = after.laws.front().parameters[p];
+    EXPECT_NEAR(estimate.value, truth[p], 4.0 * estimate.standard_error) << estimate.name;
+  }
+}
+
+// With one input and one output it can't be told which of them is late; and that something is, which leaves
+// the recordings far from the model, must not make a gain error look like it.
+TEST(PeriodicMismatch, ADelayOfTheOnlyChannelsIsOneSystemAtTwoPlaces) {
+  std::string late = kDrive;
+  late.erase(late.find("  - {name: load_speed"),
+             late.find("noise:") - late.find("  - {name: load_speed"));
+  late.replace(late.find(", load_speed: 0.005"), 19, "");
+  const HiddenPhysics hidden(
+      element("{kind: actuator, input: torque}", "delay", "time: {value: 0.0015, unit: s}"), late);
+  const ExtendedFit before = hidden->fit({}, nullptr);
+  EXPECT_GT(before.estimation.chi_square_per_dof(), 3.0);
+  for (const char* place : {"actuator torque", "sensor speed"}) {
+    const std::size_t gain = hidden.index_of(place, "gain");
+    const ScoreTable table = hidden->scores(before, std::vector<std::size_t>{gain}, 0, 1);
+    EXPECT_EQ(table.scores.front().score.degrees_of_freedom, 0.0) << place;
+  }
+  SearchOptions options;
+  options.null_draws = 79;
+  const Diagnosis diagnosis = diagnose(*hidden, options);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kAmbiguous);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  const FoundEffect& effect = diagnosis.effects.front();
+  EXPECT_EQ(hidden->hypotheses()[effect.law.hypothesis].law, "delay");
+  ASSERT_EQ(effect.same_at.size(), 1U);
+  const Hypothesis& other = hidden->hypotheses()[effect.same_at.front().hypothesis];
+  EXPECT_EQ(other.law, "delay");
+  EXPECT_NE(other.place, hidden->hypotheses()[effect.law.hypothesis].place);
+  for (const FittedLaw& law : {effect.law, effect.same_at.front()}) {
+    EXPECT_NEAR(law.parameters[0].value, 0.0015, 4.0 * law.parameters[0].standard_error);
+  }
 }
 
 // Torque in other units scales all masses, springs and dampers: no data of this drive tell.

@@ -112,6 +112,25 @@ TEST(VerdictWords, SayItAsAnEngineerWould) {
   }
 }
 
+// A delay of the only actuator or of the only sensor: one system, two places.
+TEST(VerdictWords, NameAllPlacesThatMakeOneSystem) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kAmbiguous;
+  diagnosis.effects[0].same_at = {{2, {{"half_gap", "rad", 1e-3, 1e-4}}}};
+  diagnosis.effects[0].rivals = {{{1, {{"level", "N m", 0.5, 0.1}}}, 1.5}};
+  diagnosis.effects[0].rivals[0].same_at = {{2, {{"half_gap", "rad", 2e-3, 1e-4}}}};
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  for (const char* words : {"The same, or at joint_3.gearbox: half gap 0.00100",
+                            "The same, or at joint_3.gearbox: half gap 0.00200"}) {
+    EXPECT_NE(all.find(words), std::string::npos) << all;
+  }
+  const auto effect = verdict_json(diagnosis, kHypotheses, {"m", "c"})["physics"][0];
+  EXPECT_EQ(effect["same_at"][0]["place"], "joint_3.gearbox");
+  EXPECT_EQ(effect["same_at"][0]["parameters"]["half_gap"]["value"], 1e-3);
+  EXPECT_EQ(effect["alternatives"][0]["same_at"][0]["parameters"]["half_gap"]["value"], 2e-3);
+}
+
 TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
   Diagnosis diagnosis = explained();
   diagnosis.verdict = Verdict::kAmbiguous;

@@ -29,10 +29,11 @@ constexpr double kRelative = 0.7;
 constexpr double kEqual = 0.97;
 
 // One law at two places is the same to every experiment of a kind where fits with it differ by no more
-// than this in deviance, and the best further experiment leaves no more distance than that
-// (next_experiment.hpp; about 20 excludes a rival).
-constexpr double kSameDeviance = 0.1;
-constexpr double kSameDistance = 1e-3;
+// than this in deviance (as exactly as fits are made), and where with the best further experiment the two
+// would be no farther apart than that: about 20 excludes a rival (next_experiment.hpp), so a thousand
+// times the recordings would be needed.
+constexpr double kSameDeviance = 0.2;
+constexpr double kSameDistance = 0.02;
 
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;

@@ -104,22 +104,22 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
-  // The same law at other places, where it is the same to every experiment of this kind: one explanation.
-  std::vector<FittedLaw> same_at = {};
   // To the best of its class; where the noise is not known, of the prediction of blocks kept out, in
   // squared standard errors, negative where it is better.
   double bic_difference = 0.0;
   std::optional<NextExperiment> next =
       {};  // that tells it from the law found; of the nearest alone
+  // The same law at other places, where it is the same to every experiment of this kind: one explanation.
+  std::vector<FittedLaw> same_at = {};
 };
 
 struct FoundEffect {
   FittedLaw law;
-  std::vector<FittedLaw> same_at = {};  // as in Rival
   double explained_share = 0.0;         // of the excess of chi-square that was there before it
   double bic_difference = 0.0;          // of the model without it, likewise
   std::vector<Rival> rivals;            // not excluded
   std::vector<Rival> excluded;          // the best of those that are, by their distance
+  std::vector<FittedLaw> same_at = {};  // as in Rival
 };
 
 struct Diagnosis {

@@ -35,8 +35,8 @@ struct RivalExperiments {
   std::vector<ExperimentOption> options;  // one a candidate of the set
   InformationSet information;             // M_0 + n M_i; the last parameter is s
   double distance_now = 0.0;              // 1 / [M_0^-1]_ss
-  double distance_at_best = 0.0;          // of the best option alone, 1 / [(M_0 + n M_i)^-1]_ss
   double recordings = 0.0;                // n
+  double distance_at_best = 0.0;          // of the best option alone, 1 / [(M_0 + n M_i)^-1]_ss
 };
 
 struct NextExperiment {
