@@ -586,6 +586,23 @@ TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
               4.0 * fit.model_parameters.back().standard_error);
 }
 
+// A gearbox whose torque follows the angle of its motor bends the robot by far more than the motion does,
+// in each position by another amount: no line shows that, but the robot moves otherwise there.
+TEST(PeriodicMismatch, ACouplingBendsTheRobotWhereItStands) {
+  const RecordedRobot robot(
+      "  - name: coupling\n    location: {kind: element, joint: joint_3, axis: gearbox, "
+      "driven_by: {joint: joint_3, axis: motor}}\n    law: stiffness\n    parameters: "
+      "{stiffness: {value: 5.0, unit: N m/rad}}\n",
+      "[[20, 30, 40], [-60, 10, -30]]");
+  const auto problem = robot.problem();
+  const Diagnosis diagnosis = diagnose(*problem, {});
+  expect_explained_by("stiffness", "joint_3.gearbox driven by joint_3.motor", *problem, diagnosis);
+  ASSERT_FALSE(HasFailure());
+  EXPECT_NEAR(diagnosis.after.estimation.chi_square_per_dof(), 1.0, 0.1);
+  const LawParameterEstimate& stiffness = diagnosis.after.laws.front().parameters.front();
+  EXPECT_NEAR(stiffness.value, 5.0, 4.0 * stiffness.standard_error);
+}
+
 // Over small motions about one position it is a spring; how stiff, depends on the position.
 TEST(PeriodicMismatch, NamesABalancerAtAnArm) {
   const RecordedRobot robot(R"(  - name: balancer

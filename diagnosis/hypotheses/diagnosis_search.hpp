@@ -108,7 +108,8 @@ struct Rival {
   // squared standard errors, negative where it is better.
   double bic_difference = 0.0;
   std::optional<NextExperiment> next =
-      {};  // that tells it from the law found; of the nearest alone
+      {};                            // that tells it from the law found; of the nearest alone
+  double evidence_difference = 0.0;  // to the law found, where the noise is known
   // The same law at other places, where it is the same to every experiment of this kind: one explanation.
   std::vector<FittedLaw> same_at = {};
 };

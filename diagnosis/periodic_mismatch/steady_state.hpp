@@ -178,6 +178,7 @@ class SteadyStateSolver {
   [[nodiscard]] double size_of_motion(const MeasuredRecord& record,
                                       const Eigen::MatrixXcd& coordinates) const;
   void virtual_forces();
+  void settle_means(const MeasuredRecord& record);
   void couple_laws();
   void assemble();
   void renew_forces(Eigen::MatrixXcd& renewed);

@@ -57,7 +57,8 @@ Json same_at_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis
   return list;
 }
 
-Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses) {
+Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses,
+                 bool noise_is_known) {
   Json list = Json::array();
   for (const Rival& rival : rivals) {
     const Hypothesis& hypothesis = hypotheses[rival.law.hypothesis];
@@ -65,12 +66,15 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
                     {"law", hypothesis.law},
                     {"parameters", parameters_json(rival.law)},
                     {"bic_difference", number(rival.bic_difference)},
+                    {"evidence_difference",
+                     noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
                     {"same_at", same_at_json(rival.same_at, hypotheses)}});
   }
   return list;
 }
 
-Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                 bool noise_is_known) {
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   return {{"name", element_name(effect, hypotheses)},
           {"place", hypothesis.place},
@@ -80,8 +84,8 @@ Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypothes
           {"explained_share", number(effect.explained_share)},
           {"bic_difference", number(effect.bic_difference)},
           {"same_at", same_at_json(effect.same_at, hypotheses)},
-          {"alternatives", rivals_json(effect.rivals, hypotheses)},
-          {"excluded", rivals_json(effect.excluded, hypotheses)}};
+          {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
+          {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
 }
 
 Json assessment_json(const Assessment& assessment, bool noise_is_known) {
@@ -253,7 +257,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
                   const DiagnosedFiles& files) {
   Json physics = Json::array();
   for (const FoundEffect& effect : diagnosis.effects) {
-    physics.push_back(effect_json(effect, hypotheses));
+    physics.push_back(effect_json(effect, hypotheses, diagnosis.noise_is_known));
   }
   return {
       {"format", "graybox-verdict/1"},
