@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
 #include "graybox/diagnosis/simulation/exact_plant.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
@@ -584,6 +585,24 @@ TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
   EXPECT_NEAR(fit.model_parameters.back().value, -60.0,
               4.0 * fit.model_parameters.back().standard_error);
+}
+
+// Elsewhere than at an arm whose angle differs between positions.
+TEST(PeriodicShapes, ABalancerIsTriedWhereThePlaceTurnsFarEnough) {
+  CandidatePlace place;
+  place.turns = true;
+  place.location.units.deflection = "rad";
+  const auto laws = hypothetical_laws(place, 1);
+  const LawEntry* balancer = find_law("balancer", false);
+  EXPECT_EQ(std::ranges::count(laws, balancer), 1);
+  MotionScale scale;
+  scale.range = 0.1;
+  EXPECT_TRUE(periodic_shapes(*balancer, place, scale, {1.0, 60.0}).empty());
+  scale.range = 1.0;
+  EXPECT_FALSE(periodic_shapes(*balancer, place, scale, {1.0, 60.0}).empty());
+  EXPECT_EQ(twin_of(*find_law("stiffness", false), place, 1), balancer);
+  place.turns = false;
+  EXPECT_EQ(std::ranges::count(hypothetical_laws(place, 1), balancer), 0);
 }
 
 // A gearbox whose torque follows the angle of its motor bends the robot by far more than the motion does,

@@ -31,8 +31,16 @@ std::vector<LawShape> payload() {
 }
 
 // At robots' arms, where the angle differs between positions by what a balancer turns.
-bool shows_balancers(const CandidatePlace& place, std::size_t positions) {
+bool differs_between_positions(const CandidatePlace& place, std::size_t positions) {
   return place.shifts_rest && place.turns && positions > 1;
+}
+
+// Elsewhere one turn or a good part of it in each recording is needed to tell a balancer from a spring.
+std::vector<LawShape> balancer(const CandidatePlace& place, const MotionScale& scale) {
+  constexpr double kEnough = 0.3;  // rad
+  if (!place.shifts_rest && scale.range < kEnough) return {};
+  // Fits start from the best few, so that few will do.
+  return balancer_shapes({0.2, 0.5}, {0.0, 0.6}, 8);
 }
 
 // Laws without amplitude: as they are.
@@ -85,8 +93,7 @@ std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlac
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
   if (entry.name == "mode") return mode(band);
-  // Fits start from the best few, so that few will do.
-  if (entry.name == "balancer") return balancer_shapes({0.2, 0.5}, {0.0, 0.6}, 8);
+  if (entry.name == "balancer") return balancer(place, scale);
   if (entry.name == "offset") return {single_amplitude({1.0}, 0, false)};
   return law_shapes(entry, place, scale);
 }
@@ -99,7 +106,11 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place, std:
   for (const LawEntry& entry : law_catalogue()) {
     const std::string& name = entry.name;
     if (name == "asymmetric_coulomb") continue;
-    if (name == "balancer" && !shows_balancers(place, positions)) continue;
+    const bool may_balance = place.turns && !place.is_coupling;
+    if (name == "balancer" &&
+        !(place.shifts_rest ? differs_between_positions(place, positions) : may_balance)) {
+      continue;
+    }
     // Between gearbox and arm it makes no difference: the motor is held.
     if (name == "offset" && !(place.shifts_rest && place.turns)) continue;
     const bool is_signal = entry.use == LawUse::kSignal || entry.use == LawUse::kDelay;
@@ -130,7 +141,7 @@ const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place, std:
   if (entry.name == "backlash" && place.has_free_stiffness) return find_law("dead_zone", false);
   if (entry.name == "coulomb") return find_law("asymmetric_coulomb", false);
   if (entry.name == "stiffness" && place.location.units.deflection == "rad" &&
-      !shows_balancers(place, positions)) {
+      !differs_between_positions(place, positions)) {
     return find_law("balancer", false);
   }
   return nullptr;
