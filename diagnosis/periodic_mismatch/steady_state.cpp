@@ -506,7 +506,9 @@ void SteadyStateSolver::solve_equation(MatrixXcd& forces, bool exact) {
     return;
   }
   constexpr double kAccuracy = 1e-3;
-  const Index limit = options_.subspace;
+  const bool remembers = std::ranges::any_of(
+      force_laws_, [](const ForceLaw& law) { return law.periodic.has_states(); });
+  const Index limit = remembers ? options_.subspace_with_memory : options_.subspace;
   const double size = std::sqrt(product(forces, forces));
   if (!(size > 0.0)) return;
   std::vector<MatrixXcd> basis{forces / size};

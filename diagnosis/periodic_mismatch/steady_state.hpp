@@ -112,6 +112,8 @@ struct SteadyStateOptions {
   double oversampling = 4.0;    // grid points for each line and period, at least, and up to four
   double grid_points = 6000.0;  // times as many while they are fewer than this: for laws that jump
   Eigen::Index subspace = 40;   // of GMRES, in one Newton step
+  // The same with laws that remember: their products are dear, and more of them save no Newton step.
+  Eigen::Index subspace_with_memory = 16;
 };
 
 // Works on one record after the other; one object for each thread.
