@@ -19,6 +19,9 @@
 //      errors over the blocks. Compound places (Hypothesis::is_compound) come when single ones explain no
 //      more: main effects before interactions. The law that predicts best is kept, or one of fewer parameters that is not
 //      worse by more than one standard error.
+//      Where the noise is known, and what is left is no more than noise by its chi-square, one law more is
+//      tried if the best hypothesis lies at a place without a law and is significant by itself; it stays if
+//      BIC falls by `exclusion_margin` and by a thousandth of what the others explain.
 //   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, and
 //      laws that only generalise another of fewer parameters give way to it unless they are better by
 //      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
@@ -33,7 +36,8 @@
 //      that stands is at least as good always: a rival where the noise is known and its evidence is
 //      better, else left out. Twins (mismatch_problem.hpp) are rivals always. Members of a class with one
 //      law at several places that no experiment of this kind would tell apart (a delay of the only
-//      actuator or of the only sensor of a linear system) are one explanation: `same_at`.
+//      actuator or of the only sensor of a linear system) are one explanation: `same_at`. Where the noise is
+//      known and one of several laws has a rival of lower BIC, that takes its place and all are weighed again.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
