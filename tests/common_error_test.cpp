@@ -12,8 +12,8 @@
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/random.hpp"
-#include "ringing_drive.hpp"
 #include "temporary_folder.hpp"
+#include "two_mass_drive.hpp"
 
 namespace graybox {
 namespace {

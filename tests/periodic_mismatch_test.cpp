@@ -24,6 +24,7 @@
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "temporary_folder.hpp"
+#include "two_mass_drive.hpp"
 
 namespace graybox {
 namespace {
@@ -31,30 +32,7 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::Index;
 
-constexpr const char* kDrive = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {motor: 0.0021, load: 0.01}
-elements:
-  - name: shaft
-    location: {kind: element, between: [motor, load]}
-    law: stiffness
-    parameters: {stiffness: {value: STIFFNESS, unit: N m/rad}}
-  - name: shaft damping
-    location: {kind: element, between: [motor, load]}
-    law: viscous
-    parameters: {damping: {value: 0.03, unit: N m s/rad}}
-  - name: bearing
-    location: {kind: element, mass: load}
-    law: viscous
-    parameters: {damping: {value: 0.05, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: motor}
-outputs:
-  - {name: speed, mass: motor, quantity: velocity}
-  - {name: load_speed, mass: load, quantity: velocity}
-noise: {speed: 0.005, load_speed: 0.005}
-)";
+const std::string kDrive = testing::two_mass_drive("STIFFNESS", "0.03");
 
 constexpr const char* kPlan = R"(format: graybox-plan/1
 levels: [0.1, 0.3]

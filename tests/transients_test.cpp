@@ -14,8 +14,8 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "ringing_drive.hpp"
 #include "temporary_folder.hpp"
+#include "two_mass_drive.hpp"
 
 namespace graybox {
 namespace {

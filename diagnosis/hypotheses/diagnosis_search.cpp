@@ -299,7 +299,8 @@ class Search {
     return problem_->hypotheses()[score.start.hypothesis].place;
   }
 
-  // Rivals of an effect are often what was tried when it was found.
+  // Rivals of an effect are often what was tried when it was found, and each law is left out more than once:
+  // to see whether it is missed, and to weigh its rivals.
   const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby) {
     const auto known = std::ranges::find(refits_, laws, &Refit::laws);
     if (known != refits_.end()) return known->fit;
@@ -462,7 +463,7 @@ class Search {
     std::vector<LawStart> laws = starts_of(fit);
     laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(law));
     if (laws.empty()) return result_.before;
-    ExtendedFit best = problem_->fit(laws, &fit);
+    ExtendedFit best = refit(laws, fit);
     if (!problem_->noise_is_known()) return best;
     for (LawStart& start : laws) {
       const auto ranked =
