@@ -126,6 +126,24 @@ StudyDesigns make_designs(const VerifyArguments& arguments, const RobotModel& ro
 
 // ---- rows ------------------------------------------------------------------------------------------
 
+// Lower triangles, row by row.
+std::vector<double> packed(const Eigen::MatrixXd& symmetric) {
+  std::vector<double> values;
+  for (Eigen::Index a = 0; a < symmetric.rows(); ++a) {
+    for (Eigen::Index b = 0; b <= a; ++b) values.push_back(symmetric(a, b));
+  }
+  return values;
+}
+
+Eigen::MatrixXd unpacked(const std::vector<double>& values, Eigen::Index size) {
+  Eigen::MatrixXd symmetric(size, size);
+  auto value = values.begin();
+  for (Eigen::Index a = 0; a < size; ++a) {
+    for (Eigen::Index b = 0; b <= a; ++b) symmetric(a, b) = symmetric(b, a) = *value++;
+  }
+  return symmetric;
+}
+
 nlohmann::json json_of(const EstimateRow& row) {
   return {{"data", to_string(row.data)},
           {"design", row.design},
@@ -135,8 +153,7 @@ nlohmann::json json_of(const EstimateRow& row) {
           {"degrees_of_freedom", row.degrees_of_freedom},
           {"error_chi_square", row.error_chi_square},
           {"theta", std::vector<double>(row.theta.begin(), row.theta.end())},
-          {"standard_errors",
-           std::vector<double>(row.standard_errors.begin(), row.standard_errors.end())}};
+          {"covariance", packed(row.covariance)}};
 }
 
 Eigen::VectorXd vector_of(const nlohmann::json& json) {
@@ -158,7 +175,8 @@ EstimateRow row_of(const nlohmann::json& json) {
   row.degrees_of_freedom = json.at("degrees_of_freedom").get<std::size_t>();
   row.error_chi_square = json.at("error_chi_square").get<double>();
   row.theta = vector_of(json.at("theta"));
-  row.standard_errors = vector_of(json.at("standard_errors"));
+  const auto covariance = json.at("covariance").get<std::vector<double>>();
+  if (!covariance.empty()) row.covariance = unpacked(covariance, row.theta.size());
   return row;
 }
 
@@ -166,7 +184,7 @@ EstimateRow row_of(const nlohmann::json& json) {
 std::string identity_of(const VerifyArguments& arguments, const StudyDesigns& study,
                         const EfficiencyStudy& efficiency) {
   Sha256 hash;
-  std::string text = fmt::format("{} {}", arguments.seed, arguments.noise);
+  std::string text = fmt::format("rows/2 {} {}", arguments.seed, arguments.noise);
   for (const StudiedDesign& design : study) {
     text += fmt::format(" {} {}", design.name, fmt::join(design.experiments, ","));
     const Eigen::MatrixXd covariance =
@@ -248,14 +266,18 @@ std::string covariance_table(const std::vector<StudySummary>& summaries) {
   std::string text =
       "data,design,estimates,rejected,predicted_covariance,determinant,determinant_lower,"
       "determinant_upper,trace,trace_lower,trace_upper,trace_p_value,bias_p_value,coverage,"
-      "coverage_lower,coverage_upper\n";
+      "coverage_lower,coverage_upper,stated_covariance,against_stated,against_stated_lower,"
+      "against_stated_upper,trace_against_stated,trace_against_stated_lower,"
+      "trace_against_stated_upper\n";
   for (const StudySummary& each : summaries) {
     text += fmt::format("{},{},{},{},{:.6g}", to_string(each.data), each.design,
                         each.statistics.estimates, each.rejected, determinant_root(each.predicted));
     text += cells(each.statistics.determinant) + cells(each.statistics.trace);
     text +=
         fmt::format(",{:.6g},{:.6g}", each.statistics.trace_p_value, each.statistics.bias_p_value);
-    text += cells(each.ellipsoid_coverage) + "\n";
+    text += cells(each.ellipsoid_coverage);
+    text += fmt::format(",{:.6g}", determinant_root(each.stated));
+    text += cells(each.against_stated.determinant) + cells(each.against_stated.trace) + "\n";
   }
   return text;
 }
@@ -396,6 +418,13 @@ std::string text_of(const std::vector<StudySummary>& summaries,
                         range(each.ellipsoid_coverage),
                         each.rejected > 0 ? fmt::format("  {} rejected", each.rejected) : "");
   }
+  text += "the same over what the fits themselves state, and that over the prediction\n";
+  for (const StudySummary& each : summaries) {
+    text += fmt::format("{:<11} {:<21} {:>5}  {:<25} {:<25} {:>7.3f}\n", to_string(each.data),
+                        each.design, "", range(each.against_stated.determinant),
+                        range(each.against_stated.trace),
+                        determinant_root(each.stated) / determinant_root(each.predicted));
+  }
   text += "covariance^(1/d) over that of the first design, with as many experiments\n";
   for (const Comparison& each : comparisons) {
     text += fmt::format("{:<11} {:<21} predicted {:.3f}, measured {}\n", to_string(each.data),
@@ -422,6 +451,9 @@ Json json_of(const VerifyArguments& arguments, const std::vector<StudySummary>& 
                                {"determinant", json_of(each.statistics.determinant)},
                                {"trace", json_of(each.statistics.trace)},
                                {"bias_p_value", each.statistics.bias_p_value},
+                               {"stated_over_predicted",
+                                determinant_root(each.stated) / determinant_root(each.predicted)},
+                               {"against_stated", json_of(each.against_stated.determinant)},
                                {"coverage", json_of(each.ellipsoid_coverage)}});
   }
   for (const Comparison& each : comparisons) {

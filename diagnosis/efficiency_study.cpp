@@ -45,7 +45,7 @@ void state(const FitResult& fit, EstimateRow& row) {
   if (fit.covariance.size() == 0) return;
   const Eigen::VectorXd error = row.theta.array() - 1.0;
   row.error_chi_square = error.dot(fit.covariance.llt().solve(error));
-  row.standard_errors = fit.standard_errors();
+  row.covariance = fit.covariance;
 }
 
 std::vector<double> hertz(const std::vector<double>& frequencies) {
@@ -253,6 +253,7 @@ StudySummary summarise(const EfficiencyStudy& study, const StudiedDesign& design
   std::ranges::sort(kept, {}, &EstimateRow::repetition);
   const Eigen::Index d = summary.predicted.rows();
   summary.estimates.resize(static_cast<Eigen::Index>(kept.size()), d);
+  summary.stated = Eigen::MatrixXd::Zero(d, d);
   const double region = chi_square_quantile(kConfidence, static_cast<double>(d));
   const double width = normal_quantile(0.5 + kConfidence / 2.0);
   std::size_t inside = 0;
@@ -260,14 +261,17 @@ StudySummary summarise(const EfficiencyStudy& study, const StudiedDesign& design
   for (std::size_t k = 0; k < kept.size(); ++k) {
     const EstimateRow& row = *kept[k];
     summary.estimates.row(static_cast<Eigen::Index>(k)) = row.theta.transpose();
+    summary.stated += row.covariance / static_cast<double>(kept.size());
     inside += row.error_chi_square <= region ? 1U : 0U;
     for (Eigen::Index p = 0; p < d; ++p) {
-      const bool covers = std::abs(row.theta(p) - 1.0) <= width * row.standard_errors(p);
+      const bool covers = std::abs(row.theta(p) - 1.0) <= width * std::sqrt(row.covariance(p, p));
       covered[static_cast<std::size_t>(p)] += covers ? 1U : 0U;
     }
   }
   summary.statistics =
       compare_with_prediction(summary.estimates, Eigen::VectorXd::Ones(d), summary.predicted);
+  summary.against_stated =
+      compare_with_prediction(summary.estimates, Eigen::VectorXd::Ones(d), summary.stated);
   summary.ellipsoid_coverage = share_of(inside, kept.size());
   for (const std::size_t count : covered) {
     summary.parameter_coverage.push_back(share_of(count, kept.size()));

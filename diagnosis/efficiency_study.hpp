@@ -65,9 +65,9 @@ struct EstimateRow {
   FitStatus status = FitStatus::kFailed;
   double chi_square = 0.0;
   std::size_t degrees_of_freedom = 0;
-  double error_chi_square = 0.0;  // (theta_hat - 1)^T C^-1 (theta_hat - 1), C as the fit states it
-  Eigen::VectorXd standard_errors;  // as the fit states them
   Eigen::VectorXd theta;
+  Eigen::MatrixXd covariance;     // C as the fit states it; empty: the data do not determine theta
+  double error_chi_square = 0.0;  // (theta_hat - 1)^T C^-1 (theta_hat - 1)
 };
 
 class EfficiencyStudy {
@@ -129,6 +129,10 @@ struct StudySummary {
   Eigen::MatrixXd predicted;  // covariance
   Eigen::MatrixXd estimates;  // n x d
   EfficiencyStatistics statistics;
+  // The same against what the fits state, on average. Recordings of finite length know less than
+  // `predicted`, and fits know by how much.
+  Eigen::MatrixXd stated;
+  EfficiencyStatistics against_stated;
   // Of the 95 % ellipsoid about theta_hat, and of the 95 % interval of each parameter.
   Interval ellipsoid_coverage;
   std::vector<Interval> parameter_coverage;

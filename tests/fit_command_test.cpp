@@ -233,6 +233,13 @@ TEST_F(FitCommand, VerifiesADesignAndTakesFinishedFitsOver) {
   ASSERT_EQ(study["summary"].size(), 3U);
   EXPECT_EQ(
       study["summary"][0]["estimates"].get<int>() + study["summary"][0]["rejected"].get<int>(), 70);
+  // Frequency responses with the stated noise: each fit says what formula (12) says, and estimates
+  // scatter alike against either.
+  const json& optimal = study["summary"][0];
+  const double stated = optimal["stated_over_predicted"].get<double>();
+  EXPECT_NEAR(stated, 1.0, 0.15);  // the mean over fits at theta_hat, 8 experiments
+  EXPECT_NEAR(optimal["against_stated"]["estimate"].get<double>() * stated,
+              optimal["determinant"]["estimate"].get<double>(), 1e-3);
   // The best single position can't be better than the optimum.
   EXPECT_GT(study["ratios"][0]["predicted"].get<double>(), 1.0);
   expect_refused(command + "4", "holds estimates of another study");

@@ -302,7 +302,7 @@ TEST(EfficiencyStudy, FitsSimulatedRecordingsAsPreciselyAsItPredicts) {
   EXPECT_NEAR(row.chi_square / dof, 1.0, 2.0 * kFiveSigma * std::sqrt(2.0 / dof));
   const MatrixXd predicted = study.predicted_covariance(design, StudyData::kRecordings);
   for (Eigen::Index p = 0; p < predicted.rows(); ++p) {
-    EXPECT_NEAR(row.standard_errors(p) / std::sqrt(predicted(p, p)), 1.07, 0.1) << p;
+    EXPECT_NEAR(std::sqrt(row.covariance(p, p) / predicted(p, p)), 1.07, 0.1) << p;
   }
   // Twice the experiments: half the covariance, and weights with more degrees of freedom.
   const MatrixXd twice =
