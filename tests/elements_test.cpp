@@ -206,6 +206,12 @@ TEST(Laws, DerivativesAreThoseOfTheFormulas) {
     LawDerivatives found;
     entry.make(all.subspan(2 + states))
         ->differentiate(arguments[0], arguments[1], all.subspan(2, states), found);
+    if (states == 1) {
+      const StateRate alone = entry.make(all.subspan(3))
+                                  ->state_rate_and_slope(arguments[0], arguments[1], arguments[2]);
+      EXPECT_DOUBLE_EQ(alone.value, found.state_rate[0].value) << entry.name;
+      EXPECT_DOUBLE_EQ(alone.by_state, found.state_rate[0].by_state[0]) << entry.name;
+    }
     for (std::size_t i = 0; i < arguments.size(); ++i) {
       std::vector<double> up = arguments, down = arguments;
       up[i] += 1e-6;

@@ -138,6 +138,9 @@ TEST_F(LawFile, StatesMoveAsThoseOfTheCatalogue) {
     EXPECT_NEAR(ours->force(z, v, mine), dahl->force(z, v, theirs), 1e-9);
     ours->state_rate(z, v, mine, rate);
     dahl->state_rate(z, v, theirs, other_rate);
+    EXPECT_NEAR(ours->state_rate_and_slope(z, v, mine[0]).value, rate[0], 1e-12);
+    EXPECT_NEAR(ours->state_rate_and_slope(z, v, mine[0]).by_state,
+                dahl->state_rate_and_slope(z, v, theirs[0]).by_state, 1e-9);
     mine[0] += 0.001 * rate[0];
     theirs[0] += 0.001 * other_rate[0];
   }

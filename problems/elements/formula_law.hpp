@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <span>
 
@@ -29,6 +30,18 @@ T clip(const T& z, const T& limit) {
   if (z > limit) return limit;
   if (z < -limit) return -limit;
   return z;
+}
+
+// x^y for x > 0. The logarithm and a second power, which derivatives by y and ceres::pow take, only where y has
+// a derivative.
+inline double power(double x, double y) { return std::pow(x, y); }
+template <int n>
+ceres::Jet<double, n> power(const ceres::Jet<double, n>& x, const ceres::Jet<double, n>& y) {
+  const double value = std::pow(x.a, y.a);
+  ceres::Jet<double, n> result(value);
+  result.v = (value * y.a / x.a) * x.v;
+  if (!y.v.isZero(0.0)) result.v += (value * std::log(x.a)) * y.v;
+  return result;
 }
 
 template <typename Formula>
@@ -55,6 +68,20 @@ class FormulaLaw final : public Law {
     if constexpr (kStates > 0) {
       Formula::state_rate(parameters_.data(), z, rate, state.data(), change.data());
     }
+  }
+
+  [[nodiscard]] StateRate state_rate_and_slope(double z, double rate, double state) const override {
+    StateRate result;
+    if constexpr (kStates == 1) {
+      using Dual = ceres::Jet<double, 1>;
+      std::array<Dual, std::size_t{kParameters}> p;
+      for (int i = 0; i < kParameters; ++i) p[at(i)] = Dual(parameters_[at(i)]);
+      const Dual x(state, 0);
+      Dual change;
+      Formula::state_rate(p.data(), Dual(z), Dual(rate), &x, &change);
+      result = {change.a, change.v[0]};
+    }
+    return result;
   }
 
   void rest(double z, std::span<double> state) const override {

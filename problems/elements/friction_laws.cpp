@@ -66,9 +66,8 @@ struct SublinearFriction {
   static constexpr int kParameters = 4, kStates = 0;
   template <typename T>
   static T force(const T* p, const T&, const T& rate, const T*) {
-    using std::pow;
     const T square = (rate * rate + p[3] * p[3]) / (p[2] * p[2]);
-    return p[0] * (rate / p[2]) * pow(square, 0.5 * (p[1] - 1.0));
+    return p[0] * (rate / p[2]) * power(square, T(0.5 * (p[1] - 1.0)));
   }
 };
 

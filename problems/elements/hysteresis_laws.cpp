@@ -55,10 +55,9 @@ struct BoucWen {
   template <typename T>
   static void state_rate(const T* p, const T&, const T& rate, const T* x, T* change) {
     using std::abs;
-    using std::pow;
     const double direction = rate * x[0] > 0.0 ? 1.0 : -1.0;
     // At x = 0 the power has no derivative by n (and for n < 1 none by x): there it is left out.
-    const T used = x[0] == 0.0 ? T(0.0) : T(pow(abs(x[0]) / p[1], p[2]));
+    const T used = x[0] == 0.0 ? T(0.0) : power(T(abs(x[0]) / p[1]), p[2]);
     change[0] = rate * (1.0 - used * (p[3] * direction + 1.0 - p[3]));
   }
 };
@@ -67,8 +66,7 @@ struct BoucWen {
 template <typename T>
 T slipping_rate(const T& rate, const T& pull, const T& level, const T& exponent) {
   using std::abs;
-  using std::pow;
-  return rate * pull > 0.0 ? T(rate * (1.0 - pow(abs(pull) / level, exponent))) : rate;
+  return rate * pull > 0.0 ? T(rate * (1.0 - power(T(abs(pull) / level), exponent))) : rate;
 }
 
 // A slider behind a spring with play: the spring's deflection x follows z until its force nears F_c,

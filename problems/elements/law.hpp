@@ -32,6 +32,12 @@ struct LawDerivatives {
   std::array<LawDerivative, kMaxLawStates> state_rate;
 };
 
+// Of a law with one state.
+struct StateRate {
+  double value = 0.0;
+  double by_state = 0.0;
+};
+
 class Law {
  public:
   virtual ~Law() = default;
@@ -41,6 +47,11 @@ class Law {
                                      std::span<const double> state) const = 0;
   virtual void state_rate(double /*z*/, double /*rate*/, std::span<const double> /*state*/,
                           std::span<double> /*state_rate*/) const {}
+  // g of a law with one state, and its exact slope: what a step in time takes.
+  [[nodiscard]] virtual StateRate state_rate_and_slope(double /*z*/, double /*rate*/,
+                                                       double /*state*/) const {
+    return {};
+  }
   // The states in which the law rests at z: x' = 0 where z' = 0, reached from x = 0 without motion.
   virtual void rest(double /*z*/, std::span<double> /*state*/) const {}
   // f and g with their derivatives, exact (at a kink those of one side). Of the arrays only the

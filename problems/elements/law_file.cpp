@@ -50,6 +50,15 @@ class ExpressionLaw final : public Law {
     }
   }
 
+  [[nodiscard]] StateRate state_rate_and_slope(double z, double rate, double state) const override {
+    if (state_count() != 1) return {};
+    using Slope = ceres::Jet<double, 1>;
+    auto values = arguments<Slope>(z, rate, {&state, 1});
+    values[2].v[0] = 1.0;
+    const Slope change = formulas_->state_rates[0].evaluate<Slope>(values);
+    return {change.a, change.v[0]};
+  }
+
   void differentiate(double z, double rate, std::span<const double> state,
                      LawDerivatives& result) const override {
     auto values = arguments<Dual>(z, rate, state);
