@@ -39,6 +39,15 @@ constexpr double kSameDistance = 0.02;
 // describes a real force to better than some three per cent, a thousandth in chi-square.
 constexpr double kImperfection = 1e-3;
 
+// With m laws that may still come, one of them explains an m-th of what is left, or about: where the best
+// does not explain this share of an m-th, all of them together won't, and they only stand in for one that
+// is not in the catalogue.
+constexpr double kShareOfAnMth = 0.5;
+
+// What the fit's own recordings may show beyond the noise, as a multiple of what others may: free motion is
+// taken out of recordings with the model as it was.
+constexpr double kFitTolerance = 2.0;
+
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;
 
@@ -403,8 +412,24 @@ class Search {
         compounds_are_open_ = true;
         continue;
       }
+      if (is_hopeless(best->fit)) {
+        gave_up_ = true;
+        return;
+      }
       result_.after = best->fit;
     }
+  }
+
+  [[nodiscard]] bool is_hopeless(const ExtendedFit& with) const {
+    const Assessment& left = result_.after.estimation;
+    if (!problem_->noise_is_known() || !is_too_large(left)) return false;
+    const auto still_to_come = static_cast<double>(effect_limit() - result_.after.laws.size());
+    const double excess = left.chi_square - left.degrees_of_freedom;
+    return left.chi_square - with.estimation.chi_square < kShareOfAnMth * excess / still_to_come;
+  }
+
+  [[nodiscard]] bool is_too_large(const Assessment& rest) const {
+    return practical_size_p_value(rest, options_.tolerance) < options_.verification_level;
   }
 
   // A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at it
@@ -560,12 +585,16 @@ class Search {
   // Where one of several laws found one after another has a better rival now that the others are there,
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
+    const bool only_stand_in = laws_only_stand_in();
     int exchanges = 0;
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       FoundEffect effect;
       effect.law = result_.after.laws[law];
       const ExtendedFit without = fit_without(result_.after, law);
-      if (without.usable) {
+      if (without.usable && only_stand_in) {
+        effect.bic_difference = disadvantage(without, result_.after);
+        effect.explained_share = share_explained(without, result_.after);
+      } else if (without.usable) {
         const std::vector<Trial> trials = rivals_of(effect, without);
         const Trial* better = better_than_found(effect, trials);
         if (better != nullptr && exchanges++ < kExchanges) {
@@ -581,6 +610,14 @@ class Search {
       add_twins(effect);
       result_.effects.push_back(std::move(effect));
     }
+  }
+
+  // As many laws as may be, and no noise is left by them: they are not the physics, and neither are rivals.
+  [[nodiscard]] bool laws_only_stand_in() const {
+    if (!problem_->noise_is_known()) return false;
+    if (result_.after.laws.size() < effect_limit() && !gave_up_) return false;
+    return is_too_large(problem_->validate(result_.after).value_or(result_.after.estimation)) ||
+           is_too_large(result_.after.estimation);
   }
 
   // Of another law than the one found, one that does not merely generalise it, by BIC.
@@ -727,7 +764,10 @@ class Search {
     const Assessment& judged = result_.validation_within_errors ? *result_.validation_within_errors
                                                                 : result_.after.estimation;
     result_.rest_p_value = practical_size_p_value(judged, options_.tolerance);
-    result_.verified = result_.rest_p_value >= options_.verification_level;
+    result_.fit_p_value =
+        practical_size_p_value(result_.after.estimation, kFitTolerance * options_.tolerance);
+    result_.verified =
+        std::min(result_.rest_p_value, result_.fit_p_value) >= options_.verification_level;
   }
 
   void verify_without_noise() {
@@ -763,7 +803,8 @@ class Search {
   bool compounds_are_open_ = true;
   Diagnosis result_;
   std::vector<Refit> refits_;
-  int first_fits_ = 0;  // after the first
+  int first_fits_ = 0;    // after the first
+  bool gave_up_ = false;  // no further law explains enough of what is left
 };
 
 }  // namespace

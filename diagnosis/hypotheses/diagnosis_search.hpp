@@ -41,7 +41,8 @@
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
-//      x degrees of freedom). Where the noise is not known there is no such test; then the error on
+//      x degrees of freedom). On the fit's own recordings the same must hold with twice the tolerance: those
+//      kept out may not excite what is missing. Where the noise is not known there is no such test; then the error on
 //      recordings kept out must not be more than `generalisation` times that of the fit, and no more
 //      than `structure_tolerance` of the rest may still depend on the motion
 //      (MismatchProblem::remaining_structure).
@@ -147,6 +148,7 @@ struct Diagnosis {
   std::vector<MismatchCell> mismatch_before, mismatch_after;
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
+  double fit_p_value = 1.0;            // likewise on the fit's own recordings, twice the tolerance
 };
 
 [[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});

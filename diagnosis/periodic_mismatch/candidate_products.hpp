@@ -77,7 +77,9 @@ class NoiseDraws {
   [[nodiscard]] Eigen::MatrixXcd seen_by(const Eigen::MatrixXcd& answer) const;
   // Re whitened^H noise, of whitened columns over outputs and lines.
   [[nodiscard]] Eigen::MatrixXd products(const Eigen::MatrixXcd& whitened) const;
-  void decorrelate(const MeasuredRecord& record) { record.decorrelate(noise_); }
+  void decorrelate(const MeasuredRecord& record) {
+    if (draws() > 0) record.decorrelate(noise_);
+  }
 
  private:
   void scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed);

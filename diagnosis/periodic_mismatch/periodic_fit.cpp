@@ -57,6 +57,10 @@ struct Evaluation {
 // for dozens of dear steps, and no verdict turns on less.
 constexpr double kEnough = 0.1;
 
+// Or this share of what chi-square has beyond its expectation: laws that are not the right ones leave it so
+// large that no gain of that size can make them so.
+constexpr double kEnoughOfExcess = 1e-3;
+
 class PeriodicFitter {
  public:
   PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
@@ -70,6 +74,7 @@ class PeriodicFitter {
         unknowns_.push_back(unknown_of(parameter.range));
       }
     }
+    expected_ = data.numbers_in(data.estimation);
   }
 
   PeriodicFit run(const std::vector<VectorXd>& starts) {
@@ -93,8 +98,7 @@ class PeriodicFitter {
       }
       ++result.iterations;
       const VectorXd step = step_of(now, damping);
-      const double worthwhile =
-          (laws_.empty() ? 0.01 : kEnough) + options_.tolerance * now.chi_square;
+      const double worthwhile = worthwhile_gain(now.chi_square);
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
       const double gain = now.chi_square - next.chi_square;
       const bool leads_on = gain > worthwhile;
@@ -137,6 +141,12 @@ class PeriodicFitter {
       for (double& value : law.parameters) value = values(k++);
     }
     return laws;
+  }
+
+  [[nodiscard]] double worthwhile_gain(double chi_square) const {
+    const double share = options_.tolerance * chi_square;
+    if (laws_.empty()) return 0.01 + share;
+    return std::max(kEnough + share, kEnoughOfExcess * (chi_square - expected_));
   }
 
   // dvalue / dunknown
@@ -253,6 +263,7 @@ class PeriodicFitter {
   const std::vector<ActingLaw>& laws_;
   const PeriodicFitOptions& options_;
   std::vector<Unknown> unknowns_;
+  double expected_ = 0.0;  // chi-square of nothing but noise
 };
 
 }  // namespace

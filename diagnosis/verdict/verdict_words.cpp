@@ -203,6 +203,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(fmt::format("What is left {} (p = {:.2g}{}).",
                                 diagnosis.verified ? "is no more than noise" : "is more than noise",
                                 diagnosis.rest_p_value, where));
+    if (!diagnosis.verified && diagnosis.fit_p_value < diagnosis.rest_p_value) {
+      lines.back() += fmt::format(
+          " On the fit's own recordings it is {:.4g} (p = {:.2g}): those kept out excite less of "
+          "what is missing.",
+          diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
+    }
   }
   if (diagnosis.remaining_structure) {
     lines.push_back(
