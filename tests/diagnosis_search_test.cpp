@@ -81,6 +81,16 @@ class RegressionProblem : public MismatchProblem {
     further_information_[index_of(law)] = information;
   }
 
+  // Fits with this law alone do not settle.
+  void never_settle_with(const std::string& law) {
+    unsettled_ = std::vector<std::size_t>{index_of(law)};
+  }
+  // Held-out recordings that do not excite what is missing.
+  void keep_out_unexcited(Random& random) {
+    held_out_ = model_ * Eigen::Vector3d(1.0, -0.5, 0.3);
+    for (double& value : held_out_) value += random.normal();
+  }
+
   [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
   [[nodiscard]] double sample_count() const override { return static_cast<double>(kSamples); }
   [[nodiscard]] bool noise_is_known() const override { return true; }
@@ -95,7 +105,7 @@ class RegressionProblem : public MismatchProblem {
     const Eigen::MatrixXd covariance =
         (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
     ExtendedFit result;
-    result.usable = true;
+    result.usable = !unsettled_ || chosen != *unsettled_;
     std::size_t further_parameters = 0;
     for (std::size_t k = 0; k < chosen.size(); ++k) {
       const auto at = static_cast<Eigen::Index>(k) + model_.cols();
@@ -200,6 +210,7 @@ class RegressionProblem : public MismatchProblem {
   std::vector<Hypothesis> hypotheses_;
   std::map<std::size_t, double> further_information_;
   std::optional<double> distance_;
+  std::optional<std::vector<std::size_t>> unsettled_;
   std::vector<Eigen::VectorXd> columns_;
   Eigen::VectorXd estimation_, held_out_;
 };
@@ -218,6 +229,87 @@ Eigen::VectorXd scaled_effect(const RegressionProblem& problem, const std::strin
                               double deviations) {
   const Eigen::VectorXd column = problem.column(problem.index_of(law));
   return deviations / column.norm() * column;
+}
+
+// A force that no hypothesis has, beside one that is there. Laws that lean a little towards the first stay out.
+TEST(DiagnosisSearch, GivesUpWhereNoLawExplainsEnough) {
+  RegressionProblem problem;
+  Eigen::VectorXd effect = scaled_effect(problem, "harmonic_4", 30.0);
+  for (Eigen::Index i = 0; i < kSamples; ++i) {
+    const double x = RegressionProblem::axis(i);
+    effect(i) += 3.0 * std::sin(14.3 * x) + 0.5 * std::sin(8.0 * x);
+  }
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const Diagnosis diagnosis = diagnose_effect(problem, effect, 500 + i);
+    EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("harmonic_4"));
+    EXPECT_FALSE(diagnosis.effects[0].excluded.empty());
+  }
+}
+
+// Five effects where the search takes four: none of them is said to be better than its rivals.
+TEST(DiagnosisSearch, WeighsNoRivalsOfLawsThatLeaveMoreThanNoise) {
+  RegressionProblem problem;
+  Eigen::VectorXd effect = Eigen::VectorXd::Zero(kSamples);
+  for (const char* law : {"harmonic_4", "harmonic_5", "harmonic_6", "harmonic_7", "harmonic_8"}) {
+    effect += scaled_effect(problem, law, 25.0);
+  }
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 78);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  EXPECT_FALSE(diagnosis.rivals_weighed);
+  ASSERT_EQ(diagnosis.effects.size(), 4U);
+  for (const FoundEffect& found : diagnosis.effects) {
+    EXPECT_TRUE(found.rivals.empty() && found.excluded.empty());
+    EXPECT_TRUE(std::isfinite(found.bic_difference));
+  }
+}
+
+// As many effects as the search looks for, of equal size: each explains its share, and none is given up.
+TEST(DiagnosisSearch, DoesNotGiveUpFourEqualEffects) {
+  RegressionProblem problem;
+  Eigen::VectorXd effect = Eigen::VectorXd::Zero(kSamples);
+  for (const char* law : {"harmonic_3", "harmonic_5", "harmonic_8", "step"}) {
+    effect += scaled_effect(problem, law, 25.0);
+  }
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 77);
+  EXPECT_EQ(diagnosis.effects.size(), 4U);
+  EXPECT_TRUE(diagnosis.verified);
+  EXPECT_TRUE(diagnosis.rivals_weighed);
+}
+
+// What is left on the fit's own recordings counts where those kept out do not excite it.
+TEST(DiagnosisSearch, AsksForNoiseOnTheFitsOwnRecordingsToo) {
+  RegressionProblem problem;
+  Eigen::VectorXd effect(kSamples);
+  for (Eigen::Index i = 0; i < kSamples; ++i) {
+    effect(i) = 2.0 * std::sin(14.3 * RegressionProblem::axis(i));
+  }
+  Random random(5);
+  problem.measure(effect, random);
+  problem.keep_out_unexcited(random);
+  const Diagnosis diagnosis = diagnose(problem, {});
+  EXPECT_GT(diagnosis.rest_p_value, 0.01);
+  EXPECT_LT(diagnosis.fit_p_value, 1e-6);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+}
+
+// Two effects; without the second the fit does not settle. Its rivals are weighed all the same, and nothing
+// is said of how much worse the model would be without it.
+TEST(DiagnosisSearch, WeighsRivalsOfALawWithoutWhichNothingSettles) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect =
+      scaled_effect(problem, "harmonic_4", 40.0) + scaled_effect(problem, "step", 20.0);
+  problem.remove("slanted_step");
+  problem.never_settle_with("step");
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 31);
+  ASSERT_EQ(diagnosis.effects.size(), 2U);
+  const bool first = diagnosis.effects[0].law.hypothesis == problem.index_of("harmonic_4");
+  const FoundEffect& missed = diagnosis.effects[first ? 0 : 1];
+  EXPECT_TRUE(std::isnan(missed.bic_difference));
+  EXPECT_TRUE(std::isnan(missed.explained_share));
+  EXPECT_FALSE(missed.excluded.empty());
+  EXPECT_TRUE(std::isfinite(diagnosis.effects[first ? 1 : 0].bic_difference));
 }
 
 TEST(DiagnosisSearch, FindsNothingWhereNothingIsMissingAtTheStatedLevel) {

@@ -77,6 +77,21 @@ TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
   EXPECT_NE(all.find("no more than noise"), std::string::npos) << all;
 }
 
+TEST(VerdictWords, SayWhatCouldNotBeFittedAndWhatOnlyStandsIn) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verified = false;
+  diagnosis.rest_p_value = 0.4;
+  diagnosis.fit_p_value = 1e-9;
+  diagnosis.rivals_weighed = false;
+  diagnosis.effects[0].bic_difference = std::nan("");
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_NE(all.find("Without it the model could not be fitted."), std::string::npos) << all;
+  EXPECT_EQ(all.find("nan"), std::string::npos) << all;
+  EXPECT_NE(all.find("only stand in"), std::string::npos) << all;
+  EXPECT_NE(all.find("On the fit's own recordings"), std::string::npos) << all;
+}
+
 TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
   Diagnosis diagnosis = explained();
   diagnosis.noise_is_known = false;

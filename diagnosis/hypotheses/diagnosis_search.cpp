@@ -412,10 +412,7 @@ class Search {
         compounds_are_open_ = true;
         continue;
       }
-      if (is_hopeless(best->fit)) {
-        gave_up_ = true;
-        return;
-      }
+      if (is_hopeless(best->fit)) return;
       result_.after = best->fit;
     }
   }
@@ -585,17 +582,18 @@ class Search {
   // Where one of several laws found one after another has a better rival now that the others are there,
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
-    const bool only_stand_in = laws_only_stand_in();
+    result_.rivals_weighed = !laws_only_stand_in();
     int exchanges = 0;
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       FoundEffect effect;
       effect.law = result_.after.laws[law];
       const ExtendedFit without = fit_without(result_.after, law);
-      if (without.usable && only_stand_in) {
+      if (without.usable) {
         effect.bic_difference = disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
-      } else if (without.usable) {
-        const std::vector<Trial> trials = rivals_of(effect, without);
+      }
+      if (result_.rivals_weighed) {
+        const std::vector<Trial> trials = rivals_of(law, without);
         const Trial* better = better_than_found(effect, trials);
         if (better != nullptr && exchanges++ < kExchanges) {
           result_.after = better->fit;
@@ -603,8 +601,6 @@ class Search {
           law = static_cast<std::size_t>(-1);
           continue;
         }
-        effect.bic_difference = disadvantage(without, result_.after);
-        effect.explained_share = share_explained(without, result_.after);
         divide_rivals(effect, trials);
       }
       add_twins(effect);
@@ -612,10 +608,9 @@ class Search {
     }
   }
 
-  // As many laws as may be, and no noise is left by them: they are not the physics, and neither are rivals.
+  // As many laws as may be, and what they leave is no noise: rivals of such laws are no likelier physics.
   [[nodiscard]] bool laws_only_stand_in() const {
-    if (!problem_->noise_is_known()) return false;
-    if (result_.after.laws.size() < effect_limit() && !gave_up_) return false;
+    if (!problem_->noise_is_known() || result_.after.laws.size() < effect_limit()) return false;
     return is_too_large(problem_->validate(result_.after).value_or(result_.after.estimation)) ||
            is_too_large(result_.after.estimation);
   }
@@ -639,20 +634,34 @@ class Search {
     return excess > gain ? gain / excess : 1.0;
   }
 
-  std::vector<Trial> rivals_of(const FoundEffect& effect, const ExtendedFit& without) {
-    if (!proceed("weighing rivals of " + name_of(effect.law.hypothesis))) return {};
-    std::vector<LawStart> candidates;
+  // Where the model without the law can't be fitted, candidates are those of the first ranking, and start
+  // beside the other laws as they are.
+  std::vector<Trial> rivals_of(std::size_t law, const ExtendedFit& without) {
+    const std::size_t found = result_.after.laws[law].hypothesis;
+    if (!proceed("weighing rivals of " + name_of(found))) return {};
+    std::vector<LawStart> others = starts_of(without.usable ? without : result_.after);
+    if (!without.usable) others.erase(others.begin() + static_cast<std::ptrdiff_t>(law));
     ScoreTable table;
     table.scores = result_.ranking;
-    if (!without.laws.empty()) table = rank(without, 0);
+    if (without.usable && !without.laws.empty()) table = rank(without, 0);
+    std::vector<LawStart> candidates;
     for (const LawStart& start : shortlist(table)) {
-      if (start.hypothesis != effect.law.hypothesis) candidates.push_back(start);
+      const bool is_there =
+          std::ranges::find(others, start.hypothesis, &LawStart::hypothesis) != others.end();
+      if (start.hypothesis != found && (!is_there || is_repeatable(start.hypothesis))) {
+        candidates.push_back(start);
+      }
     }
-    std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
+    std::vector<Trial> trials =
+        refit_each(others, candidates, without.usable ? without : result_.after);
     if (problem_->noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
     return trials;
+  }
+
+  [[nodiscard]] bool is_repeatable(std::size_t hypothesis) const {
+    return problem_->hypotheses()[hypothesis].repeatable;
   }
 
   // Into those that are not excluded, and the others.
@@ -803,8 +812,7 @@ class Search {
   bool compounds_are_open_ = true;
   Diagnosis result_;
   std::vector<Refit> refits_;
-  int first_fits_ = 0;    // after the first
-  bool gave_up_ = false;  // no further law explains enough of what is left
+  int first_fits_ = 0;  // after the first
 };
 
 }  // namespace

@@ -22,6 +22,8 @@
 //      Where the noise is known, and what is left is no more than noise by its chi-square, one law more is
 //      tried if the best hypothesis lies at a place without a law and is significant by itself; it stays if
 //      BIC falls by `exclusion_margin` and by a thousandth of what the others explain.
+//      Where it is known and the best law, of m that may still come, explains less than half an m-th of
+//      what is too much, the search gives up: such laws only stand in for one that is not there.
 //   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, and
 //      laws that only generalise another of fewer parameters give way to it unless they are better by
 //      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
@@ -38,6 +40,7 @@
 //      law at several places that no experiment of this kind would tell apart (a delay of the only
 //      actuator or of the only sensor of a linear system) are one explanation: `same_at`. Where the noise is
 //      known and one of several laws has a rival of lower BIC, that takes its place and all are weighed again.
+//      Where the search has as many laws as may be and the rest is no noise, rivals are not weighed.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
@@ -61,6 +64,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -121,8 +125,10 @@ struct Rival {
 
 struct FoundEffect {
   FittedLaw law;
-  double explained_share = 0.0;         // of the excess of chi-square that was there before it
-  double bic_difference = 0.0;          // of the model without it, likewise
+  // Of the excess of chi-square that was there before it, and BIC of the model without it, likewise; NaN
+  // where that model could not be fitted.
+  double explained_share = std::numeric_limits<double>::quiet_NaN();
+  double bic_difference = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> rivals;            // not excluded
   std::vector<Rival> excluded;          // the best of those that are, by their distance
   std::vector<FittedLaw> same_at = {};  // as in Rival
@@ -149,6 +155,7 @@ struct Diagnosis {
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
   double fit_p_value = 1.0;            // likewise on the fit's own recordings, twice the tolerance
+  bool rivals_weighed = true;          // false: as many laws as may be leave more than noise
 };
 
 [[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});

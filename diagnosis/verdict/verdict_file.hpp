@@ -2,6 +2,7 @@
 //
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
 //    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
+//    "rivals_weighed": true,
 //    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
 //    "recording_warnings": ["..."],
 //    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,
@@ -23,7 +24,7 @@
 // Channels, bands, positions and levels are those where residuals before any extension are too large
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
-// are null. `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
+// are null. `rivals_weighed` is false where as many laws as the search takes leave more than noise. `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
 // could tell.
 #pragma once
 

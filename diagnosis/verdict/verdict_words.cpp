@@ -54,6 +54,9 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   const std::string found = fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
                                         hypothesis_words(hypothesis), parameters_words(effect.law));
+  if (std::isnan(effect.bic_difference)) {
+    return found + " Without it the model could not be fitted.";
+  }
   if (!noise_is_known) {
     return fmt::format("{} Without it: {}.", found, evidence_words(effect.bic_difference, false));
   }
@@ -183,6 +186,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
         fault.message, fault.dissimilarity_before, fault.dissimilarity_after));
   }
   if (!diagnosis.trouble.empty()) return lines;
+  if (!diagnosis.rivals_weighed) {
+    lines.push_back(
+        "As many laws as the search takes leave more than noise: they lower the error, but may "
+        "only stand in "
+        "for a law that was not tried. Their rivals were not weighed.");
+  }
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
     add_same_places(effect.same_at, hypotheses, lines);
