@@ -33,7 +33,7 @@ namespace {
 
 struct Arguments {
   std::string model, campaign, output;
-  std::vector<std::string> law_files;
+  std::vector<std::string> law_files, place_files;
   int threads = 1;
   bool json = false;
   SearchOptions search;
@@ -150,7 +150,9 @@ int execute(Arguments& arguments) {
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
       arguments.model, campaign,
-      {.threads = arguments.threads, .keep_going = [] { return !interrupted(); }});
+      {.threads = arguments.threads,
+       .keep_going = [] { return !interrupted(); },
+       .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
   require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
   catch_interrupts();
   Diagnosis diagnosis;
@@ -208,12 +210,14 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   command
       ->add_option("--effects", arguments->search.effect_limit,
-                   "effects to look for, at most (default: 4, or 12 where the noise is not known)")
+                   "effects to look for, at most (default: 4, or 24 where the noise is not known)")
       ->check(CLI::Range(1, 50));
   command->add_option("--without", arguments->search.excluded_laws,
                       "leave these laws out of the catalogue");
   command->add_option("--laws", arguments->law_files,
                       "laws of your own, graybox-laws/1 files, besides the catalogue");
+  command->add_option("--places", arguments->place_files,
+                      "places of your own, graybox-places/1 files, besides those of the model");
   command->add_flag("--ignore-faults", arguments->search.ignore_channel_faults,
                     "search although wires, signs or units look wrong");
   command->add_option("--seed", arguments->search.seed, "of the draws that calibrate the tests")
@@ -224,7 +228,8 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox diagnose robot.yaml campaign/ -o report --threads 2\n"
       "  graybox diagnose drive.yaml campaign/ --without coulomb --json\n"
-      "  graybox diagnose drive.yaml campaign/ --laws my_laws.yaml -o report");
+      "  graybox diagnose drive.yaml campaign/ --laws my_laws.yaml --places my_places.yaml -o "
+      "report");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }
 

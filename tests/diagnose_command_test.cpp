@@ -187,6 +187,58 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 }
 
+const std::string kChain = R"(format: graybox-lumped/1
+sample_time: 0.002
+motion: rotation
+masses: {first: 0.002, second: 0.003, third: 0.002}
+elements:
+  - {name: mount, location: {kind: element, mass: first}, law: stiffness, parameters: {stiffness: {value: 5, unit: N m/rad}}}
+  - {name: mount damper, location: {kind: element, mass: first}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
+  - {name: shaft 1, location: {kind: element, between: [first, second]}, law: stiffness, parameters: {stiffness: {value: 20, unit: N m/rad}}}
+  - {name: damper 1, location: {kind: element, between: [first, second]}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
+  - {name: shaft 2, location: {kind: element, between: [second, third]}, law: stiffness, parameters: {stiffness: {value: 15, unit: N m/rad}}}
+  - {name: damper 2, location: {kind: element, between: [second, third]}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
+inputs:
+  - {name: torque, mass: first}
+outputs:
+  - {name: first_speed, mass: first, quantity: velocity}
+  - {name: second_speed, mass: second, quantity: velocity}
+  - {name: third_speed, mass: third, quantity: velocity}
+noise: {first_speed: 0.02, second_speed: 0.02, third_speed: 0.02}
+)";
+
+// A cable that no drawing shows, between two shafts that are no neighbours: what is searched by itself does
+// not explain it.
+TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
+  write_text(folder_.file("model.yaml"), kChain);
+  simulate(R"(elements:
+  - name: cable
+    location: {kind: element, between: [first, third]}
+    law: cubic_spring
+    parameters: {stiffness: {value: 300, unit: N m/rad^3}}
+)");
+  EXPECT_EQ(verdict({}, 1)["verdict"], "unknown");
+  const std::string places = "format: graybox-places/1\nplaces:\n  - ";
+  write_text(folder_.file("places.yaml"), places + "{kind: element, between: [third, first]}\n");
+  const Json found = verdict("--places places.yaml -o report");
+  ASSERT_EQ(found["physics"].size(), 1U) << found["words"];
+  EXPECT_EQ(found["physics"][0]["law"], "cubic_spring") << found["words"];
+  EXPECT_EQ(found["physics"][0]["place"], "third-first");
+  const Outcome again = graybox("diagnose report/model_extended.yaml campaign --json");
+  EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
+
+  const auto refused = [&](const std::string& place, const std::string& why) {
+    write_text(folder_.file("places.yaml"), places + place + "\n");
+    expect_refused("diagnose model.yaml campaign --places places.yaml", why);
+  };
+  refused("{kind: element, between: [second, first]}", "as 'first-second'");
+  refused("{kind: element, deflection: {second: -1, first: 1}}", "as 'first-second'");
+  refused("{kind: element, between: [first, fourth]}", "no mass 'fourth'");
+  refused("{kind: sensor, output: first_speed}", "as 'sensor first_speed'");
+  refused("{kind: sensor, output: first_speed, driven_by: {input: torque}}", "driven_by");
+  expect_refused("diagnose model.yaml campaign --places model.yaml", "format");
+}
+
 TEST_F(Diagnose, SaysThatASignOrUnitIsWrong) {
   simulate();
   replace_in_campaign("name: speed, unit: rad/s", "name: speed, unit: deg/s");

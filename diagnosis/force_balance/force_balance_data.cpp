@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "graybox/diagnosis/hypotheses/place_file.hpp"
 #include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "graybox/problems/error.hpp"
@@ -164,7 +165,8 @@ void add_flange(std::vector<CandidatePlace>& places) {
 }  // namespace
 
 ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
-                                         const Campaign& campaign) {
+                                         const Campaign& campaign,
+                                         std::span<const std::filesystem::path> place_files) {
   const RigidRobotModel robot = load_rigid_robot(model);
   std::vector<Motion> fitted, held_out;
   std::vector<std::string> fitted_names, held_out_names;
@@ -193,6 +195,9 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   add_joint_places(robot, data.places);
   add_neighbours(robot, data.places);
   if (robot.size() > 1) add_flange(data.places);  // on one axis a payload is an inertia
+  for (const std::filesystem::path& file : place_files) {
+    add_places(file, *rigid_robot_places(robot), data.places);
+  }
   return data;
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -50,8 +51,9 @@ struct ForceBalanceData {
 
 // Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can tell
 // apart. Throws InputError as force_balance_problem does.
-[[nodiscard]] ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
-                                                       const Campaign& campaign);
+[[nodiscard]] ForceBalanceData load_force_balance_data(
+    const std::filesystem::path& model, const Campaign& campaign,
+    std::span<const std::filesystem::path> place_files = {});
 
 // Deflection and rate of a place in one piece: z = b_in^T q.
 [[nodiscard]] PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);

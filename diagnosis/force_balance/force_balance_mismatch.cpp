@@ -532,7 +532,8 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
 std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::path& model,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
-  return std::make_unique<ForceBalanceProblem>(load_force_balance_data(model, campaign), options);
+  return std::make_unique<ForceBalanceProblem>(
+      load_force_balance_data(model, campaign, options.place_files), options);
 }
 
 }  // namespace graybox

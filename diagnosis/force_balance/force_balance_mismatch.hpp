@@ -28,6 +28,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -35,7 +36,8 @@
 namespace graybox {
 
 struct ForceBalanceOptions {
-  std::function<bool()> keep_going;  // asked now and then; false: fits end unusable
+  std::function<bool()> keep_going;                  // asked now and then; false: fits end unusable
+  std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
 };
 
 // Throws InputError of one line for a model or campaign that can't be used (motion_record.hpp), and for

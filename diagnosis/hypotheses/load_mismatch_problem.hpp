@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -13,6 +14,7 @@ namespace graybox {
 struct MismatchProblemOptions {
   int threads = 1;                        // results do not depend on it
   std::function<bool()> keep_going = {};  // asked now and then; false: fits end unusable
+  std::vector<std::filesystem::path> place_files = {};  // graybox-places/1 (place_file.hpp)
 };
 
 // Throws InputError for files that are missing, wrong or do not belong together, for a format that

@@ -757,7 +757,7 @@ std::vector<ForcePicture> Problem::force_pictures(const ExtendedFit& fit) const 
 std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem::path& model,
                                                            const Campaign& campaign,
                                                            const PeriodicMismatchOptions& options) {
-  std::unique_ptr<PlantFamily> family = plant_family(model);
+  std::unique_ptr<PlantFamily> family = plant_family(model, options.place_files);
   PeriodicDataOptions reading;
   reading.line_factor = options.line_factor;
   reading.model_accuracy = options.model_accuracy;

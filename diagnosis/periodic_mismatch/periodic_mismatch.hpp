@@ -44,6 +44,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -56,6 +57,7 @@ struct PeriodicMismatchOptions {
   int iteration_limit = 60;          // of a fit
   int threads = 1;                   // results do not depend on it
   std::function<bool()> keep_going;  // asked between recordings; false: fits end unusable
+  std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
 };
 
 // Throws InputError of one line for a model or a campaign that can't be used: not periodic, other

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "graybox/diagnosis/hypotheses/place_file.hpp"
 #include "graybox/problems/elements/lumped_model.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/error.hpp"
@@ -108,6 +109,14 @@ class RobotFamily : public PlantFamily {
 
   [[nodiscard]] MatrixXcd inverse_controller(double w) const override {
     return controller_inverse(robot_.controller, w, robot_.sample_time);
+  }
+
+  void add_places_of(const std::filesystem::path& file) override {
+    const std::size_t known = places_.size();
+    add_places(file, RobotPlaces(robot_), places_);
+    for (std::size_t i = known; i < places_.size(); ++i) {
+      places_[i].shifts_rest = shifts_rest(places_[i].location);
+    }
   }
 
   // The PI controller's u = K_p (e + (T_s/T_i) sum e) tells the sum of all errors e = r - y since the
@@ -315,6 +324,12 @@ class LumpedFamily : public PlantFamily {
 
   [[nodiscard]] VectorXd mean_offset(const PeriodEnd&) const override { return {}; }
 
+  void add_places_of(const std::filesystem::path& file) override {
+    const std::size_t known = places_.size();
+    add_places(file, *lumped_places(model_, units_), places_);
+    for (std::size_t i = known; i < places_.size(); ++i) mark_free_laws(places_[i]);
+  }
+
  private:
   void check_signals(const std::filesystem::path& file) const {
     using Quantity = LumpedOutput::Quantity;
@@ -433,6 +448,11 @@ class LumpedFamily : public PlantFamily {
 
   void add_place(CandidatePlace place) {
     place.location.units = units_;
+    mark_free_laws(place);
+    places_.push_back(std::move(place));
+  }
+
+  void mark_free_laws(CandidatePlace& place) const {
     for (const Element& part : model_.parts) {
       const Location& there = part.location;
       if (there.kind != LocationKind::kElement || there.output != there.input ||
@@ -444,7 +464,6 @@ class LumpedFamily : public PlantFamily {
       place.has_free_damping |= part.law_name == "viscous";
       place.has_free_inertia |= part.use == LawUse::kInertia;
     }
-    places_.push_back(std::move(place));
   }
 
   void add_signal(std::size_t channel, LocationKind kind, const char* noun, const char* key,
@@ -465,11 +484,18 @@ class LumpedFamily : public PlantFamily {
 
 }  // namespace
 
-std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model) {
+std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model,
+                                          std::span<const std::filesystem::path> places) {
   const std::string format =
       YamlField::load(model).at("format").choice({"graybox-robot/1", "graybox-lumped/1"});
-  if (format == "graybox-robot/1") return std::make_unique<RobotFamily>(model);
-  return std::make_unique<LumpedFamily>(model);
+  std::unique_ptr<PlantFamily> family;
+  if (format == "graybox-robot/1") {
+    family = std::make_unique<RobotFamily>(model);
+  } else {
+    family = std::make_unique<LumpedFamily>(model);
+  }
+  for (const std::filesystem::path& file : places) family->add_places_of(file);
+  return family;
 }
 
 std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot, RobotDynamics dynamics) {

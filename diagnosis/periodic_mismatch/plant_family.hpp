@@ -68,6 +68,9 @@ class PlantFamily {
   // or it can't be told. The controller is taken to have started at rest.
   [[nodiscard]] virtual Eigen::VectorXd mean_offset(const PeriodEnd& end) const = 0;
 
+  // Those of a graybox-places/1 file besides.
+  virtual void add_places_of(const std::filesystem::path& file) = 0;
+
  protected:
   std::vector<ModelParameter> parameters_;
   std::vector<Element> elements_;
@@ -76,8 +79,10 @@ class PlantFamily {
   Eigen::Index inputs_ = 0, outputs_ = 0;
 };
 
-// A graybox-robot/1 or graybox-lumped/1 file. Throws InputError of one line.
-[[nodiscard]] std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model);
+// A graybox-robot/1 or graybox-lumped/1 file, and graybox-places/1 files with further places
+// (place_file.hpp). Throws InputError of one line.
+[[nodiscard]] std::unique_ptr<PlantFamily> plant_family(
+    const std::filesystem::path& model, std::span<const std::filesystem::path> places = {});
 
 enum class RobotDynamics : std::int8_t {
   kFull,   // with the arm's own forces: Coriolis, changing inertia and gravity

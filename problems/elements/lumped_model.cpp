@@ -470,6 +470,10 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
   return model;
 }
 
+std::unique_ptr<Places> lumped_places(const LumpedModel& model, PlaceUnits units) {
+  return std::make_unique<LumpedPlaces>(model, std::move(units));
+}
+
 LumpedModel with_parameters(const LumpedModel& model, std::span<const double> values) {
   LumpedModel changed = model;
   for (std::size_t i = 0; i < values.size(); ++i) {

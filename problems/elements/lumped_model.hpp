@@ -58,6 +58,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -114,6 +115,9 @@ struct LumpedModel {
   // No imposed motion, no other signals: what simulations and diagnoses of drives take.
   [[nodiscard]] bool is_driven_by_forces_alone() const;
 };
+
+// How the model names its places; keeps a reference to it.
+[[nodiscard]] std::unique_ptr<Places> lumped_places(const LumpedModel& model, PlaceUnits units);
 
 // The same model with other values of `parameters`, one for each. Throws InputError for a value out
 // of its range.

@@ -352,6 +352,10 @@ RobotChannels read_channels(const YamlField& field, std::size_t size) {
 
 }  // namespace
 
+std::unique_ptr<Places> rigid_robot_places(const RigidRobotModel& model) {
+  return std::make_unique<RigidRobotPlaces>(model);
+}
+
 RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
                                  const std::vector<std::filesystem::path>& physics,
                                  const std::vector<std::string>& refine) {

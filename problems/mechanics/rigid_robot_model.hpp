@@ -27,6 +27,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -87,5 +88,8 @@ struct RigidRobotModel {
 [[nodiscard]] RigidRobotModel load_rigid_robot(
     const std::filesystem::path& file, const std::vector<std::filesystem::path>& physics = {},
     const std::vector<std::string>& refine = {});
+
+// How the model names its places; keeps a reference to it.
+[[nodiscard]] std::unique_ptr<Places> rigid_robot_places(const RigidRobotModel& model);
 
 }  // namespace graybox
