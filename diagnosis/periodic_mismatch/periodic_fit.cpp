@@ -240,28 +240,12 @@ class PeriodicFitter {
       result.information += scales.asDiagonal() * information[i] * scales.asDiagonal();
       result.gradient += scales.cwiseProduct(gradient[i]);
     }
-    add_prior(result);
     // A force may be finite where its derivatives no longer are.
     if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
         !result.gradient.allFinite()) {
       result.chi_square = std::numeric_limits<double>::infinity();
     }
     return result;
-  }
-
-  void add_prior(Evaluation& at) const {
-    if (!(options_.prior_deviation > 0.0)) return;
-    const double precision = 1.0 / (options_.prior_deviation * options_.prior_deviation);
-    Index k = 0;
-    for (const ModelParameter& parameter : family_.parameters()) {
-      if (parameter.positive) {
-        const double off = std::log(at.values(k) / parameter.start);
-        at.chi_square += precision * off * off;
-        at.information(k, k) += precision;
-        at.gradient(k) -= precision * off;
-      }
-      ++k;
-    }
   }
 
   void store(const Evaluation& now, PeriodicFit& result) const {
@@ -317,32 +301,6 @@ PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData
   std::vector<VectorXd> last = starts;
   if (best.parameters.size() > 0) last.push_back(best.parameters);
   return fit_periodic(family, data, last, laws, options);
-}
-
-PeriodicFit fit_periodic_near_own_values(const PlantFamily& family, const PeriodicData& data,
-                                         const std::vector<ActingLaw>& laws,
-                                         const PeriodicFitOptions& options) {
-  VectorXd own(static_cast<Index>(family.parameters().size()));
-  Index k = 0;
-  for (const ModelParameter& parameter : family.parameters()) own(k++) = parameter.start;
-  PeriodicFitOptions roughly = options;
-  roughly.iteration_limit = std::min(15, options.iteration_limit);
-  roughly.tolerance = 1e-3;
-  PeriodicData raised = data;
-  std::vector<VectorXd> ends;
-  for (const double deviation : {0.05, 0.1}) {
-    roughly.prior_deviation = deviation;
-    PeriodicFit near;
-    near.parameters = own;
-    near.laws = laws;
-    for (const double share : {1.0, 0.3, 0.1, 0.03, 0.01, 0.003}) {
-      raised.whitening = whitening_with_errors(data, share);
-      PeriodicFit next = fit_periodic(family, raised, {near.parameters}, near.laws, roughly);
-      if (next.parameters.size() > 0) near = std::move(next);
-    }
-    ends.push_back(near.parameters);
-  }
-  return fit_periodic(family, data, ends, laws, options);
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

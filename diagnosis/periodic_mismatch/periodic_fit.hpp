@@ -18,9 +18,6 @@ struct PeriodicFitOptions {
   double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
-  // Standard deviation of the logarithm of the model's positive parameters about their own values
-  // (ModelParameter::start), as a prior; 0: none.
-  double prior_deviation = 0.0;
 };
 
 struct PeriodicFit {
@@ -49,13 +46,6 @@ struct PeriodicFit {
                                                  const std::vector<Eigen::VectorXd>& starts,
                                                  const std::vector<ActingLaw>& laws,
                                                  const PeriodicFitOptions& options);
-
-// Where that ends nowhere near the data: from the model's own values in smaller shares, which a prior about
-// them keeps from swapping two springs that the first shares do not tell apart.
-[[nodiscard]] PeriodicFit fit_periodic_near_own_values(const PlantFamily& family,
-                                                       const PeriodicData& data,
-                                                       const std::vector<ActingLaw>& laws,
-                                                       const PeriodicFitOptions& options);
 
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.

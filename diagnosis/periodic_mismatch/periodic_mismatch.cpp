@@ -110,10 +110,7 @@ class Problem : public MismatchProblem {
     if (const auto other = response_start(*family_, data_, options_.threads)) {
       starts.push_back(*other);
     }
-    PeriodicFit fit = fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
-    if (fit.converged && can_clear_with(report(fit, {}))) return fit;
-    PeriodicFit other = fit_periodic_near_own_values(*family_, data_, acting, how_to_fit());
-    return other.converged && other.chi_square < fit.chi_square ? other : fit;
+    return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
   }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
