@@ -22,6 +22,7 @@
 #include "graybox/diagnosis/efficiency_study.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/sha256.hpp"
@@ -126,22 +127,11 @@ StudyDesigns make_designs(const VerifyArguments& arguments, const RobotModel& ro
 
 // ---- rows ------------------------------------------------------------------------------------------
 
-// Lower triangles, row by row.
 std::vector<double> packed(const Eigen::MatrixXd& symmetric) {
-  std::vector<double> values;
-  for (Eigen::Index a = 0; a < symmetric.rows(); ++a) {
-    for (Eigen::Index b = 0; b <= a; ++b) values.push_back(symmetric(a, b));
-  }
+  const auto dimension = static_cast<std::size_t>(symmetric.rows());
+  std::vector<double> values(packed_size(dimension));
+  pack(symmetric.data(), dimension, values.data());
   return values;
-}
-
-Eigen::MatrixXd unpacked(const std::vector<double>& values, Eigen::Index size) {
-  Eigen::MatrixXd symmetric(size, size);
-  auto value = values.begin();
-  for (Eigen::Index a = 0; a < size; ++a) {
-    for (Eigen::Index b = 0; b <= a; ++b) symmetric(a, b) = symmetric(b, a) = *value++;
-  }
-  return symmetric;
 }
 
 nlohmann::json json_of(const EstimateRow& row) {
@@ -176,7 +166,10 @@ EstimateRow row_of(const nlohmann::json& json) {
   row.error_chi_square = json.at("error_chi_square").get<double>();
   row.theta = vector_of(json.at("theta"));
   const auto covariance = json.at("covariance").get<std::vector<double>>();
-  if (!covariance.empty()) row.covariance = unpacked(covariance, row.theta.size());
+  if (!covariance.empty()) {
+    row.covariance.resize(row.theta.size(), row.theta.size());
+    unpack(covariance.data(), static_cast<std::size_t>(row.theta.size()), row.covariance.data());
+  }
   return row;
 }
 

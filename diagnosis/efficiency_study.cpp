@@ -45,7 +45,7 @@ void state(const FitResult& fit, EstimateRow& row) {
   if (fit.covariance.size() == 0) return;
   const Eigen::VectorXd error = row.theta.array() - 1.0;
   row.error_chi_square = error.dot(fit.covariance.llt().solve(error));
-  row.covariance = fit.covariance;
+  row.covariance = fit.covariance.selfadjointView<Eigen::Lower>();
 }
 
 std::vector<double> hertz(const std::vector<double>& frequencies) {

@@ -265,6 +265,26 @@ TEST(DiagnosisSearch, WeighsNoRivalsOfLawsThatLeaveMoreThanNoise) {
   }
 }
 
+// However much the fifth leaves: an explanation is never one whose rivals were not weighed.
+TEST(DiagnosisSearch, WeighsTheRivalsOfWhateverItExplains) {
+  RegressionProblem problem;
+  Eigen::VectorXd four = Eigen::VectorXd::Zero(kSamples);
+  for (const char* law : {"harmonic_4", "harmonic_5", "harmonic_6", "harmonic_7"}) {
+    four += scaled_effect(problem, law, 40.0);
+  }
+  int explained = 0, unweighed = 0;
+  for (int deviations = 0; deviations <= 24; ++deviations) {
+    const Eigen::VectorXd effect = four + scaled_effect(problem, "harmonic_8", deviations);
+    const Diagnosis diagnosis =
+        diagnose_effect(problem, effect, 900 + static_cast<std::uint64_t>(deviations));
+    EXPECT_TRUE(diagnosis.rivals_weighed || !diagnosis.verified) << deviations;
+    explained += diagnosis.verified ? 1 : 0;
+    unweighed += diagnosis.rivals_weighed ? 0 : 1;
+  }
+  EXPECT_GT(explained, 0);
+  EXPECT_GT(unweighed, 0);
+}
+
 // As many effects as the search looks for, of equal size: each explains its share, and none is given up.
 TEST(DiagnosisSearch, DoesNotGiveUpFourEqualEffects) {
   RegressionProblem problem;

@@ -419,14 +419,13 @@ class Search {
 
   [[nodiscard]] bool is_hopeless(const ExtendedFit& with) const {
     const Assessment& left = result_.after.estimation;
-    if (!problem_->noise_is_known() || !is_too_large(left)) return false;
+    if (!problem_->noise_is_known() ||
+        practical_size_p_value(left, options_.tolerance) >= options_.verification_level) {
+      return false;
+    }
     const auto still_to_come = static_cast<double>(effect_limit() - result_.after.laws.size());
     const double excess = left.chi_square - left.degrees_of_freedom;
     return left.chi_square - with.estimation.chi_square < kShareOfAnMth * excess / still_to_come;
-  }
-
-  [[nodiscard]] bool is_too_large(const Assessment& rest) const {
-    return practical_size_p_value(rest, options_.tolerance) < options_.verification_level;
   }
 
   // A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at it
@@ -582,7 +581,9 @@ class Search {
   // Where one of several laws found one after another has a better rival now that the others are there,
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
-    result_.rivals_weighed = !laws_only_stand_in();
+    // As many laws as may be, and what they leave is no noise: rivals are no likelier physics.
+    result_.rivals_weighed =
+        !problem_->noise_is_known() || result_.after.laws.size() < effect_limit() || rest_passes();
     int exchanges = 0;
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       FoundEffect effect;
@@ -606,13 +607,6 @@ class Search {
       add_twins(effect);
       result_.effects.push_back(std::move(effect));
     }
-  }
-
-  // As many laws as may be, and what they leave is no noise: rivals of such laws are no likelier physics.
-  [[nodiscard]] bool laws_only_stand_in() const {
-    if (!problem_->noise_is_known() || result_.after.laws.size() < effect_limit()) return false;
-    return is_too_large(problem_->validate(result_.after).value_or(result_.after.estimation)) ||
-           is_too_large(result_.after.estimation);
   }
 
   // Of another law than the one found, one that does not merely generalise it, by BIC.
@@ -769,14 +763,17 @@ class Search {
       verify_without_noise();
       return;
     }
+    result_.verified = rest_passes();
+  }
+
+  // Where the noise is known.
+  bool rest_passes() {
     result_.validation_within_errors = problem_->validate_within_errors(result_.after);
-    const Assessment& judged = result_.validation_within_errors ? *result_.validation_within_errors
-                                                                : result_.after.estimation;
-    result_.rest_p_value = practical_size_p_value(judged, options_.tolerance);
+    result_.rest_p_value = practical_size_p_value(
+        result_.validation_within_errors.value_or(result_.after.estimation), options_.tolerance);
     result_.fit_p_value =
         practical_size_p_value(result_.after.estimation, kFitTolerance * options_.tolerance);
-    result_.verified =
-        std::min(result_.rest_p_value, result_.fit_p_value) >= options_.verification_level;
+    return std::min(result_.rest_p_value, result_.fit_p_value) >= options_.verification_level;
   }
 
   void verify_without_noise() {

@@ -44,9 +44,9 @@
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of
 //      practical size: chi-square against the non-central distribution with noncentrality tolerance
-//      x degrees of freedom). On the fit's own recordings the same must hold with twice the tolerance: those
-//      kept out may not excite what is missing. Where the noise is not known there is no such test; then the error on
-//      recordings kept out must not be more than `generalisation` times that of the fit, and no more
+//      x degrees of freedom). On the fit's own recordings the same must hold with twice the
+//      tolerance: those kept out may not excite what is missing. Where the noise is not known there
+//      is no such test; then the error on recordings kept out must not be more than `generalisation` times that of the fit, and no more
 //      than `structure_tolerance` of the rest may still depend on the motion
 //      (MismatchProblem::remaining_structure).
 //
@@ -148,14 +148,14 @@ struct Diagnosis {
   std::optional<Assessment> validation_within_errors;
   bool verified = false;  // the rest passed the test of step 6
   double rest_p_value = 1.0;
+  double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
+  bool rivals_weighed = true;  // false: as many laws as may be leave more than noise
   std::optional<double> remaining_structure;  // where the noise is not known
   std::vector<DetectableEffect> detectable;   // in the light of the first fit
   std::vector<HypothesisScore> ranking;       // of the first fit, best first
   std::vector<MismatchCell> mismatch_before, mismatch_after;
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
-  double fit_p_value = 1.0;            // likewise on the fit's own recordings, twice the tolerance
-  bool rivals_weighed = true;          // false: as many laws as may be leave more than noise
 };
 
 [[nodiscard]] Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options = {});

@@ -41,8 +41,9 @@ CandidatePlace candidate(const YamlField& field, const Places& model) {
 
 }  // namespace
 
-void add_places(const std::filesystem::path& file, const Places& model,
-                std::vector<CandidatePlace>& places) {
+std::span<CandidatePlace> add_places(const std::filesystem::path& file, const Places& model,
+                                     std::vector<CandidatePlace>& places) {
+  const std::size_t known = places.size();
   const YamlField root = YamlField::load(file);
   root.allow_keys({"format", "places"});
   static_cast<void>(root.at("format").choice({"graybox-places/1"}));
@@ -57,6 +58,7 @@ void add_places(const std::filesystem::path& file, const Places& model,
     }
     places.push_back(std::move(place));
   }
+  return std::span(places).subspan(known);
 }
 
 }  // namespace graybox

@@ -10,15 +10,16 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
 
 namespace graybox {
 
-// Appends those of a file. Throws InputError of one line, also for a place that is there already, the other
+// Appends those of a file, and returns them. Throws InputError of one line, also for a place that is there already, the other
 // way round or not, and for laws of other signals (driven_by: {input: ...}).
-void add_places(const std::filesystem::path& file, const Places& model,
-                std::vector<CandidatePlace>& places);
+std::span<CandidatePlace> add_places(const std::filesystem::path& file, const Places& model,
+                                     std::vector<CandidatePlace>& places);
 
 }  // namespace graybox

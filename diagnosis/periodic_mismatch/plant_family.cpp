@@ -112,10 +112,8 @@ class RobotFamily : public PlantFamily {
   }
 
   void add_places_of(const std::filesystem::path& file) override {
-    const std::size_t known = places_.size();
-    add_places(file, RobotPlaces(robot_), places_);
-    for (std::size_t i = known; i < places_.size(); ++i) {
-      places_[i].shifts_rest = shifts_rest(places_[i].location);
+    for (CandidatePlace& place : add_places(file, RobotPlaces(robot_), places_)) {
+      place.shifts_rest = shifts_rest(place.location);
     }
   }
 
@@ -325,9 +323,9 @@ class LumpedFamily : public PlantFamily {
   [[nodiscard]] VectorXd mean_offset(const PeriodEnd&) const override { return {}; }
 
   void add_places_of(const std::filesystem::path& file) override {
-    const std::size_t known = places_.size();
-    add_places(file, *lumped_places(model_, units_), places_);
-    for (std::size_t i = known; i < places_.size(); ++i) mark_free_laws(places_[i]);
+    for (CandidatePlace& place : add_places(file, *lumped_places(model_, units_), places_)) {
+      mark_free_laws(place);
+    }
   }
 
  private:

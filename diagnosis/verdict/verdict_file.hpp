@@ -11,8 +11,9 @@
 //                 "amplitude", "unit"}, ...]},
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
-//                 "explained_share": 0.99, "alternatives": [{"place", "law", "parameters",
-//                 "bic_difference"}], "excluded": [...]}],
+//                 "explained_share": 0.99, "bic_difference", "same_at": [...],
+//                 "alternatives": [{"place", "law", "parameters", "bic_difference",
+//                 "evidence_difference", "same_at"}], "excluded": [...]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
@@ -24,8 +25,9 @@
 // Channels, bands, positions and levels are those where residuals before any extension are too large
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
-// are null. `rivals_weighed` is false where as many laws as the search takes leave more than noise. `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
-// could tell.
+// are null. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
+// `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
+// tell.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

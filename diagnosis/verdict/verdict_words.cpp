@@ -189,8 +189,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (!diagnosis.rivals_weighed) {
     lines.push_back(
         "As many laws as the search takes leave more than noise: they lower the error, but may "
-        "only stand in "
-        "for a law that was not tried. Their rivals were not weighed.");
+        "only stand in for a law that was not tried. Their rivals were not weighed.");
   }
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
@@ -213,10 +212,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                                 diagnosis.verified ? "is no more than noise" : "is more than noise",
                                 diagnosis.rest_p_value, where));
     if (!diagnosis.verified && diagnosis.fit_p_value < diagnosis.rest_p_value) {
-      lines.back() += fmt::format(
-          " On the fit's own recordings it is {:.4g} (p = {:.2g}): those kept out excite less of "
-          "what is missing.",
-          diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
+      lines.back() +=
+          fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
+                      diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
     }
   }
   if (diagnosis.remaining_structure) {

@@ -47,17 +47,18 @@ class Law {
                                      std::span<const double> state) const = 0;
   virtual void state_rate(double /*z*/, double /*rate*/, std::span<const double> /*state*/,
                           std::span<double> /*state_rate*/) const {}
-  // g of a law with one state, and its exact slope: what a step in time takes.
-  [[nodiscard]] virtual StateRate state_rate_and_slope(double /*z*/, double /*rate*/,
-                                                       double /*state*/) const {
-    return {};
-  }
   // The states in which the law rests at z: x' = 0 where z' = 0, reached from x = 0 without motion.
   virtual void rest(double /*z*/, std::span<double> /*state*/) const {}
   // f and g with their derivatives, exact (at a kink those of one side). Of the arrays only the
   // entries of this law's states and parameters are written.
   virtual void differentiate(double z, double rate, std::span<const double> state,
                              LawDerivatives& result) const = 0;
+  // g of a law with one state, and its slope alone: what a step in time takes.
+  [[nodiscard]] virtual StateRate state_rate_and_slope(double z, double rate, double state) const {
+    LawDerivatives all;
+    differentiate(z, rate, {&state, 1}, all);
+    return {all.state_rate[0].value, all.state_rate[0].by_state[0]};
+  }
 };
 
 }  // namespace graybox
