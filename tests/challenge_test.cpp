@@ -484,6 +484,29 @@ TEST(Score, OutcomesOfOneEffect) {
   EXPECT_EQ(far.within_three, 0U);
 }
 
+TEST(Score, CountsUndeterminedParametersApart) {
+  const CaseTruth truth =
+      truth_with("a", CaseKind::kOneEffect, {effect_of("load", "coulomb", 0.5)});
+  const ScoredCase scored = score_case(
+      truth,
+      answer_of("explained",
+                {{named("load", "coulomb", 9.0, std::numeric_limits<double>::quiet_NaN())}}));
+  EXPECT_EQ(scored.outcome, "right");
+  EXPECT_EQ(scored.parameters, 0U);
+  EXPECT_EQ(scored.undetermined, 1U);
+}
+
+TEST(Score, ComparesAnglesOnTheCircle) {
+  HiddenEffect effect = effect_of("load", "ripple", 3.1);
+  effect.parameters = {{"phase", "rad", 3.1, true}};
+  const CaseTruth truth = truth_with("a", CaseKind::kOneEffect, {effect});
+  for (const double phase : {-3.15, 3.1 - 2.0 * std::numbers::pi, 2.9}) {
+    const Answer answer =
+        answer_of("explained", {{{"load", "ripple", {{"phase", {phase, 0.05}}}}}});
+    EXPECT_EQ(score_case(truth, answer).within_three, phase < 0.0 ? 1U : 0U) << phase;
+  }
+}
+
 // Strictly each place is a member of a class; as systems, places that make one count once.
 TEST(Score, CountsPlacesOfOneSystemBothWays) {
   const CaseTruth truth =

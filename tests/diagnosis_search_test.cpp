@@ -445,10 +445,25 @@ TEST(DiagnosisSearch, NamesTwinsThatAreNotFitted) {
   EXPECT_EQ(diagnose(problem, options).verdict, Verdict::kExplained);
 }
 
+// A twin that generalises the law is no rival: it is named beside it.
+TEST(DiagnosisSearch, NamesATwinThatGeneralisesTheLawBesideIt) {
+  RegressionProblem problem;
+  problem.only_name("harmonic_8", "harmonic_3");
+  problem.generalise("harmonic_8", "harmonic_3", 0.0);
+  const Diagnosis diagnosis =
+      diagnose_effect(problem, scaled_effect(problem, "harmonic_3", 14.0), 5);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_TRUE(diagnosis.effects[0].rivals.empty());
+  ASSERT_EQ(diagnosis.effects[0].generalisations.size(), 1U);
+  EXPECT_EQ(diagnosis.effects[0].generalisations[0].law.hypothesis, problem.index_of("harmonic_8"));
+}
+
 // A law that holds the one found fits as well always. It is a rival where the data do not know its further
-// parameters, so that the effect may as well be one of it.
+// parameters, so that the effect may as well be one of it; it is named beside the law where they do not ask for
+// it; and it is left out where they speak against it.
 TEST(DiagnosisSearch, ALawThatGeneralisesTheBestIsARivalWhereItMayBeTheOne) {
-  for (const double information : {-2.0, 20.0}) {
+  for (const double information : {-2.0, 4.0, 40.0}) {
     RegressionProblem problem;
     problem.generalise("slanted_step", "step", information);
     const Diagnosis diagnosis =
@@ -458,6 +473,7 @@ TEST(DiagnosisSearch, ALawThatGeneralisesTheBestIsARivalWhereItMayBeTheOne) {
     const bool is_certain = information > 0.0;
     EXPECT_EQ(diagnosis.verdict, is_certain ? Verdict::kExplained : Verdict::kAmbiguous);
     EXPECT_EQ(diagnosis.effects[0].rivals.size(), is_certain ? 0U : 1U);
+    EXPECT_EQ(diagnosis.effects[0].generalisations.size(), information == 4.0 ? 1U : 0U);
   }
 }
 

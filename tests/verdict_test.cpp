@@ -46,7 +46,7 @@ Diagnosis explained() {
   diagnosis.before.model_parameters = {{"joint_1.gearbox", "1", 0.97, 0.02}};
   diagnosis.after.model_parameters = {{"joint_1.gearbox", "1", 1.5, 0.001}};
   diagnosis.after.laws = {cubic_spring()};
-  diagnosis.effects = {{cubic_spring(), 0.998, 7980.0, {}, {{{2, {}}, 54.0}}}};
+  diagnosis.effects = {{cubic_spring(), 0.998, 7980.0, {}, {}, {{{2, {}}, 54.0}}}};
   diagnosis.detectable = {{0, 2e8, "N m/rad^3"},
                           {1, std::numeric_limits<double>::infinity(), "N m"}};
   diagnosis.mismatch_before = {{"y_3", 5.0, 8.0, "(0, 30, 0)", 3.0, 900.0, 40.0},

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <set>
 #include <sstream>
 
@@ -98,11 +99,22 @@ std::vector<const std::vector<AnsweredLaw>*> classes_with(const CaseTruth& truth
   return found;
 }
 
+// Angles are the same a turn on.
+double distance(const TrueParameter& parameter, double value) {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const double difference = value - parameter.value;
+  return std::abs(parameter.unit == "rad" ? std::remainder(difference, kTurn) : difference);
+}
+
 void compare_parameters(const HiddenEffect& effect, const AnsweredLaw& law, ScoredCase& scored) {
   for (const TrueParameter& parameter : effect.parameters) {
     const auto found = law.parameters.find(parameter.name);
     if (!parameter.compared || found == law.parameters.end()) continue;
-    const double error = std::abs(found->second.value - parameter.value);
+    if (!std::isfinite(found->second.standard_error)) {
+      ++scored.undetermined;
+      continue;
+    }
+    const double error = distance(parameter, found->second.value);
     ++scored.parameters;
     if (error <= 3.0 * found->second.standard_error) ++scored.within_three;
   }
@@ -116,8 +128,7 @@ std::string outcome_of_one(const ScoredCase& scored, bool found) {
   const std::string& verdict = scored.answer.verdict;
   if (verdict == "none" || verdict == "unknown") return verdict;
   if (found && scored.class_size > kLargestClass) return "in_large_class";
-  if (found && (verdict == "ambiguous" || scored.extra || scored.class_size > 1)) return "in_class";
-  if (found) return "right";
+  if (found) return scored.named_alone ? "right" : "in_class";
   return verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
 }
 
@@ -162,9 +173,10 @@ Answer read_answer(const fs::path& folder) {
     for (const Json& effect : verdict.at("physics")) {
       std::vector<AnsweredLaw> members;
       add_members(effect, members);
-      const auto alternatives = effect.find("alternatives");
-      if (alternatives != effect.end()) {
-        for (const Json& other : *alternatives) add_members(other, members);
+      for (const char* more : {"alternatives", "generalisations"}) {
+        const auto others = effect.find(more);
+        if (others == effect.end()) continue;
+        for (const Json& other : *others) add_members(other, members);
       }
       answer.effects.push_back(std::move(members));
     }
@@ -192,6 +204,8 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
                           answer.effects[0][0].place == effect.place;
   }
   const auto found = classes_with(truth, answer);
+  scored.named_alone = answer.verdict == "explained" && answer.effects.size() == 1 &&
+                       truth.effects.size() == 1 && names(answer.effects[0][0], truth.effects[0]);
   for (std::size_t e = 0; e < found.size(); ++e) {
     if (found[e] == nullptr) continue;
     scored.class_size = std::max(scored.class_size, found[e]->size());
@@ -278,12 +292,26 @@ bool is_explained(const ScoredCase& each) {
   return each.answer.given && each.answer.verdict == "explained";
 }
 
+bool has_comparable_parameters(const ScoredCase& each) {
+  return is_detectable_one(each) && is_named(each);
+}
+
 Rate parameter_rate(const std::vector<ScoredCase>& cases) {
   Rate rate;
   for (const ScoredCase& each : cases) {
-    if (!is_detectable_one(each) || !is_named(each)) continue;
+    if (!has_comparable_parameters(each)) continue;
     rate.of += each.parameters;
     rate.hits += each.within_three;
+  }
+  return rate;
+}
+
+Rate determined_rate(const std::vector<ScoredCase>& cases) {
+  Rate rate;
+  for (const ScoredCase& each : cases) {
+    if (!has_comparable_parameters(each)) continue;
+    rate.of += each.parameters + each.undetermined;
+    rate.hits += each.parameters;
   }
   return rate;
 }
@@ -337,7 +365,8 @@ std::string law_label(const HiddenEffect& effect) {
 std::string cases_table(const Score& score) {
   std::string text =
       "case,family,kind,place,law,relative_size,detectable,verdict,named_place,named_law,outcome,"
-      "class_size,effects_named,parameters,within_three,validation_chi_square_per_dof,seconds\n";
+      "class_size,effects_named,parameters,within_three,undetermined,"
+      "validation_chi_square_per_dof,seconds\n";
   for (const ScoredCase& each : score.cases) {
     std::string places, laws, sizes;
     for (const HiddenEffect& effect : each.truth.effects) {
@@ -352,12 +381,12 @@ std::string cases_table(const Score& score) {
       named_place += gap + members.front().place;
       named_law += gap + members.front().law;
     }
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:.4g},{:.2f}\n",
-                        each.truth.name, to_string(each.truth.family), to_string(each.truth.kind),
-                        csv_field(places), laws, sizes, each.truth.detectable() ? 1 : 0,
-                        each.answer.verdict, csv_field(named_place), named_law, each.outcome,
-                        each.class_size, each.answer.effects.size(), each.parameters,
-                        each.within_three, each.answer.validation, each.answer.seconds);
+    text += fmt::format(
+        "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:.4g},{:.2f}\n", each.truth.name,
+        to_string(each.truth.family), to_string(each.truth.kind), csv_field(places), laws, sizes,
+        each.truth.detectable() ? 1 : 0, each.answer.verdict, csv_field(named_place), named_law,
+        each.outcome, each.class_size, each.answer.effects.size(), each.parameters,
+        each.within_three, each.undetermined, each.answer.validation, each.answer.seconds);
   }
   return text;
 }
@@ -446,6 +475,7 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"wrong_and_confident", "at most 2 %",
        rate_of(cases, is_detectable_one, outcome_is("wrong_confident"))},
       {"parameters_within_3", "95 %", parameter_rate(cases)},
+      {"parameters_determined", "-", determined_rate(cases)},
       {"two_effects_both", "80 %", rate_of(cases, is_two, outcome_is("both"))},
       {"two_effects_both_as_systems", "-", rate_of(cases, is_two, is_named_as_system)},
       {"outside_unknown", "90 %", rate_of(cases, is_outside, outcome_is("unknown"))},
@@ -515,7 +545,8 @@ namespace {
 
 // The columns that every scored run has had.
 bool is_in_history(const NamedRate& rate) {
-  return !rate.name.starts_with("left_out") && !rate.name.ends_with("_as_systems");
+  return !rate.name.starts_with("left_out") && !rate.name.ends_with("_as_systems") &&
+         rate.name != "parameters_determined";
 }
 
 }  // namespace

@@ -1,10 +1,11 @@
 // Scores the answers to a challenge against its unsealed truth.
 //
-// An answer's effect is a class: the law at a place that it names and the alternatives that it says the
-// data can't exclude; where a verdict says that one law is the same system at several places, each place
-// counts as a member. For a case with one detectable effect:
+// An answer's effect is a class: the law at a place that it names, the alternatives that it says the
+// data can't exclude, and the more general laws that it names beside these; where a verdict says that one
+// law is the same system at several places, each place counts as a member. For a case with one detectable
+// effect:
 //
-//   right            verdict explained, one effect, its class is the true law at the true place alone
+//   right            verdict explained, one effect: the true law at the true place, no alternatives
 //   in_class         the truth is in the class of one of the effects named, of at most 3 members
 //   in_large_class   the same, more than 3 members
 //   wrong_confident  explained, and the truth is in no class
@@ -19,7 +20,8 @@
 // an answer is `unknown` as well; what passed on held-out data is `nearest_law`).
 // Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at
 // places that make one system (a delay of the only actuator or the only sensor) as one member, and so
-// alternatives that the answer only names, as the same in such recordings.
+// alternatives that the answer only names, as the same in such recordings. Parameters that an answer
+// gives without a standard error, as not determined by the data, are no claim: counted apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once
@@ -76,9 +78,12 @@ struct ScoredCase {
   std::size_t class_size = 0;    // of the class that holds the truth
   std::size_t systems = 0;       // in that class
   bool named_as_system = false;  // all effects in classes of at most 3 systems, in a final verdict
+  bool named_alone = false;      // one effect is there and named, without alternatives
   bool extra = false;            // more effects than there are
   bool place_right = false;      // the first effect's place is a true one
   std::size_t parameters = 0;    // compared
+  std::size_t undetermined =
+      0;  // not compared: the answer says that the data do not determine them
   std::size_t within_three = 0;  // of them within 3 standard errors
 };
 [[nodiscard]] ScoredCase score_case(const CaseTruth& truth, const Answer& answer);

@@ -13,6 +13,7 @@ struct CandidatePlace {
   // The laws of the model that already have free parameters here: what only changes those is no
   // hypothesis.
   bool has_free_stiffness = false;
+  double spring_stiffness = 0.0;  // of the model's springs there, by its own values; 0: none
   bool has_free_damping = false;
   bool has_free_inertia = false;
   bool turns = false;        // an axis that comes round: ripple has periods of whole turns

@@ -48,6 +48,9 @@ constexpr double kShareOfAnMth = 0.5;
 // taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
+// Names of an effect, up to which generalisations are among them: more names say less.
+constexpr std::size_t kNames = 3;
+
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;
 
@@ -605,6 +608,7 @@ class Search {
         divide_rivals(effect, trials);
       }
       add_twins(effect);
+      keep_best_generalisations(effect);
       result_.effects.push_back(std::move(effect));
     }
   }
@@ -685,6 +689,9 @@ class Search {
           effect.rivals.push_back(std::move(rival));
         } else if (!richer) {
           effect.excluded.push_back(std::move(rival));
+        } else if (!problem_->noise_is_known() ||
+                   evidence(trial.fit) <= *least + options_.exclusion_margin) {
+          effect.generalisations.push_back(std::move(rival));
         }
       }
     }
@@ -742,16 +749,29 @@ class Search {
   }
 
   void add_twins(FoundEffect& effect) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
     std::vector<Rival> members{{.law = effect.law}};
     members.insert(members.end(), effect.rivals.begin(), effect.rivals.end());
     for (const Rival& member : members) {
-      for (const std::size_t twin : problem_->hypotheses()[member.law.hypothesis].twins) {
-        if (is_excluded(problem_->hypotheses()[twin])) continue;
-        effect.rivals.push_back({.law = {twin, {}},
-                                 .bic_difference = member.bic_difference,
-                                 .evidence_difference = member.evidence_difference});
+      for (const std::size_t twin : all[member.law.hypothesis].twins) {
+        if (is_excluded(all[twin])) continue;
+        Rival rival{.law = {twin, {}},
+                    .bic_difference = member.bic_difference,
+                    .evidence_difference = member.evidence_difference};
+        if (is_special_case(all[member.law.hypothesis], all[twin])) {
+          effect.generalisations.insert(effect.generalisations.begin(), std::move(rival));
+        } else {
+          effect.rivals.push_back(std::move(rival));
+        }
       }
     }
+  }
+
+  static void keep_best_generalisations(FoundEffect& effect) {
+    std::size_t names = 1 + effect.same_at.size();
+    for (const Rival& rival : effect.rivals) names += 1 + rival.same_at.size();
+    const std::size_t room = kNames - std::min(kNames, names);
+    if (effect.generalisations.size() > room) effect.generalisations.resize(room);
   }
 
   void verify() {

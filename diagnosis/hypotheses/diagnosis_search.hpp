@@ -36,7 +36,9 @@
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
 //      so that a small effect would exclude all laws of many parameters. A law that generalises another
 //      that stands is at least as good always: a rival where the noise is known and its evidence is
-//      better, else left out. Twins (mismatch_problem.hpp) are rivals always. Members of a class with one
+//      better, else no rival: the best of them are named beside the class (`generalisations`), where it
+//      has fewer than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise
+//      the law: then they are the first to be named beside it. Members of a class with one
 //      law at several places that no experiment of this kind would tell apart (a delay of the only
 //      actuator or of the only sensor of a linear system) are one explanation: `same_at`. Where the noise is
 //      known and one of several laws has a rival of lower BIC, that takes its place and all are weighed again.
@@ -129,8 +131,9 @@ struct FoundEffect {
   // where that model could not be fitted.
   double explained_share = std::numeric_limits<double>::quiet_NaN();
   double bic_difference = std::numeric_limits<double>::quiet_NaN();
-  std::vector<Rival> rivals;            // not excluded
-  std::vector<Rival> excluded;          // the best of those that are, by their distance
+  std::vector<Rival> rivals;           // not excluded
+  std::vector<Rival> generalisations;  // of those, as rich as the data do not ask for; the best few
+  std::vector<Rival> excluded;         // the best of those that are, by their distance
   std::vector<FittedLaw> same_at = {};  // as in Rival
 };
 

@@ -12,6 +12,9 @@ namespace {
 
 using Eigen::VectorXd;
 
+// Of the motion, below which a threshold leaves hardly anything to see of what is below it.
+constexpr double kSmallShare = 0.05;
+
 // Thresholds that divide the recorded motion: small ones geometrically, large ones by quantiles.
 std::vector<double> thresholds(const MotionScale& scale) {
   std::vector<double> values;
@@ -30,10 +33,27 @@ std::vector<double> transition_velocities(const MotionScale& scale) {
   return values;
 }
 
-std::vector<LawShape> backlash(const MotionScale& scale) {
+// A play small against the motion shows by stiffness x gap alone; its flanks then are as stiff as the
+// spring that has it.
+LawShape small_backlash(double gap, double spring_stiffness) {
+  constexpr double kOneParameter = 2.0;  // Akaike 1974
+  LawShape shape = single_amplitude({gap, 1.0}, 1, true);
+  shape.head_start = kOneParameter;
+  shape.parameters = [gap, spring_stiffness](const VectorXd& a) {
+    if (!(a(0) > 0.0)) return std::vector<double>();
+    const double stiffness = std::max(a(0), spring_stiffness);
+    return std::vector<double>{gap * a(0) / stiffness, stiffness};
+  };
+  return shape;
+}
+
+std::vector<LawShape> backlash(const CandidatePlace& place, const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double gap : thresholds(scale))
-    shapes.push_back(single_amplitude({gap, 1.0}, 1, true));
+  const double small = scale.deflection(kSmallShare);
+  for (const double gap : thresholds(scale)) {
+    shapes.push_back(gap <= small ? small_backlash(gap, place.spring_stiffness)
+                                  : single_amplitude({gap, 1.0}, 1, true));
+  }
   return shapes;
 }
 
@@ -316,7 +336,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
                                  const MotionScale& scale) {
   const std::string& name = entry.name;
   if (!entry.definition.empty()) return shapes_of_definition(entry, scale);
-  if (name == "backlash") return backlash(scale);
+  if (name == "backlash") return backlash(place, scale);
   if (name == "dead_zone") return dead_zone(scale);
   if (name == "coulomb") return coulomb(scale);
   if (name == "asymmetric_coulomb") return asymmetric_coulomb(scale);
@@ -344,6 +364,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry) {
   if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
+  if (name == "play_and_slip") return {"dahl", "coulomb"};
   if (name == "mode") return {"inertia", "stiffness", "viscous"};
   if (name == "dead_zone" || name == "balancer") return {"stiffness"};
   return {};

@@ -34,6 +34,8 @@ struct LawShape {
   // The law's parameters at given amplitudes, within their ranges; empty where none are possible
   // (a friction that drives).
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
+  // Of the score statistic, where shapes are compared: of one that leaves a parameter at its physical value.
+  double head_start = 0.0;
 };
 
 // One amplitude, the parameter at `index`, of the law with the parameters `unit`.

@@ -629,6 +629,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
     const LawParameter& leading = candidate.entry->parameters.front();
     best.amplitude_unit = unit_at(leading.unit, candidate.place->location.units);
     auto column = static_cast<Index>(candidate.first_column);
+    double head_start = 0.0;  // of the best
     for (const LawShape& shape : candidate.shapes) {
       const auto size = static_cast<Index>(shape.basis.size());
       CandidateProducts products{total.information[shape_index++],
@@ -642,14 +643,15 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
       if (score.degrees_of_freedom == 0.0) continue;
       const std::vector<double> start = shape.parameters(score.amplitudes);
       if (!start.empty()) starts.emplace_back(-score.statistic, start);
+      const double statistic = score.statistic + by_parameters[candidate.block];
       if (best.start.parameters.empty() ||
-          (!start.empty() &&
-           score.statistic + by_parameters[candidate.block] > best.score.statistic)) {
+          (!start.empty() && statistic + shape.head_start > best.score.statistic + head_start)) {
         best.amplitude = score.amplitudes(0);
         best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0));
         if (start.empty()) continue;  // the sign that it found is impossible
+        head_start = shape.head_start;
         best.score = score;
-        best.score.statistic += by_parameters[candidate.block];
+        best.score.statistic = statistic;
         best.start.parameters = start;
         best.start.model_parameters = parameters_with(model, total.blocks[candidate.block],
                                                       products.nuisance, score.amplitudes);

@@ -162,9 +162,13 @@ class RobotFamily : public PlantFamily {
     return {std::move(forces), inputs_, outputs_};
   }
 
-  [[nodiscard]] bool has_free_spring(const std::string& name) const {
-    return std::ranges::any_of(robot_.parameters,
-                               [&](std::size_t p) { return robot_.springs[p].name == name; });
+  // What the model's spring of the place's name, if there is one, says of the place.
+  void describe_spring(CandidatePlace& place) const {
+    for (std::size_t i = 0; i < robot_.springs.size(); ++i) {
+      if (robot_.springs[i].name != place.location.name) continue;
+      place.spring_stiffness = robot_.springs[i].stiffness;
+      place.has_free_stiffness = std::ranges::count(robot_.parameters, i) > 0;
+    }
   }
 
   [[nodiscard]] Location place_of(Index joint, const VectorXd& b, const std::string& axis) const {
@@ -207,7 +211,7 @@ class RobotFamily : public PlantFamily {
     };
     for (const char* axis : {"motor", "gearbox", "arm"}) {
       CandidatePlace place{place_of(joint, axis_vector(joint, axis), axis), yaml(axis)};
-      place.has_free_stiffness = has_free_spring(place.location.name);
+      describe_spring(place);
       place.turns = place.location.takes_inertia;
       place.shifts_rest = shifts_rest(place.location);
       places_.push_back(place);
@@ -218,7 +222,7 @@ class RobotFamily : public PlantFamily {
       const std::string axis = spring.name.substr(spring.name.find('.') + 1);
       CandidatePlace place{
           place_of(joint, VectorXd::Unit(axis_vector(joint, "arm").size(), i), axis), yaml(axis)};
-      place.has_free_stiffness = has_free_spring(spring.name);
+      describe_spring(place);
       places_.push_back(place);
     }
     list_couplings(joint);
@@ -457,6 +461,7 @@ class LumpedFamily : public PlantFamily {
           (there.output != place.location.output && there.output != -place.location.output)) {
         continue;
       }
+      if (part.law_name == "stiffness") place.spring_stiffness += part.parameters[0];
       if (part.fixed[0]) continue;
       place.has_free_stiffness |= part.law_name == "stiffness";
       place.has_free_damping |= part.law_name == "viscous";

@@ -247,6 +247,9 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
     add_same_places(rival.same_at, rival.bic_difference);
   }
+  for (const Rival& rival : effect.generalisations) {
+    rows += law_rows(rival.law, hypotheses, rival.bic_difference, "more general, not asked for");
+  }
   for (const Rival& rival : effect.excluded) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "excluded");
   }

@@ -85,6 +85,7 @@ Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypothes
           {"bic_difference", number(effect.bic_difference)},
           {"same_at", same_at_json(effect.same_at, hypotheses)},
           {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
+          {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
           {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
 }
 

@@ -13,7 +13,7 @@
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
-//                 "evidence_difference", "same_at"}], "excluded": [...]}],
+//                 "evidence_difference", "same_at"}], "generalisations": [...], "excluded": [...]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],

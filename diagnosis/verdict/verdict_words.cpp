@@ -94,6 +94,21 @@ void add_same_places(const std::vector<FittedLaw>& laws, std::span<const Hypothe
   }
 }
 
+void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                         bool noise_is_known, std::vector<std::string>& lines) {
+  std::string names;
+  for (const Rival& law : effect.generalisations) {
+    const std::string reason = law.law.parameters.empty()
+                                   ? "the same in such recordings"
+                                   : evidence_words(law.bic_difference, noise_is_known);
+    names += fmt::format("{}{} ({})", names.empty() ? "" : "; ",
+                         hypothesis_words(hypotheses[law.law.hypothesis]), reason);
+  }
+  if (names.empty()) return;
+  lines.push_back("More general laws, which the recordings neither ask for nor exclude: " + names +
+                  ".");
+}
+
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
@@ -109,6 +124,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
   }
+  add_generalisations(effect, hypotheses, noise_is_known, lines);
   constexpr std::size_t kNamed = 3;
   std::string excluded;
   for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
