@@ -497,26 +497,41 @@ class Search {
         start = ranked->start;
       }
     }
-    ExtendedFit other = refit(laws, result_.before);
-    const bool is_better = other.usable && (!best.usable || other.deviance < best.deviance);
-    return is_better ? other : best;
+    const ExtendedFit other = refit(laws, result_.before);
+    if (is_better(other, best)) best = other;
+    // Laws can't make a fit worse than it is without any: that one began in another valley.
+    if (!best.usable || best.deviance > result_.before.deviance) {
+      const ExtendedFit afresh = refit(laws, {});
+      if (is_better(afresh, best)) best = afresh;
+    }
+    return best;
+  }
+
+  static bool is_better(const ExtendedFit& fit, const ExtendedFit& than) {
+    return fit.usable && (!than.usable || fit.deviance < than.deviance);
   }
 
   void prune() {
     for (std::size_t law = 0; law < result_.after.laws.size() && result_.after.laws.size() > 1;) {
       if (!proceed("leaving out " + name_of(result_.after.laws[law].hypothesis))) return;
       ExtendedFit without = fit_without(result_.after, law);
-      const bool is_superfluous =
-          without.usable &&
-          (problem_->noise_is_known() ? bic(without) <= bic(result_.after)
-                                      : !predicts_better(without, result_.after, kExclusionErrors));
-      if (is_superfluous) {
+      if (without.usable && is_superfluous(without)) {
         result_.after = std::move(without);
         law = 0;
       } else {
         ++law;
       }
     }
+  }
+
+  // Where the noise is known, so is a law that is not better beyond the margin, if what is left without it is no
+  // more than noise.
+  [[nodiscard]] bool is_superfluous(const ExtendedFit& without) const {
+    if (!problem_->noise_is_known()) {
+      return !predicts_better(without, result_.after, kExclusionErrors);
+    }
+    const double margin = rest_is_noise(without) ? options_.exclusion_margin : 0.0;
+    return bic(without) <= bic(result_.after) + margin;
   }
 
   // A law that only generalises another of fewer parameters gives way to it unless it is better beyond

@@ -24,8 +24,9 @@
 //      BIC falls by `exclusion_margin` and by a thousandth of what the others explain.
 //      Where it is known and the best law, of m that may still come, explains less than half an m-th of
 //      what is too much, the search gives up: such laws only stand in for one that is not there.
-//   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, and
-//      laws that only generalise another of fewer parameters give way to it unless they are better by
+//   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, where
+//      what is left without them is no more than noise also those without which it is not higher by more than
+//      `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it unless they are better by
 //      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
 //      predicts better now are exchanged, and steps 3 and 4 repeated.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those that are not worse by

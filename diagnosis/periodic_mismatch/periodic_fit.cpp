@@ -7,6 +7,8 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
@@ -60,6 +62,10 @@ constexpr double kEnough = 0.1;
 // Or this share of what chi-square has beyond its expectation: laws that are not the right ones leave it so
 // large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
+
+// Chi-square over numbers of recordings whose model may be wrong by a few thousandths, at which the right
+// minimum has been found.
+constexpr double kNear = 1.5;
 
 class PeriodicFitter {
  public:
@@ -266,6 +272,27 @@ class PeriodicFitter {
   double expected_ = 0.0;  // chi-square of nothing but noise
 };
 
+// The first recording of each position and level in which each input moves: what one tells of the
+// parameters, the others tell as well.
+std::vector<MeasuredRecord> one_of_each_kind(const std::vector<MeasuredRecord>& records) {
+  constexpr double kMoves = 1e-2;  // of that input's largest power
+  std::vector<VectorXd> powers;
+  for (const MeasuredRecord& record : records)
+    powers.push_back(record.input.rowwise().squaredNorm());
+  VectorXd largest = powers.front();
+  for (const VectorXd& power : powers) largest = largest.cwiseMax(power);
+  std::set<std::tuple<std::size_t, double, std::vector<bool>>> seen;
+  std::vector<MeasuredRecord> kept;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    std::vector<bool> moves;
+    for (Index u = 0; u < largest.size(); ++u) moves.push_back(powers[i](u) > kMoves * largest(u));
+    if (seen.emplace(records[i].position, records[i].level, moves).second) {
+      kept.push_back(records[i]);
+    }
+  }
+  return kept;
+}
+
 }  // namespace
 
 PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
@@ -278,29 +305,29 @@ PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData
                                    const std::vector<VectorXd>& starts,
                                    const std::vector<ActingLaw>& laws,
                                    const PeriodicFitOptions& options) {
-  // Only to come near.
-  PeriodicFitOptions roughly = options;
+  PeriodicFitOptions roughly = options;  // only to come near
   roughly.iteration_limit = std::min(15, options.iteration_limit);
   roughly.tolerance = 1e-3;
-  PeriodicData raised = data;
+  PeriodicData few = data;
+  few.estimation = one_of_each_kind(data.estimation);
+  const double enough = kNear * few.numbers_in(few.estimation);
   PeriodicFit best;
-  for (const double share : {0.3, 0.03, 0.003}) {
-    raised.whitening = whitening_with_errors(data, share);
-    if (best.parameters.size() > 0) {
-      best = fit_periodic(family, raised, {best.parameters}, best.laws, roughly);
-      continue;
+  best.chi_square = std::numeric_limits<double>::infinity();
+  for (const VectorXd& start : starts) {
+    PeriodicFit fit;
+    fit.parameters = start;
+    fit.laws = laws;
+    for (const double share : {0.3, 0.03, 0.003}) {
+      few.whitening = whitening_with_errors(data, share);
+      PeriodicFit next = fit_periodic(family, few, {fit.parameters}, fit.laws, roughly);
+      fit.chi_square = next.chi_square;
+      if (next.parameters.size() > 0) fit = std::move(next);
     }
-    for (const VectorXd& start : starts) {
-      PeriodicFit fit = fit_periodic(family, raised, {start}, laws, roughly);
-      if (fit.parameters.size() == 0) continue;
-      if (best.parameters.size() == 0 || fit.chi_square < best.chi_square) best = std::move(fit);
-    }
-    if (best.parameters.size() == 0) break;
+    if (fit.chi_square < best.chi_square) best = std::move(fit);
+    if (best.chi_square < enough) break;
   }
-  // Where the data have another idea all the same: laws that hold at none of these shares.
-  std::vector<VectorXd> last = starts;
-  if (best.parameters.size() > 0) last.push_back(best.parameters);
-  return fit_periodic(family, data, last, laws, options);
+  if (best.parameters.size() == 0) return fit_periodic(family, data, starts, laws, options);
+  return fit_periodic(family, data, {best.parameters}, best.laws, options);
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

@@ -39,8 +39,9 @@ struct PeriodicFit {
 
 // Far from the optimum resonances make chi-square rugged, and it has minima where two of them are swapped.
 // Data whose noise is raised to a share of the outputs' level are smooth, for everywhere the model is
-// allowed to be wrong by that share: the fit goes on from 0.3 of the level, each start for itself, and with
-// the best of them to 0.03, 0.003 and none.
+// allowed to be wrong by that share: from each start the fit goes on from 0.3 of the level to 0.03 and 0.003, on
+// the first recording of each position, level and set of moving inputs, until one comes near the data;
+// from the best of them it ends with all recordings and the noise as it is.
 [[nodiscard]] PeriodicFit fit_periodic_gradually(const PlantFamily& family,
                                                  const PeriodicData& data,
                                                  const std::vector<Eigen::VectorXd>& starts,

@@ -24,7 +24,7 @@
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
-#include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
+#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/problems/distributions.hpp"
@@ -104,12 +104,10 @@ class Problem : public MismatchProblem {
     return how;
   }
 
-  // From the model's own values and those that the measured responses suggest.
+  // From those that the measured responses suggest and the model's own values.
   [[nodiscard]] PeriodicFit first_fit(const std::vector<ActingLaw>& acting) const {
-    std::vector<VectorXd> starts{start_};
-    if (const auto other = response_start(*family_, data_, options_.threads)) {
-      starts.push_back(*other);
-    }
+    std::vector<VectorXd> starts = response_starts(*family_, data_, options_.threads);
+    starts.push_back(start_);
     return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
   }
 
@@ -123,7 +121,7 @@ class Problem : public MismatchProblem {
     for (const LawStart& law : laws) {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
-    if (is_first && !cleared_start_) {
+    if (is_first && !(laws.empty() && cleared_start_)) {
       return report(first_ && laws.empty() ? *first_ : first_fit(acting), laws);
     }
     std::vector<VectorXd> starts{is_first ? *cleared_start_ : start};

@@ -35,7 +35,7 @@
 // Fit. Gauss, Newton, Levenberg and Marquardt on the whitened residuals, by the model's parameters
 // and those of the laws; derivatives use the laws' mean slopes, at the end their exact ones. Positive
 // parameters are estimated by their logarithms. The first fit begins at the model's own values and at
-// those of response_start.hpp, through data whose noise is raised (fit_periodic_gradually).
+// those of response_starts.hpp, through data whose noise is raised (fit_periodic_gradually).
 //
 // Cost: a fit takes, for each step and recording, a few milliseconds; a ranking of 1000 shapes about
 // 0.1 s a recording of 700 lines.

@@ -11,6 +11,7 @@
 #include <mutex>
 #include <tuple>
 
+#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
 namespace graybox {
@@ -341,28 +342,68 @@ double SteadyStateSolver::renew_own_force(const MeasuredRecord& record) {
   return size_of_motion(record, change);
 }
 
-// Without laws, or with the laws' forces held.
+// Without laws, or with the laws' forces held: substitution, and where that is slow or runs away, near a
+// mode that is hardly damped, Anderson's mixing of the last passes (Anderson 1965; Walker and Ni 2011),
+// which takes the least change of the outputs in noise units.
 void SteadyStateSolver::settle_own_force(const MeasuredRecord& record) {
+  constexpr int kPlainPasses = 4;
+  constexpr Index kRemembered = 6;
+  std::vector<MatrixXcd> reached;  // by substitution, coordinates of the last passes
+  std::vector<VectorXcd> changes;  // what each pass changed at the outputs
   for (int pass = 0; pass < options_.iteration_limit; ++pass) {
+    MatrixXcd change = state_.coordinates;
     state_.unsettled = renew_own_force(record);
     if (!(state_.unsettled > options_.tolerance)) return;
+    change = state_.coordinates - change;
+    reached.push_back(state_.coordinates);
+    changes.push_back(seen_motion(record, change));
+    if (static_cast<Index>(reached.size()) > kRemembered) {
+      reached.erase(reached.begin());
+      changes.erase(changes.begin());
+    }
+    if (pass < kPlainPasses) continue;
+    const MatrixXcd mixture = mixed(reached, changes);
+    own_ += mixture - state_.coordinates;
+    state_.coordinates = mixture;
   }
 }
 
-// Whitened rms of what coordinates do to the outputs.
-double SteadyStateSolver::size_of_motion(const MeasuredRecord& record,
+// The combination of points, with weights of sum one, whose changes cancel best.
+MatrixXcd SteadyStateSolver::mixed(const std::vector<MatrixXcd>& reached,
+                                   const std::vector<VectorXcd>& changes) {
+  const auto older = static_cast<Index>(changes.size()) - 1;
+  MatrixXd differences(2 * changes.back().size(), older);
+  for (Index i = 0; i < older; ++i) {
+    differences.col(i) = as_real(VectorXcd(changes.back() - changes[at(i)]));
+  }
+  const VectorXd weights =
+      differences.completeOrthogonalDecomposition().solve(as_real(changes.back()));
+  MatrixXcd result = reached.back();
+  for (Index i = 0; i < older; ++i) result -= weights(i) * (reached.back() - reached[at(i)]);
+  return result;
+}
+
+// What coordinates do to the whitened outputs.
+VectorXcd SteadyStateSolver::seen_motion(const MeasuredRecord& record,
                                          const MatrixXcd& coordinates) const {
   const LinearPlant& plant = position_->plant;
-  double sum = 0.0;
-  for (Index k = data_.first_line; k <= lines_; ++k) {
+  const Index outputs = plant.velocity_output.rows();
+  VectorXcd seen(outputs * data_.line_count());
+  Index next = 0;
+  for (Index k = data_.first_line; k <= lines_; ++k, next += outputs) {
     const Complex rate(0.0, data_.frequencies[at(k)]);
-    sum += (data_.whitening[record.group][at(k)] *
-            (plant.position_output * coordinates.col(k) +
-             rate * (plant.velocity_output * coordinates.col(k))))
-               .squaredNorm();
+    seen.segment(next, outputs) = data_.whitening[record.group][at(k)] *
+                                  (plant.position_output * coordinates.col(k) +
+                                   rate * (plant.velocity_output * coordinates.col(k)));
   }
-  return std::sqrt(sum /
-                   static_cast<double>(2 * plant.velocity_output.rows() * data_.line_count()));
+  return seen;
+}
+
+// Its rms.
+double SteadyStateSolver::size_of_motion(const MeasuredRecord& record,
+                                         const MatrixXcd& coordinates) const {
+  const VectorXcd seen = seen_motion(record, coordinates);
+  return seen.norm() / std::sqrt(2.0 * static_cast<double>(seen.size()));
 }
 
 void SteadyStateSolver::assemble() {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/response_start.hpp"
+#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -25,6 +25,9 @@ constexpr int kStarts = 12;
 constexpr double kSpread = 0.15;  // of the logarithm of a further start's parameters
 constexpr int kIterations = 40;
 constexpr double kGoodFit = 0.02;  // rms difference of phi, of which 1 is the most
+constexpr std::size_t kMinima = 6;
+constexpr double kMuchWorse = 1.4;  // times the least rms difference
+constexpr double kSame = 0.05;      // of each parameter
 
 // The responses of one position at one line, for all levels.
 struct Measured {
@@ -74,27 +77,39 @@ class ResponseFitter {
   ResponseFitter(const PlantFamily& family, const PeriodicData& data)
       : family_(family), data_(data) {}
 
-  std::optional<VectorXd> run(int threads) {
+  std::vector<VectorXd> run(int threads) {
     start_.resize(static_cast<Index>(family_.parameters().size()));
     for (Index p = 0; p < start_.size(); ++p) {
       start_(p) = family_.parameters()[static_cast<std::size_t>(p)].start;
     }
     if (data_.responses.empty() || start_.size() == 0) return {};
     collect();
-    Evaluation best = minimise(start_);
-    if (!(best.cost < kGoodFit * kGoodFit)) {
-      std::vector<Evaluation> others(kStarts);
+    std::vector<Evaluation> minima{minimise(start_)};
+    if (!(minima.front().cost < kGoodFit * kGoodFit)) {
+      minima.resize(1 + kStarts);
 #pragma omp parallel for num_threads(threads) schedule(dynamic)
-      for (int k = 0; k < kStarts; ++k) others[static_cast<std::size_t>(k)] = minimise(drawn(k));
-      for (Evaluation& other : others) {
-        if (other.cost < best.cost) best = std::move(other);
-      }
+      for (int k = 0; k < kStarts; ++k)
+        minima[static_cast<std::size_t>(k) + 1] = minimise(drawn(k));
     }
-    if (!std::isfinite(best.cost)) return {};
-    return best.parameters;
+    std::ranges::stable_sort(minima, {}, &Evaluation::cost);
+    return distinct(minima);
   }
 
  private:
+  // Of those that come close to the first.
+  [[nodiscard]] std::vector<VectorXd> distinct(const std::vector<Evaluation>& minima) const {
+    std::vector<VectorXd> kept;
+    for (const Evaluation& minimum : minima) {
+      const bool is_close = minimum.cost <= kMuchWorse * kMuchWorse * minima.front().cost;
+      if (!std::isfinite(minimum.cost) || !is_close || kept.size() == kMinima) break;
+      const auto is_same = [&](const VectorXd& other) {
+        return (minimum.parameters - other).cwiseQuotient(other).cwiseAbs().maxCoeff() < kSame;
+      };
+      if (std::ranges::none_of(kept, is_same)) kept.push_back(minimum.parameters);
+    }
+    return kept;
+  }
+
   void collect() {
     for (std::size_t position = 0; position < data_.positions.size(); ++position) {
       std::vector<const FrequencyResponseEstimate*> here;
@@ -265,8 +280,8 @@ class ResponseFitter {
 
 }  // namespace
 
-std::optional<VectorXd> response_start(const PlantFamily& family, const PeriodicData& data,
-                                       int threads) {
+std::vector<VectorXd> response_starts(const PlantFamily& family, const PeriodicData& data,
+                                      int threads) {
   return ResponseFitter(family, data).run(threads);
 }
 
