@@ -105,6 +105,7 @@ int list_laws(bool as_json) {
     for (const LawParameter& parameter : law.parameters) {
       units[parameter.name] = parameter.unit;
       text += fmt::format("{}{} [{}]", text.empty() ? "" : ", ", parameter.name, parameter.unit);
+      if (parameter.if_absent) text += fmt::format(" ({:g} if left out)", *parameter.if_absent);
     }
     list.push_back({{"law", law.name},
                     {"location", place},

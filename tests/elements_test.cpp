@@ -59,8 +59,29 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 1e-4), 3.0, 1e-7);
   EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 10.0), 2.0, 1e-12);
   EXPECT_DOUBLE_EQ(static_force("gain", {0.1}, 20.0, 0.0, true), 2.0);
-  EXPECT_DOUBLE_EQ(static_force("saturation", {5.0}, -8.0, 0.0, true), 3.0);
+  EXPECT_DOUBLE_EQ(static_force("saturation", {5.0, 0.0}, -8.0, 0.0, true), 3.0);
   EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
+}
+
+// Its force and its slope are continuous, and outside the corner it is a sharp one.
+TEST(Laws, ASaturationsCornerIsRoundedAboutItsLimit) {
+  const auto held = [](double s, double corner) {
+    return s + static_force("saturation", {5.0, corner}, s, 0.0, true);
+  };
+  EXPECT_DOUBLE_EQ(held(4.0, 0.5), 4.0);
+  EXPECT_DOUBLE_EQ(held(-5.6, 0.5), -5.0);
+  EXPECT_DOUBLE_EQ(held(5.0, 0.5), 4.875);
+  EXPECT_DOUBLE_EQ(held(-5.0, 0.5), -4.875);
+  for (const double corner : {0.5, 4.0, 9.0}) {
+    double last = 1.0;
+    for (double s = 0.005; s < 15.0; s += 0.01) {
+      const double slope = (held(s + 1e-6, corner) - held(s - 1e-6, corner)) / 2e-6;
+      EXPECT_LE(slope, last + 1e-6) << s;
+      EXPECT_GE(slope, last - 0.01 / std::min(corner, 5.0) - 1e-6) << s;
+      last = slope;
+    }
+    EXPECT_NEAR(last, 0.0, 1e-9);
+  }
 }
 
 // Slid evenly for long, bristles and hysteresis come to their levels.
@@ -438,6 +459,15 @@ TEST_F(ElementFiles, ActuatorsHoldTheRobotThroughTheirLaws) {
   const std::string saturation = "saturation\n    parameters: {limit: {value: 2, unit: N m}}";
   EXPECT_NEAR(command(saturation, 1.5), 1.5, 1e-12);
   testing::expect_refused([&] { (void)command(saturation, 3.0); }, "can't give");
+  // A corner that is left out is sharp, and stays so.
+  const ExtendedRobot sharp = robot(physics("kind: actuator, joint: joint_1", saturation));
+  EXPECT_EQ(sharp.elements.front().parameters, (std::vector<double>{2.0, 0.0}));
+  EXPECT_EQ(sharp.elements.front().fixed, (std::vector<bool>{false, true}));
+  const ExtendedRobot rounded =
+      robot(physics("kind: actuator, joint: joint_1",
+                    "saturation\n    parameters: {limit: {value: 2, unit: N m}, "
+                    "corner: {value: 0.1, unit: N m}}"));
+  EXPECT_EQ(rounded.elements.front().parameters, (std::vector<double>{2.0, 0.1}));
 }
 
 TEST_F(ElementFiles, RefusesWhatIsWrongInOneLine) {

@@ -464,6 +464,7 @@ class Search {
     const ExtendedFit* top = nullptr;
     for (const Trial& trial : trials) {
       if (!significant(without, trial.fit)) continue;
+      if (problem_->noise_is_known() && bic(trial.fit) >= bic(without)) continue;
       if (best == nullptr) {
         best = &trial;
         top = &trial.fit;

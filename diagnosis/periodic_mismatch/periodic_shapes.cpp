@@ -70,9 +70,10 @@ std::vector<LawShape> signal_shapes(const LawEntry& entry, const MotionScale& sc
   if (entry.name == "lag" || entry.name == "delay") return {short_time()};
   std::vector<LawShape> shapes;
   if (entry.name == "saturation") {
+    constexpr double kCorner = 0.03;  // of the limit: derivatives by a sharp one are zero
     for (const double share : {0.999, 0.98, 0.9, 0.7, 0.5}) {
       if (scale.deflection(share) > 0.0) {
-        shapes.push_back(as_it_is({scale.deflection(share)}));
+        shapes.push_back(as_it_is({scale.deflection(share), kCorner * scale.deflection(share)}));
       }
     }
   } else if (entry.name == "dead_zone") {

@@ -81,11 +81,17 @@ double read_parameter(const YamlField& field, const LawParameter& parameter,
   return field.at("value").number();
 }
 
+bool is_left_out(const YamlField& parameters, const LawParameter& parameter) {
+  return parameter.if_absent && !parameters.has(parameter.name);
+}
+
 std::vector<double> read_parameters(const YamlField& field, const LawEntry& entry,
                                     const PlaceUnits& units) {
   std::vector<double> values;
   for (const LawParameter& parameter : entry.parameters) {
-    values.push_back(read_parameter(field.at(parameter.name), parameter, units));
+    values.push_back(is_left_out(field, parameter)
+                         ? *parameter.if_absent
+                         : read_parameter(field.at(parameter.name), parameter, units));
   }
   for (const auto& [key, value] : field.entries()) {
     const bool known = std::ranges::any_of(
@@ -105,8 +111,10 @@ Element read_element(const YamlField& field, const Places& places) {
   element.law_name = entry.name;
   element.use = entry.use;
   element.parameters = read_parameters(field.at("parameters"), entry, element.location.units);
+  const YamlField parameters = field.at("parameters");
   for (const LawParameter& parameter : entry.parameters) {
-    element.fixed.push_back(read_fixed(field.at("parameters").at(parameter.name)));
+    element.fixed.push_back(is_left_out(parameters, parameter) ||
+                            read_fixed(parameters.at(parameter.name)));
   }
   if (entry.make) element.law = entry.make(element.parameters);
   return element;

@@ -17,6 +17,7 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -50,6 +51,8 @@ struct LawParameter {
   ParameterRange range = ParameterRange::kAny;
   bool is_linear = false;  // the force is linear in all parameters marked so, taken together
   ParameterTrials trials = {};
+  std::optional<double> if_absent =
+      {};  // the value that files may leave out; fits leave it as it is then
 };
 
 struct LawEntry {

@@ -21,11 +21,19 @@ struct SignalOffset {
   }
 };
 
+// The corner is a parabola from limit - corner to limit + corner, of slope one to zero. p: limit, corner.
 struct Saturation {
-  static constexpr int kParameters = 1, kStates = 0;
+  static constexpr int kParameters = 2, kStates = 0;
   template <typename T>
   static T force(const T* p, const T& signal, const T&, const T*) {
-    return clip(signal, p[0]) - signal;
+    const T corner = p[1] < p[0] ? p[1] : p[0];
+    const T size = signal < 0.0 ? T(-signal) : signal;
+    const T beyond = p[0] + corner - size;  // to where it holds at the limit
+    if (!(corner > 0.0) || beyond <= 0.0 || beyond >= 2.0 * corner) {
+      return clip(signal, p[0]) - signal;
+    }
+    const T held = p[0] - beyond * beyond / (4.0 * corner);
+    return (signal < 0.0 ? T(-held) : held) - signal;
   }
 };
 
@@ -68,9 +76,11 @@ std::vector<LawEntry> signal_laws() {
       {"gain", "s becomes (1 + error) s", kSignal, {{"error", "1", kAny}}, make_law<GainError>},
       {"offset", "s becomes s + value", kSignal, {{"value", "F", kAny}}, make_law<SignalOffset>},
       {"saturation",
-       "s is held within -limit ... limit",
+       "s is held within -limit ... limit, with a parabola for a corner from corner below to "
+       "corner above",
        kSignal,
-       {{"limit", "F", kPositive}},
+       {{"limit", "F", kPositive},
+        {.name = "corner", .unit = "F", .range = kNonNegative, .if_absent = 0.0}},
        make_law<Saturation>},
       {"dead_zone",
        "s becomes s - clip(s, -half_width, half_width)",
