@@ -1,0 +1,96 @@
+// First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady states
+// that they are made of.
+#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
+#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// Recordings of the three-axis robot; what `changes` replace in its file is what the model believes.
+class RecordedArm {
+ public:
+  RecordedArm(const std::string& level, const std::string& positions,
+              const std::vector<std::pair<std::string, std::string>>& changes) {
+    const std::filesystem::path robot =
+        std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
+    testing::write_text(folder_.file("plan.yaml"),
+                        "format: graybox-plan/1\nplant: robot\nlevels: " + level +
+                            "\nrealisations: 2\nperiod: 1000\nsettling_periods: 5\nperiods: 2\n"
+                            "frequencies: {from: 2, to: 60, count: 20, spacing: log}\npositions: " +
+                            positions + "\nnoise: 1e-13\n");
+    const SimulatedSystem system = load_system(robot, std::nullopt);
+    simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
+                      folder_.file("campaign"), {});
+    std::string text = testing::read_text(robot.string());
+    for (const auto& [is, believed] : changes) text.replace(text.find(is), is.size(), believed);
+    testing::write_text(folder_.file("model.yaml"), text);
+    std::filesystem::copy(robot.parent_path() / "three_axis.urdf", folder_.file("three_axis.urdf"));
+    family = plant_family(folder_.file("model.yaml"));
+    data = read_periodic_data(read_campaign(folder_.file("campaign")), *family, {});
+    own.resize(static_cast<Index>(family->parameters().size()));
+    for (Index p = 0; p < own.size(); ++p) {
+      own(p) = family->parameters()[static_cast<std::size_t>(p)].start;
+    }
+  }
+
+ private:
+  testing::TemporaryFolder folder_;
+
+ public:
+  std::unique_ptr<PlantFamily> family;
+  PeriodicData data;
+  VectorXd own;
+};
+
+// The optimum does not depend on which start comes first.
+TEST(FirstFits, EndInOneOptimumInWhateverOrderTheyBegin) {
+  const RecordedArm arm("[2.0]", "[[20, 30, 40], [-60, 10, -30]]",
+                        {{"4.0e4", "4.9e4"}, {"5.0e4", "4.2e4"}, {"1.5e4", "1.2e4"}});
+  std::vector<VectorXd> starts = response_starts(*arm.family, arm.data, 1);
+  ASSERT_FALSE(starts.empty());
+  for (std::size_t i = 1; i < starts.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      EXPECT_GE((starts[i].array() / starts[j].array() - 1.0).abs().maxCoeff(), 0.05);
+    }
+  }
+  starts.push_back(arm.own);
+  const PeriodicFit fit = fit_periodic_gradually(*arm.family, arm.data, starts, {}, {});
+  std::ranges::reverse(starts);
+  const PeriodicFit other = fit_periodic_gradually(*arm.family, arm.data, starts, {}, {});
+  ASSERT_TRUE(fit.converged && other.converged) << fit.trouble << other.trouble;
+  EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
+  const VectorXd errors = standard_errors(fit.information);
+  EXPECT_LT(((fit.parameters - other.parameters).array() / errors.array()).abs().maxCoeff(), 0.1);
+}
+
+// By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not
+// settle in 25 passes.
+TEST(SteadyStates, OfFastMotionSettle) {
+  const RecordedArm arm("[120.0]", "[[20, 30, 40]]", {});
+  const ModelState model = evaluate_model(*arm.family, arm.data, arm.own, {}, false, 1);
+  SteadyStateSolver solver(*arm.family, arm.data, {});
+  for (const MeasuredRecord& record : arm.data.estimation) {
+    EXPECT_LE(solver.solve(model, record, nullptr).unsettled, SteadyStateOptions{}.tolerance)
+        << record.name;
+  }
+}
+
+}  // namespace
+}  // namespace graybox
