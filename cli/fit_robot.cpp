@@ -3,13 +3,13 @@
 #include "fit_arguments.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/robot_fit.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "graybox/problems/elements/robot_elements.hpp"
 #include "interrupt.hpp"
 
 namespace graybox::cli {
 
 FitReport fit_robot(const FitArguments& arguments) {
-  const RobotModel robot = load_robot_model(arguments.model);
+  const RobotModel robot = load_linear_robot(arguments.model);
   const Campaign campaign = read_campaign(arguments.campaign);
   CountProgress progress("recording", campaign.experiments.size());
   RobotFitOptions options;

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <system_error>
 
+#include "graybox/problems/elements/robot_elements.hpp"
+
 namespace graybox::cli {
 
 void add_model_option(CLI::App& command, RobotArguments& arguments) {
@@ -21,8 +23,8 @@ void add_robot_options(CLI::App& command, RobotArguments& arguments) {
 }
 
 RobotModel load_robot(const RobotArguments& arguments) {
-  return load_robot_model(arguments.model.empty() ? default_robot_file()
-                                                  : std::filesystem::path(arguments.model));
+  return load_linear_robot(arguments.model.empty() ? default_robot_file()
+                                                   : std::filesystem::path(arguments.model));
 }
 
 PositionTable load_positions(const RobotArguments& arguments, const RobotModel& robot) {

@@ -245,7 +245,7 @@ std::vector<Eigen::Index> RobotModel::gearbox_rotations() const {
 RobotModel load_robot_model(const std::filesystem::path& file) {
   const YamlField root = YamlField::load(file);
   if (root.has("elements")) {
-    root.at("elements").fail("is for graybox simulate alone; leave it out here");
+    root.at("elements").fail("are not read here; leave them out");
   }
   return load_robot_without_elements(file);
 }

@@ -12,6 +12,7 @@
 #include "graybox/problems/elements/lumped_model.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/local_model.hpp"
 #include "refusal.hpp"
 #include "robot_test_support.hpp"
 #include "temporary_folder.hpp"
@@ -593,15 +594,67 @@ TEST_F(ElementFiles, BalancersNeedARotation) {
   }
 }
 
-TEST_F(ElementFiles, OnlySimulationReadsTheElementsOfARobot) {
-  std::string text = testing::read_text(folder_.file("irb6600_like.yaml"));
-  text += physics("kind: element, joint: joint_2, axis: gearbox",
-                  "stiffness\n    parameters: {stiffness: {value: 1, unit: N m/rad}}")
-              .substr(std::string("format: graybox-physics/1\n").size());
-  testing::write_text(folder_.file("extended.yaml"), text);
-  EXPECT_EQ(load_extended_robot(folder_.file("extended.yaml")).elements.size(), 1U);
-  testing::expect_refused([&] { (void)load_robot_model(folder_.file("extended.yaml")); },
-                          "elements");
+// What is linear and beside the robot's own parts is added to them.
+TEST_F(ElementFiles, LinearElementsJoinTheRobotsOwnParts) {
+  const std::string robot_file = testing::read_text(folder_.file("irb6600_like.yaml"));
+  const auto extended_by = [&](const std::string& location, const std::string& law) {
+    testing::write_text(
+        folder_.file("extended.yaml"),
+        robot_file +
+            physics(location, law).substr(std::string("format: graybox-physics/1\n").size()));
+    return folder_.file("extended.yaml");
+  };
+  const RobotModel own = load_robot_model(folder_.file("irb6600_like.yaml"));
+  const VectorXd position = VectorXd::Constant(6, 0.3);
+  const auto local = [&](const RobotModel& robot) {
+    return LocalModelBuilder(robot).build(position);
+  };
+  const Eigen::Index gearbox = own.gearbox_rotations()[1];
+  {
+    const std::string file =
+        extended_by("kind: element, joint: joint_2, axis: gearbox",
+                    "stiffness\n    parameters: {stiffness: {value: 1e5, unit: N m/rad}}");
+    EXPECT_EQ(load_extended_robot(file).elements.size(), 1U);
+    testing::expect_refused([&] { (void)load_robot_model(file); }, "elements");
+    VectorXd b = VectorXd::Unit(18, gearbox);
+    b(13) = -1.0;
+    const LocalModel stiff =
+        LocalModelBuilder(load_linear_robot(file)).build_at(local(own).position.head(12), position);
+    EXPECT_LT((stiff.stiffness - local(own).stiffness - 1e5 * b * b.transpose()).norm(), 1e-6);
+  }
+  {
+    const RobotModel damped = load_linear_robot(
+        extended_by("kind: element, joint: joint_3, axis: motor",
+                    "viscous\n    parameters: {damping: {value: 0.25, unit: N m s/rad}}"));
+    const VectorXd turned = own.transmission.row(2).transpose();
+    Eigen::MatrixXd expected = local(own).damping;
+    expected.bottomRightCorner(6, 6) += 0.25 * turned * turned.transpose();
+    EXPECT_LT((local(damped).damping - expected).norm(), 1e-9 * expected.norm());
+  }
+  const RobotModel loaded = load_linear_robot(extended_by(
+      "kind: element, axis: flange",
+      "payload\n    parameters: {mass: {value: 50, unit: kg}, x: {value: 0.1, unit: m}, "
+      "y: {value: 0, unit: m}, z: {value: 0.2, unit: m}}"));
+  EXPECT_GT((local(loaded).mass - local(own).mass).norm(), 1.0);
+}
+
+TEST_F(ElementFiles, LinearModelsRefuseOtherElementsByName) {
+  const std::string robot_file = testing::read_text(folder_.file("irb6600_like.yaml"));
+  for (const auto& [location, law] :
+       {std::pair{"kind: element, joint: joint_2, axis: motor",
+                  "coulomb\n    parameters: {level: {value: 1, unit: N m}, transition_velocity: "
+                  "{value: 0.01, unit: rad/s}}"},
+        {"kind: element, joint: joint_2, axis: arm",
+         "viscous\n    parameters: {damping: {value: 1, unit: N m s/rad}}"},
+        {"kind: element, joint: joint_2, axis: gearbox",
+         "stiffness\n    parameters: {stiffness: {value: -1e12, unit: N m/rad}}"}}) {
+    testing::write_text(
+        folder_.file("extended.yaml"),
+        robot_file +
+            physics(location, law).substr(std::string("format: graybox-physics/1\n").size()));
+    testing::expect_refused([&] { (void)load_linear_robot(folder_.file("extended.yaml")); },
+                            "a linear model takes");
+  }
 }
 
 }  // namespace

@@ -525,8 +525,8 @@ class Search {
     }
   }
 
-  // Where the noise is known, so is a law that is not better beyond the margin, if what is left without it is no
-  // more than noise.
+  // Where the noise is known, so is a law that is not better beyond the margin, if what is left without
+  // it is no more than noise.
   [[nodiscard]] bool is_superfluous(const ExtendedFit& without) const {
     if (!problem_->noise_is_known()) {
       return !predicts_better(without, result_.after, kExclusionErrors);

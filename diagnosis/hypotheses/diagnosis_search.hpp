@@ -5,30 +5,30 @@
 //   1. Fit the model as it is.
 //   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest
 //      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
-//      Where the noise is not known, the first is replaced by the share of the residuals that still
-//      depends on the motion (step 6).
-//      Where something is detected and the noise is known, the model alone is fitted again from where
-//      refits with a law have led: a fit that stopped short of its optimum looks like missing physics.
-//   3. While something is missing: rank all hypotheses by their score tests, refit with each of the
-//      best, keep the one with the least Bayesian information criterion
+//      Where the noise is not known, the first is replaced by the share of the residuals that still depends
+//      on the motion (step 6). Where something is detected and the noise is known, the model alone is
+//      fitted again from where refits with a law have led: a fit that stopped short of its optimum looks
+//      like missing physics.
+//   3. While something is missing: rank all hypotheses by their score tests, refit with each of the best,
+//      keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
 //      if its deviance falls by more than the family-wise chi-square threshold. Where the noise is not
-//      known, it may have any memory, and n is not known either. There a law must be significant by a
-//      Wald test that allows for memory, and must predict: with contiguous blocks of the recordings kept
-//      out in turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard
-//      errors over the blocks. Compound places (Hypothesis::is_compound) come when single ones explain no
-//      more: main effects before interactions. The law that predicts best is kept, or one of fewer parameters that is not
-//      worse by more than one standard error.
-//      Where the noise is known, and what is left is no more than noise by its chi-square, one law more is
-//      tried if the best hypothesis lies at a place without a law and is significant by itself; it stays if
-//      BIC falls by `exclusion_margin` and by a thousandth of what the others explain.
-//      Where it is known and the best law, of m that may still come, explains less than half an m-th of
-//      what is too much, the search gives up: such laws only stand in for one that is not there.
+//      known, it may have any memory, and n is not known either. There a law must be significant by a Wald
+//      test that allows for memory, and must predict: with contiguous blocks of the recordings kept out in
+//      turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard errors
+//      over the blocks. Compound places (Hypothesis::is_compound) come when single ones explain no more:
+//      main effects before interactions. The law that predicts best is kept, or one of fewer parameters
+//      that is not worse by more than one standard error. Where the noise is known, and what is left is no
+//      more than noise by its chi-square, one law more is tried if the best hypothesis lies at a place
+//      without a law and is significant by itself; it stays if BIC falls by `exclusion_margin` and by a
+//      thousandth of what the others explain. Where it is known and the best law, of m that may still come,
+//      explains less than half an m-th of what is too much, the search gives up: such laws only stand in
+//      for one that is not there.
 //   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, where
-//      what is left without them is no more than noise also those without which it is not higher by more than
-//      `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it unless they are better by
-//      `exclusion_margin` (predict better). Where the noise is not known, laws for which another
-//      predicts better now are exchanged, and steps 3 and 4 repeated.
+//      what is left without them is no more than noise also those without which it is not higher by more
+//      than `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it
+//      unless they are better by `exclusion_margin` (predict better). Where the noise is not known, laws
+//      for which another predicts better now are exchanged, and steps 3 and 4 repeated.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those that are not worse by
 //      `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does not
 //      predict better, can't be excluded and form one class with it. Worse in both, BIC and
@@ -36,29 +36,30 @@
 //      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
 //      so that a small effect would exclude all laws of many parameters. A law that generalises another
-//      that stands is at least as good always: a rival where the noise is known and its evidence is
-//      better, else no rival: the best of them are named beside the class (`generalisations`), where it
-//      has fewer than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise
-//      the law: then they are the first to be named beside it. Members of a class with one
-//      law at several places that no experiment of this kind would tell apart (a delay of the only
-//      actuator or of the only sensor of a linear system) are one explanation: `same_at`. Where the noise is
-//      known and one of several laws has a rival of lower BIC, that takes its place and all are weighed again.
-//      Where the search has as many laws as may be and the rest is no noise, rivals are not weighed.
-//   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
-//      must not be larger than noise by more than `tolerance` of its variance (a test of
-//      practical size: chi-square against the non-central distribution with noncentrality tolerance
-//      x degrees of freedom). On the fit's own recordings the same must hold with twice the
-//      tolerance: those kept out may not excite what is missing. Where the noise is not known there
-//      is no such test; then the error on recordings kept out must not be more than `generalisation` times that of the fit, and no more
-//      than `structure_tolerance` of the rest may still depend on the motion
+//      that stands is at least as good always: a rival where the noise is known and its evidence is better,
+//      else no rival: the best of them are named beside the class (`generalisations`), where it has fewer
+//      than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise the law:
+//      then they are the first to be named beside it. Members of a class with one law at several places
+//      that no experiment of this kind would tell apart (a delay of the only actuator or of the only sensor
+//      of a linear system) are one explanation: `same_at`. Where the noise is known and one of several laws
+//      has a rival of lower BIC, that takes its place and all are weighed again. Where the search has as
+//      many laws as may be and the rest is no noise, rivals are not weighed.
+//   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest must
+//      not be larger than noise by more than `tolerance` of its variance (a test of practical size:
+//      chi-square against the non-central distribution with noncentrality tolerance x degrees of freedom).
+//      On the fit's own recordings the same must hold with twice the tolerance: those kept out may not
+//      excite what is missing. Where the noise is not known there is no such test; then the error on
+//      recordings kept out must not be more than `generalisation` times that of the fit, and no more than
+//      `structure_tolerance` of the rest may still depend on the motion
 //      (MismatchProblem::remaining_structure).
 //
 //   7. Next: for the nearest rival of each law, the experiment that tells the two apart
 //      (next_experiment.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members, or one law several places. `unknown`: something is missing that
-// no hypothesis explains down to the noise; the laws found so far are reported with it.
+// `ambiguous`: the rest is noise, but a class has several members, or one law several places. `unknown`:
+// something is missing that no hypothesis explains down to the noise; the laws found so far are reported
+// with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.

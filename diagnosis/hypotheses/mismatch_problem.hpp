@@ -37,7 +37,7 @@ struct Hypothesis {
   bool is_compound = false;
   bool repeatable = false;  // may be found more than once at its place, as harmonics of a ripple
   // Other hypotheses that such recordings can't tell from this one at any parameters, because the
-  // model's own take up the difference. Each is `only_named`: never fitted, but a rival of this one.
+  // model's own take up the difference. Each is `only_named`: never fitted, but named with this one.
   std::vector<std::size_t> twins{};
   bool only_named = false;
 };

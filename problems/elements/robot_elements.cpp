@@ -181,6 +181,46 @@ ExtendedRobot load_extended_robot(const std::filesystem::path& file,
 
 namespace {
 
+// Adds a spring or damper to the robot's own at that place; false where there is none.
+bool add_to_own(RobotModel& robot, const Element& element) {
+  const Location& place = element.location;
+  if (place.kind != LocationKind::kElement || place.output != place.input) return false;
+  const double value = element.parameters.front();
+  const auto spring = std::ranges::find(robot.springs, place.name, &ArmSpring::name);
+  if (element.law_name == "stiffness" && spring != robot.springs.end()) {
+    spring->stiffness += value;
+    return spring->stiffness > 0.0;
+  }
+  if (element.law_name != "viscous") return false;
+  if (spring != robot.springs.end()) {
+    spring->damping += value;
+    return spring->damping >= 0.0;
+  }
+  const bool is_motor = place.output.head(robot.arm_size()).isZero(0.0);
+  if (is_motor) robot.motor_friction(place.channel) += value;
+  return is_motor && robot.motor_friction(place.channel) >= 0.0;
+}
+
+}  // namespace
+
+RobotModel load_linear_robot(const std::filesystem::path& file) {
+  ExtendedRobot extended = load_extended_robot(file);
+  for (const Element& element : extended.elements) {
+    const bool is_built_in = element.use == LawUse::kInertia || element.use == LawUse::kPayload;
+    if (is_built_in || add_to_own(extended.robot, element)) continue;
+    throw InputError(
+        fmt::format("{}: elements: '{}' ({} at {}): a linear model takes inertia, payload, "
+                    "stiffness at gearboxes "
+                    "and bearings and viscous friction at these and at motors, in sum not "
+                    "negative; leave it out "
+                    "here (graybox simulate and graybox diagnose take it)",
+                    file.string(), element.name, element.law_name, element.location.name));
+  }
+  return std::move(extended.robot);
+}
+
+namespace {
+
 // Torques on all coordinates at rest, less what holds the motors, and their slope.
 class Balance {
  public:
