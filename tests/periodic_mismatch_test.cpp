@@ -379,6 +379,20 @@ void expect_explained(const HiddenPhysics& hidden, const std::string& place, con
   }
 }
 
+// What has been cut off is not in the recordings any more: most of the signal looks like a gain error.
+TEST(PeriodicMismatch, RanksASaturationBeforeTheGainErrorThatItLooksLike) {
+  const HiddenPhysics hidden(
+      element("{kind: sensor, output: speed}", "saturation",
+              "limit: {value: 1.0, unit: rad/s}, corner: {value: 0.2, unit: rad/s}"));
+  const ExtendedFit before = hidden->fit({}, nullptr);
+  ASSERT_TRUE(before.usable) << before.trouble;
+  const std::vector<std::size_t> laws{hidden.index_of("sensor speed", "saturation"),
+                                      hidden.index_of("sensor speed", "gain")};
+  const ScoreTable table = hidden->scores(before, laws, 0, 1);
+  EXPECT_GT(table.scores[0].score.statistic, 1.1 * table.scores[1].score.statistic);
+  EXPECT_NEAR(table.scores[0].start.parameters[0], 1.0, 0.3);
+}
+
 TEST(PeriodicMismatch, ExplainsAnExtraMode) {
   expect_explained(HiddenPhysics(element("{kind: element, mass: load}", "mode",
                                          "inertia: {value: 0.0002, unit: kg m^2}, frequency: "

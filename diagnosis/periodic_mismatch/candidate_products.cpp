@@ -242,7 +242,9 @@ class RecordProducts {
 
 }  // namespace
 
-bool may_follow_data(const LawEntry& entry) { return entry.name != "gain"; }
+bool may_follow_data(const LawEntry& entry) {
+  return entry.name != "gain" && entry.name != "saturation";
+}
 
 NoiseDraws::NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,
                        std::uint64_t record)

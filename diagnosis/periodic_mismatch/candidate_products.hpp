@@ -22,7 +22,8 @@ namespace graybox {
 
 // Whether a law's column is worth taking from the motion as measured. What a gain error does is
 // proportional to it whatever its size, and often to what the parameters do: the model's own motion, which
-// has nothing of the residuals in it, gives that exactly.
+// has nothing of the residuals in it, gives that exactly. What a saturation has cut off is not in the
+// measured signal any more.
 [[nodiscard]] bool may_follow_data(const LawEntry& entry);
 
 // One law at one place, with the shapes that are tried.

@@ -99,7 +99,9 @@ std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlac
   return law_shapes(entry, place, scale);
 }
 
-bool has_many_valleys(const LawEntry& entry) { return entry.name == "balancer"; }
+bool has_many_valleys(const LawEntry& entry) {
+  return entry.name == "balancer" || entry.name == "saturation";
+}
 
 std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place, std::size_t positions) {
   const Location& location = place.location;
