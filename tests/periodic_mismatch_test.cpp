@@ -424,15 +424,43 @@ TEST(PeriodicMismatch, FitsBristlesDownToTheNoise) {
   }
 }
 
+std::string one_sensor_drive() {
+  std::string text = kDrive;
+  text.erase(text.find("  - {name: load_speed"),
+             text.find("noise:") - text.find("  - {name: load_speed"));
+  text.replace(text.find(", load_speed: 0.005"), 19, "");
+  return text;
+}
+
+// Beside a law that is not linear, too: a delay passes through whatever does not change with time.
+TEST(PeriodicMismatch, ADelayBesideDragIsOneSystemAtTwoPlaces) {
+  std::string physics = element("{kind: element, mass: motor}", "quadratic_drag",
+                                "coefficient: {value: 0.002, unit: N m s^2/rad^2}");
+  physics +=
+      "  - {name: late, location: {kind: sensor, output: speed}, law: delay, parameters: "
+      "{time: {value: 0.0015, unit: s}}}\n";
+  const HiddenPhysics hidden(physics, one_sensor_drive());
+  const ExtendedFit before = hidden->fit({}, nullptr);
+  const LawStart drag{hidden.index_of("motor", "quadratic_drag"), {0.002}};
+  std::vector<ExtendedFit> fits;
+  for (const char* place : {"actuator torque", "sensor speed"}) {
+    const LawStart late{hidden.index_of(place, "delay"), {0.0015}};
+    fits.push_back(hidden->fit(std::vector<LawStart>{drag, late}, &before));
+    ASSERT_TRUE(fits.back().usable) << fits.back().trouble;
+    EXPECT_LT(fits.back().estimation.chi_square_per_dof(), 1.15) << place;
+  }
+  EXPECT_NEAR(fits[0].deviance, fits[1].deviance, 1.0);
+  const auto experiments = hidden->experiments_between(fits[0], fits[1]);
+  ASSERT_TRUE(experiments.has_value());
+  EXPECT_LT(experiments->distance_at_best, 0.02);
+}
+
 // With one input and one output it can't be told which of them is late; and that something is, which leaves
 // the recordings far from the model, must not make a gain error look like it.
 TEST(PeriodicMismatch, ADelayOfTheOnlyChannelsIsOneSystemAtTwoPlaces) {
-  std::string late = kDrive;
-  late.erase(late.find("  - {name: load_speed"),
-             late.find("noise:") - late.find("  - {name: load_speed"));
-  late.replace(late.find(", load_speed: 0.005"), 19, "");
   const HiddenPhysics hidden(
-      element("{kind: actuator, input: torque}", "delay", "time: {value: 0.0015, unit: s}"), late);
+      element("{kind: actuator, input: torque}", "delay", "time: {value: 0.0015, unit: s}"),
+      one_sensor_drive());
   const ExtendedFit before = hidden->fit({}, nullptr);
   EXPECT_GT(before.estimation.chi_square_per_dof(), 3.0);
   for (const char* place : {"actuator torque", "sensor speed"}) {
