@@ -307,6 +307,19 @@ class Search {
     return chosen;
   }
 
+  // Where there are fewer places than room, with the next best at any: laws that are nearly alike must not
+  // keep all others of a single axis out. Whether there were any.
+  bool fill_up(const ScoreTable& table, std::vector<LawStart>& chosen) const {
+    const std::size_t before = chosen.size();
+    for (const HypothesisScore& score : table.scores) {
+      if (chosen.size() >= options_.shortlist) break;
+      if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
+      if (is_closed(problem_->hypotheses()[score.start.hypothesis])) continue;
+      if (std::ranges::find(chosen, score.start) == chosen.end()) chosen.push_back(score.start);
+    }
+    return chosen.size() > before;
+  }
+
   [[nodiscard]] const std::string& place_of(const HypothesisScore& score) const {
     return problem_->hypotheses()[score.start.hypothesis].place;
   }
@@ -406,9 +419,13 @@ class Search {
         is_small = rest_is_noise(result_.after);
         if (is_small && !points_elsewhere(table)) return;
       }
-      const std::vector<Trial> trials =
-          refit_each(starts_of(result_.after), shortlist(table), result_.after);
+      std::vector<LawStart> candidates = shortlist(table);
+      std::vector<Trial> trials = refit_each(starts_of(result_.after), candidates, result_.after);
       const Trial* best = choose(result_.after, trials);
+      if (best == nullptr && !problem_->noise_is_known() && fill_up(table, candidates)) {
+        trials = refit_each(starts_of(result_.after), candidates, result_.after);
+        best = choose(result_.after, trials);
+      }
       if (is_small && (best == nullptr || !stands_out(best->fit))) return;
       if (best == nullptr && compounds_are_open_) return;
       if (best == nullptr) {
