@@ -335,7 +335,8 @@ TEST_F(Study, EndsCleanlyWhenInterrupted) {
   setup_.interrupted = [&] { return ++polls > 3; };
   const StudyOutcome outcome = run({"sleeper", "quitter"});
   EXPECT_TRUE(outcome.interrupted);
-  EXPECT_TRUE(rows().runs.empty());
+  // The other may have ended before the fourth look.
+  for (const RunRow& row : rows().runs) EXPECT_NE(row.key.solver, "sleeper");
   EXPECT_EQ(rows().unreadable, 0U);
 }
 
