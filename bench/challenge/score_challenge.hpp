@@ -82,8 +82,7 @@ struct ScoredCase {
   bool extra = false;            // more effects than there are
   bool place_right = false;      // the first effect's place is a true one
   std::size_t parameters = 0;    // compared
-  std::size_t undetermined =
-      0;  // not compared: the answer says that the data do not determine them
+  std::size_t undetermined = 0;  // not compared: not determined by the data, the answer says
   std::size_t within_three = 0;  // of them within 3 standard errors
 };
 [[nodiscard]] ScoredCase score_case(const CaseTruth& truth, const Answer& answer);

@@ -51,8 +51,8 @@ struct LawParameter {
   ParameterRange range = ParameterRange::kAny;
   bool is_linear = false;  // the force is linear in all parameters marked so, taken together
   ParameterTrials trials = {};
-  std::optional<double> if_absent =
-      {};  // the value that files may leave out; fits leave it as it is then
+  // The value that files may leave out; fits leave it as it is then.
+  std::optional<double> if_absent = {};
 };
 
 struct LawEntry {

@@ -208,13 +208,11 @@ RobotModel load_linear_robot(const std::filesystem::path& file) {
   for (const Element& element : extended.elements) {
     const bool is_built_in = element.use == LawUse::kInertia || element.use == LawUse::kPayload;
     if (is_built_in || add_to_own(extended.robot, element)) continue;
-    throw InputError(
-        fmt::format("{}: elements: '{}' ({} at {}): a linear model takes inertia, payload, "
-                    "stiffness at gearboxes "
-                    "and bearings and viscous friction at these and at motors, in sum not "
-                    "negative; leave it out "
-                    "here (graybox simulate and graybox diagnose take it)",
-                    file.string(), element.name, element.law_name, element.location.name));
+    throw InputError(fmt::format(
+        "{}: elements: '{}' ({} at {}): a linear model takes inertia, payload, stiffness at "
+        "gearboxes and bearings and viscous friction at these and at motors, in sum not negative; "
+        "leave it out here (graybox simulate and graybox diagnose take it)",
+        file.string(), element.name, element.law_name, element.location.name));
   }
   return std::move(extended.robot);
 }

@@ -51,10 +51,10 @@ struct ExtendedRobot {
 [[nodiscard]] ExtendedRobot load_extended_robot(
     const std::filesystem::path& file, const std::optional<std::filesystem::path>& physics = {});
 
-// The robot of a file whose elements are all linear and beside parts of its own: inertia and payload, stiffness and
-// viscous friction at gearboxes and bearings, viscous friction at motors. They are added to those parts, so
-// that all that knows springs and dampers alone (local models, information matrices, fits of responses)
-// takes them. Throws InputError, for other elements with the name of the first.
+// The robot of a file whose elements are all linear and beside parts of its own: inertia and payload,
+// stiffness and viscous friction at gearboxes and bearings, viscous friction at motors. They are added to
+// those parts, so that all that knows springs and dampers alone (local models, information matrices, fits
+// of responses) takes them. Throws InputError, for other elements with the name of the first.
 [[nodiscard]] RobotModel load_linear_robot(const std::filesystem::path& file);
 
 // The robot with the elements at rest: motors at the commanded joint angles, the arm where springs,
