@@ -180,6 +180,44 @@ TEST_F(ForceBalance, WithoutItsLawTheRestIsUnknown) {
   EXPECT_GT(*diagnosis.remaining_structure, 0.2);
 }
 
+// Of several harmonics alike each by itself predicts little: what it gains drowns in the others.
+TEST_F(ForceBalance, FindsHarmonicsThatHideEachOther) {
+  const std::vector<double> periods{0.31, 0.23, 0.17, 0.13, 0.11};
+  record(
+      [&](double x, double) {
+        double force = 0.0;
+        for (const double period : periods) {
+          force += 4.0 * std::sin(2.0 * std::numbers::pi * x / period + 7.0 * period);
+        }
+        return force;
+      },
+      0.5, 8);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  for (const double period : periods) {
+    EXPECT_TRUE(std::ranges::any_of(diagnosis.effects, [&](const FoundEffect& effect) {
+      const auto& parameters = effect.law.parameters;
+      return named(*data, effect).law == "ripple" &&
+             std::abs(parameters[1].value / period - 1.0) < 0.02 &&
+             std::abs(parameters[0].value - 4.0) < 0.4;
+    })) << period;
+  }
+}
+
+// No sensor errs by half of what it measures for seconds on end. What it is, such recordings do not tell.
+TEST_F(ForceBalance, CallsARestThatFollowsItselfNoNoise) {
+  record([](double, double) { return 0.0; }, 6.0, 9, 0.99);
+  const Diagnosis slow = diagnose(*problem());
+  EXPECT_EQ(slow.verdict, Verdict::kUnknown);
+  ASSERT_TRUE(slow.autocorrelated_error.has_value());
+  EXPECT_GT(*slow.autocorrelated_error, 10.0);
+  record([](double, double) { return 0.0; }, 6.0, 9, 0.0);
+  const Diagnosis white = diagnose(*problem());
+  EXPECT_EQ(white.verdict, Verdict::kNone);
+  EXPECT_LT(*white.autocorrelated_error, 5.0);
+  EXPECT_GT(white.after.estimation.nrmse, 40.0);
+}
+
 TEST_F(ForceBalance, FindsPlayInASpring) {
   record([](double x, double) { return 500.0 * (x - std::clamp(x, -0.05, 0.05)); }, 0.5, 7);
   const auto data = problem();

@@ -19,6 +19,8 @@ class ColouredNoise {
   explicit ColouredNoise(const Eigen::VectorXd& values);
 
   [[nodiscard]] Eigen::Index order() const { return coefficients_.size(); }
+  // Variance of what one step ahead is not predicted, over that of the values.
+  [[nodiscard]] double innovation_share() const { return innovation_; }
   // n over the autocorrelation time, spectrum at zero / variance, of the model; at most n.
   [[nodiscard]] double effective_samples() const;
   // As many values, of the values' root mean square.

@@ -43,6 +43,10 @@ void append(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns) {
   columns.rightCols(more.cols()) = more;
 }
 
+double centred_square(const Eigen::MatrixXd& values) {
+  return (values.rowwise() - values.colwise().mean()).squaredNorm();
+}
+
 // A parameter of a law or of the model, as one column of the information about all.
 struct Column {
   std::size_t law = 0, parameter = 0;
@@ -76,30 +80,28 @@ class ForceBalanceProblem : public MismatchProblem {
       refined.push_back({placed(start.hypothesis, start.parameters), !is_fitted(start, nearby),
                          &scales_[place_of_[start.hypothesis]]});
     }
+    const std::vector<RefinedLaw> given = refined;
     ExtendedFit result;
-    const auto fail = [&result](std::string trouble) {
-      result.trouble = std::move(trouble);
-      return result;
-    };
-    if (!refine_shapes(data_, regression_, refined, options_.keep_going)) {
-      return fail("the laws' shapes could not be refined");
+    if (refine_shapes(data_, regression_, refined, options_.keep_going)) {
+      result = fit_amplitudes(starts, refined);
+    } else {
+      result.trouble = "the laws' shapes could not be refined";
     }
-    std::vector<PlacedLaw> laws;
-    std::vector<BalanceColumns> columns;
-    for (const RefinedLaw& law : refined) {
-      laws.push_back(law.law);
-      columns.push_back(law_columns(law.law, data_, data_.estimation));
+    // Without one of their number, laws that are known may leave their ranges; as they are they remain.
+    if (!result.usable && std::ranges::none_of(given, &RefinedLaw::is_new)) {
+      ExtendedFit held = fit_amplitudes(starts, given);
+      if (held.usable) return held;
     }
-    const BalanceFit fitted = regression_.fit(columns);
-    if (!fitted.full_rank) return fail("the data can't tell its parameters apart");
-    set_amplitudes(laws, fitted.amplitudes);
-    if (!within_ranges(laws)) return fail("a law's parameter leaves its range");
-    if (!slides(laws)) return fail("a friction never slides: it is a damper here");
-    result.usable = true;
-    describe(starts, laws, fitted, result);
-    const std::vector<double> wald = wald_statistics(columns, fitted);
-    for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
     return result;
+  }
+
+  [[nodiscard]] bool fits_at_once() const override { return true; }
+  [[nodiscard]] std::vector<ExtendedFit> fit_each(std::span<const std::vector<LawStart>> laws,
+                                                  const ExtendedFit* nearby) const override {
+    std::vector<ExtendedFit> fits(laws.size());
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t i = 0; i < laws.size(); ++i) fits[i] = fit(laws[i], nearby);
+    return fits;
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -116,6 +118,17 @@ class ForceBalanceProblem : public MismatchProblem {
 
   [[nodiscard]] std::optional<double> remaining_structure(const ExtendedFit& fit) const override {
     return graybox::remaining_structure(data_.estimation, residuals(fit, data_.estimation));
+  }
+
+  [[nodiscard]] std::optional<double> autocorrelated_error(const ExtendedFit& fit) const override {
+    const ForceBalanceRows& rows = data_.estimation;
+    const Eigen::MatrixXd rest = residuals(fit, rows);
+    double square = 0.0;
+    for (Index j = 0; j < coordinates(); ++j) {
+      const ColouredNoise noise(rest.col(j));
+      square += (1.0 - noise.innovation_share()) * rest.col(j).squaredNorm();
+    }
+    return 100.0 * std::sqrt(square / centred_square(rows.measured));
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
@@ -139,6 +152,33 @@ class ForceBalanceProblem : public MismatchProblem {
 
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
+
+  // With the laws' shapes as they are.
+  [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
+                                           std::span<const RefinedLaw> refined) const {
+    std::vector<PlacedLaw> laws;
+    std::vector<BalanceColumns> columns;
+    for (const RefinedLaw& law : refined) {
+      laws.push_back(law.law);
+      columns.push_back(law_columns(law.law, data_, data_.estimation));
+    }
+    ExtendedFit result;
+    const BalanceFit fitted = regression_.fit(columns);
+    if (fitted.full_rank) set_amplitudes(laws, fitted.amplitudes);
+    if (!fitted.full_rank) {
+      result.trouble = "the data can't tell its parameters apart";
+    } else if (!within_ranges(laws)) {
+      result.trouble = "a law's parameter leaves its range";
+    } else if (!slides(laws)) {
+      result.trouble = "a friction never slides: it is a damper here";
+    } else {
+      result.usable = true;
+      describe(starts, laws, fitted, result);
+      const std::vector<double> wald = wald_statistics(columns, fitted);
+      for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
+    }
+    return result;
+  }
 
   void list_hypotheses() {
     for (const CandidatePlace& place : data_.places) {
@@ -174,13 +214,12 @@ class ForceBalanceProblem : public MismatchProblem {
     }
   }
 
-  // Friction whose transition is wider than half of the recorded velocities is no friction.
   [[nodiscard]] bool slides(const std::vector<PlacedLaw>& laws) const {
     for (const PlacedLaw& law : laws) {
       const auto place = static_cast<std::size_t>(law.place - data_.places.data());
       for (std::size_t i = 0; i < law.parameters.size(); ++i) {
         if (law.entry->parameters[i].name == "transition_velocity" &&
-            law.parameters[i] > scales_[place].rate(0.5)) {
+            law.parameters[i] > scales_[place].rate(kSliding)) {
           return false;
         }
       }
@@ -369,9 +408,6 @@ class ForceBalanceProblem : public MismatchProblem {
   // Relative errors are of all coordinates together, as tables of published results have them.
   [[nodiscard]] Assessment assess(const ForceBalanceRows& rows,
                                   const Eigen::MatrixXd& error) const {
-    const auto centred_square = [](const Eigen::MatrixXd& values) {
-      return (values.rowwise() - values.colwise().mean()).squaredNorm();
-    };
     const double variance = centred_square(rows.measured);
     Assessment result;
     result.chi_square = (error * regression_.noise().cwiseInverse().asDiagonal()).squaredNorm();

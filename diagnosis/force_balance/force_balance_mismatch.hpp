@@ -36,6 +36,7 @@
 namespace graybox {
 
 struct ForceBalanceOptions {
+  int threads = 1;                                   // results do not depend on it
   std::function<bool()> keep_going;                  // asked now and then; false: fits end unusable
   std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
 };

@@ -22,8 +22,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // One law's columns, projected, at the last parameters asked for.
 class ProjectedLaw {
  public:
-  ProjectedLaw(const ForceBalanceData& data, const BalanceRegression& regression, PlacedLaw law)
-      : data_(data), regression_(regression), law_(std::move(law)) {
+  ProjectedLaw(const ForceBalanceData& data, const BalanceRegression& regression,
+               const RefinedLaw& law)
+      : data_(data), regression_(regression), law_(law.law) {
+    if (!law.is_new) widest_transition_ = law.scale->rate(kSliding);
     set(law_.parameters);
   }
 
@@ -33,6 +35,7 @@ class ProjectedLaw {
     columns_ = regression_.projected(law_columns(law_, data_, data_.estimation));
   }
   [[nodiscard]] const PlacedLaw& law() const { return law_; }
+  [[nodiscard]] double widest_transition() const { return widest_transition_; }
   [[nodiscard]] const Eigen::MatrixXd& columns() const { return columns_; }
   [[nodiscard]] Eigen::MatrixXd slopes(const Eigen::VectorXd& amplitudes) const {
     PlacedLaw actual = law_;
@@ -54,6 +57,8 @@ class ProjectedLaw {
   const ForceBalanceData& data_;
   const BalanceRegression& regression_;
   PlacedLaw law_;
+  // A friction that has been found stays one; a new one that would rather be a damper shows itself.
+  double widest_transition_ = kInfinity;
   Eigen::MatrixXd columns_;
 };
 
@@ -142,6 +147,10 @@ class ShapeProblem {
         const LawParameter& parameter = law.entry->parameters[i];
         if (parameter.unit == "1" && parameter.range == ParameterRange::kPositive &&
             !(law.parameters[i] >= kLeast && law.parameters[i] <= kMost)) {
+          return false;
+        }
+        if (parameter.name == "transition_velocity" &&
+            law.parameters[i] > laws_[l].widest_transition()) {
           return false;
         }
       }
@@ -246,7 +255,7 @@ bool refine_shapes(const ForceBalanceData& data, const BalanceRegression& regres
   std::vector<ProjectedLaw> projected;
   std::vector<std::size_t> moving;
   for (std::size_t l = 0; l < laws.size(); ++l) {
-    projected.emplace_back(data, regression, laws[l].law);
+    projected.emplace_back(data, regression, laws[l]);
     if (!laws[l].law.refined().empty()) moving.push_back(l);
   }
   if (moving.empty()) return true;

@@ -4,7 +4,8 @@
 // the projection on what neither the model's columns nor L imitate.
 //
 // Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the best
-// others, each refined alone; after that all laws are refined together.
+// others, each refined alone; after that all laws are refined together. Friction that is not new keeps a
+// transition within kSliding.
 #pragma once
 
 #include <functional>
@@ -14,6 +15,9 @@
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 
 namespace graybox {
+
+// Friction whose transition is wider than this share of the recorded speeds is no friction but a damper.
+inline constexpr double kSliding = 0.5;
 
 struct RefinedLaw {
   PlacedLaw law;

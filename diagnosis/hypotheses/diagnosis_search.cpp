@@ -23,6 +23,7 @@ constexpr double kExclusionErrors = 2.0;
 constexpr int kFirstFits = 3;
 constexpr std::size_t kTriedTrials = 3;
 constexpr double kShortOfOptimum = 1.0;  // of the deviance
+constexpr double kStillMissing = 0.5;    // of what chi-square has too much
 
 // Share of the best score statistic that makes a law worth a refit: at the same place, and anywhere.
 constexpr double kRelative = 0.7;
@@ -93,7 +94,10 @@ class Search {
       extend();
       prune();
       simplify();
-      if (!problem_->noise_is_known()) exchange();
+      if (!problem_->noise_is_known()) {
+        exchange();
+        prune();  // beside laws made plainer another may no longer be missed
+      }
       weigh_rivals();
     }
     verify();
@@ -157,13 +161,21 @@ class Search {
     ScoreTable table;
     table.scores = result_.ranking;
     const std::vector<Trial> trials = refit_each({}, shortlist(table), result_.before);
+    // The parameters of a law that explains all are the right ones, if any are.
+    const bool is_explained = !trials.empty() && rest_is_noise(trials.front().fit);
+    const std::size_t tried = is_explained ? 1 : std::min(kTriedTrials, trials.size());
     ExtendedFit best = result_.before;
-    for (std::size_t i = 0; i < std::min(kTriedTrials, trials.size()); ++i) {
+    for (std::size_t i = 0; i < tried; ++i) {
       if (!proceed("fitting the model as it is once more")) return false;
       ExtendedFit again = problem_->fit({}, &trials[i].fit);
       if (again.usable && again.deviance < best.deviance) best = std::move(again);
     }
     if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
+    // There the model alone comes nowhere near: it was not the fit that stopped short.
+    if (is_explained && excess(best) > std::max(kStillMissing * excess(result_.before),
+                                                best.estimation.degrees_of_freedom)) {
+      return false;
+    }
     result_.before = std::move(best);
     refits_.clear();
     renew();
@@ -225,6 +237,12 @@ class Search {
     return table;
   }
 
+  // Where the noise is not known; where it is, there is a test.
+  [[nodiscard]] bool rest_looks_like_noise(const ExtendedFit& fit) const {
+    return problem_->remaining_structure(fit).value_or(0.0) <= options_.structure_tolerance &&
+           problem_->autocorrelated_error(fit).value_or(0.0) <= options_.autocorrelation_tolerance;
+  }
+
   void detect() {
     proceed("testing all hypotheses");
     // Half the level must lie within the draws' minima.
@@ -243,10 +261,9 @@ class Search {
       detection.lack_of_fit_p_value = chi_square_tail(fitted.chi_square, fitted.degrees_of_freedom);
     }
     detection.threshold = table.scores.empty() ? 0.0 : family_threshold(table.null_minima, share);
-    const std::optional<double> structure = problem_->remaining_structure(result_.before);
     detection.detected = detection.lack_of_fit_p_value < 0.5 * options_.level ||
                          detection.smallest_p_value < detection.threshold ||
-                         (structure && *structure > options_.structure_tolerance);
+                         !rest_looks_like_noise(result_.before);
     list_detectable(table);
     result_.ranking = table.scores;
   }
@@ -332,15 +349,31 @@ class Search {
     return refits_.emplace_back(Refit{laws, problem_->fit(laws, &nearby)}).fit;
   }
 
+  void refit_all(const std::vector<std::vector<LawStart>>& asked, const ExtendedFit& nearby) {
+    std::vector<std::vector<LawStart>> unknown;
+    for (const std::vector<LawStart>& laws : asked) {
+      if (std::ranges::find(refits_, laws, &Refit::laws) == refits_.end()) unknown.push_back(laws);
+    }
+    std::vector<ExtendedFit> fits = problem_->fit_each(unknown, &nearby);
+    for (std::size_t i = 0; i < unknown.size(); ++i) {
+      refits_.push_back({std::move(unknown[i]), std::move(fits[i])});
+    }
+  }
+
   std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
                                 const std::vector<LawStart>& candidates,
                                 const ExtendedFit& nearby) {
-    std::vector<Trial> trials;
+    std::vector<std::vector<LawStart>> asked;
     for (const LawStart& candidate : candidates) {
       if (!proceed("refitting with " + name_of(candidate.hypothesis))) break;
-      std::vector<LawStart> laws = kept;
-      laws.push_back(candidate);
-      Trial trial{candidate.hypothesis, refit(laws, nearby)};
+      asked.push_back(kept);
+      asked.back().push_back(candidate);
+      if (!problem_->fits_at_once()) (void)refit(asked.back(), nearby);
+    }
+    refit_all(asked, nearby);
+    std::vector<Trial> trials;
+    for (const std::vector<LawStart>& laws : asked) {
+      Trial trial{laws.back().hypothesis, refit(laws, nearby)};
       if (trial.fit.usable) trials.push_back(std::move(trial));
     }
     std::stable_sort(trials.begin(), trials.end(), [&](const Trial& a, const Trial& b) {
@@ -358,8 +391,18 @@ class Search {
     if (problem_->noise_is_known()) {
       return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
     }
+    return stands_by_itself(without, with) &&
+           predicts_better(without, with, options_.held_out_errors);
+  }
+
+  // Where the noise is not known: whether the last law of `with` is there by its Wald test, and all others
+  // still are.
+  [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with) const {
+    if (with.parameter_count <= without.parameter_count) return false;
+    const double added = static_cast<double>(with.parameter_count - without.parameter_count);
+    const double count = static_cast<double>(problem_->hypotheses().size());
     return chi_square_tail(with.laws.back().wald_statistic, added) < options_.level / count &&
-           every_law_stands(with) && predicts_better(without, with, options_.held_out_errors);
+           every_law_stands(with);
   }
 
   // Laws that make up for each other have amplitudes that the data do not determine.
@@ -396,6 +439,11 @@ class Search {
     return problem_->noise_is_known() ? 4 : 24;
   }
 
+  // Of chi-square over its expectation.
+  [[nodiscard]] static double excess(const ExtendedFit& fit) {
+    return fit.estimation.chi_square - fit.estimation.degrees_of_freedom;
+  }
+
   [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const {
     return problem_->noise_is_known() &&
            chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) >=
@@ -426,6 +474,12 @@ class Search {
         trials = refit_each(starts_of(result_.after), candidates, result_.after);
         best = choose(result_.after, trials);
       }
+      if (best == nullptr && !problem_->noise_is_known()) {
+        if (std::optional<ExtendedFit> pair = pair_of_laws(trials)) {
+          result_.after = *std::move(pair);
+          continue;
+        }
+      }
       if (is_small && (best == nullptr || !stands_out(best->fit))) return;
       if (best == nullptr && compounds_are_open_) return;
       if (best == nullptr) {
@@ -437,6 +491,29 @@ class Search {
     }
   }
 
+  // Where the noise is not known and no law by itself predicts: two that do so together. What one gains
+  // drowns in what the other has not explained yet (the harmonics of a ripple). Beside the other each must
+  // pass the test for a single law.
+  std::optional<ExtendedFit> pair_of_laws(const std::vector<Trial>& trials) {
+    const auto first = std::ranges::find_if(
+        trials, [this](const Trial& trial) { return stands_by_itself(result_.after, trial.fit); });
+    if (first == trials.end() || result_.after.laws.size() + 2 > effect_limit()) return {};
+    const std::vector<Trial> seconds =
+        refit_each(starts_of(first->fit), shortlist(rank(first->fit, 0)), first->fit);
+    for (const Trial& second : seconds) {
+      if (!predicts_better(result_.after, second.fit, options_.held_out_errors) ||
+          !significant(first->fit, second.fit)) {
+        continue;
+      }
+      const ExtendedFit without_first = fit_without(second.fit, second.fit.laws.size() - 2);
+      if (without_first.usable &&
+          predicts_better(without_first, second.fit, options_.held_out_errors)) {
+        return second.fit;
+      }
+    }
+    return {};
+  }
+
   [[nodiscard]] bool is_hopeless(const ExtendedFit& with) const {
     const Assessment& left = result_.after.estimation;
     if (!problem_->noise_is_known() ||
@@ -444,8 +521,8 @@ class Search {
       return false;
     }
     const auto still_to_come = static_cast<double>(effect_limit() - result_.after.laws.size());
-    const double excess = left.chi_square - left.degrees_of_freedom;
-    return left.chi_square - with.estimation.chi_square < kShareOfAnMth * excess / still_to_come;
+    return left.chi_square - with.estimation.chi_square <
+           kShareOfAnMth * excess(result_.after) / still_to_come;
   }
 
   // A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at it
@@ -660,9 +737,8 @@ class Search {
   }
 
   static double share_explained(const ExtendedFit& without, const ExtendedFit& with) {
-    const double excess = without.estimation.chi_square - without.estimation.degrees_of_freedom;
     const double gain = without.estimation.chi_square - with.estimation.chi_square;
-    return excess > gain ? gain / excess : 1.0;
+    return excess(without) > gain ? gain / excess(without) : 1.0;
   }
 
   // Where the model without the law can't be fitted, candidates are those of the first ranking, and start
@@ -831,12 +907,13 @@ class Search {
 
   void verify_without_noise() {
     result_.remaining_structure = problem_->remaining_structure(result_.after);
+    result_.autocorrelated_error = problem_->autocorrelated_error(result_.after);
     const bool generalises =
         !result_.validation_after || result_.validation_after->chi_square_per_dof() <=
                                          options_.generalisation * options_.generalisation *
                                              result_.after.estimation.chi_square_per_dof();
-    result_.verified = generalises && result_.remaining_structure &&
-                       *result_.remaining_structure <= options_.structure_tolerance;
+    result_.verified =
+        generalises && result_.remaining_structure && rest_looks_like_noise(result_.after);
   }
 
   void conclude() {

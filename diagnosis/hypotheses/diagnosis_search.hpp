@@ -92,9 +92,10 @@ struct SearchOptions {
   double held_out_errors = 3.0;    // standard errors of that gain
   double generalisation = 1.5;
   double structure_tolerance = 0.1;
-  int null_draws = 199;                    // at least 2 / level are taken
-  std::vector<std::string> excluded_laws;  // left out of the catalogue
-  double detection_power = 0.9;            // of the smallest detectable effect
+  double autocorrelation_tolerance = 10.0;  // % of the signal
+  int null_draws = 199;                     // at least 2 / level are taken
+  std::vector<std::string> excluded_laws;   // left out of the catalogue
+  double detection_power = 0.9;             // of the smallest detectable effect
   bool ignore_channel_faults = false;
   std::uint64_t seed = 1;
   // Called with what is being done, for progress; may be empty. Return false to stop: the diagnosis
@@ -155,9 +156,9 @@ struct Diagnosis {
   double rest_p_value = 1.0;
   double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
   bool rivals_weighed = true;  // false: as many laws as may be leave more than noise
-  std::optional<double> remaining_structure;  // where the noise is not known
-  std::vector<DetectableEffect> detectable;   // in the light of the first fit
-  std::vector<HypothesisScore> ranking;       // of the first fit, best first
+  std::optional<double> remaining_structure, autocorrelated_error;  // where the noise is not known
+  std::vector<DetectableEffect> detectable;                         // in the light of the first fit
+  std::vector<HypothesisScore> ranking;                             // of the first fit, best first
   std::vector<MismatchCell> mismatch_before, mismatch_after;
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order

@@ -17,8 +17,10 @@ std::unique_ptr<MismatchProblem> load_mismatch_problem(const std::filesystem::pa
   const std::string format = YamlField::load(model).at("format").choice(
       {"graybox-robot/1", "graybox-lumped/1", "graybox-rigid-robot/1"});
   if (format == "graybox-rigid-robot/1") {
-    return force_balance_problem(
-        model, campaign, {.keep_going = options.keep_going, .place_files = options.place_files});
+    return force_balance_problem(model, campaign,
+                                 {.threads = options.threads,
+                                  .keep_going = options.keep_going,
+                                  .place_files = options.place_files});
   }
   const auto is_periodic = [](const Experiment& experiment) {
     return experiment.excitation.has_value();

@@ -159,6 +159,15 @@ class MismatchProblem {
   // `nearby`: a fit with some of the same laws to start the model's parameters from.
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
                                         const ExtendedFit* nearby) const = 0;
+  // fit() of each of these.
+  [[nodiscard]] virtual std::vector<ExtendedFit> fit_each(
+      std::span<const std::vector<LawStart>> laws, const ExtendedFit* nearby) const {
+    std::vector<ExtendedFit> fits;
+    for (const std::vector<LawStart>& each : laws) fits.push_back(fit(each, nearby));
+    return fits;
+  }
+  // Whether fit_each() uses threads for several fits at once, not within each.
+  [[nodiscard]] virtual bool fits_at_once() const { return false; }
   [[nodiscard]] virtual ScoreTable scores(const ExtendedFit& fit,
                                           std::span<const std::size_t> hypotheses, int null_draws,
                                           std::uint64_t seed) const = 0;
@@ -175,6 +184,12 @@ class MismatchProblem {
   // Where the noise is not known: the share of what a fit leaves that still depends on the motion, 0 to
   // 1.
   [[nodiscard]] virtual std::optional<double> remaining_structure(
+      const ExtendedFit& /*fit*/) const {
+    return {};
+  }
+  // Likewise: 100 rms / std(signal), in %, of the part of what a fit leaves that its own past predicts. A
+  // disturbance with memory has such a part, and physics that is missing; noise of sensors has little.
+  [[nodiscard]] virtual std::optional<double> autocorrelated_error(
       const ExtendedFit& /*fit*/) const {
     return {};
   }

@@ -67,6 +67,9 @@ constexpr double kEnoughOfExcess = 1e-3;
 // minimum has been found.
 constexpr double kNear = 1.5;
 
+// And at which there is none to be found from where it began.
+constexpr double kHopeless = 10.0;
+
 class PeriodicFitter {
  public:
   PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
@@ -293,6 +296,40 @@ std::vector<MeasuredRecord> one_of_each_kind(const std::vector<MeasuredRecord>& 
   return kept;
 }
 
+// The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is above
+// `hopeless` is not followed further.
+PeriodicFit come_near(const PlantFamily& family, const PeriodicData& data,
+                      const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
+                      const PeriodicFitOptions& options, double hopeless) {
+  PeriodicFitOptions roughly = options;  // only to come near
+  roughly.iteration_limit = std::min(15, options.iteration_limit);
+  roughly.tolerance = 1e-3;
+  PeriodicData few = data;
+  few.estimation = one_of_each_kind(data.estimation);
+  const double count = few.numbers_in(few.estimation);
+  PeriodicFit best;
+  best.chi_square = std::numeric_limits<double>::infinity();
+  for (const VectorXd& start : starts) {
+    PeriodicFit fit;
+    fit.parameters = start;
+    fit.laws = laws;
+    bool is_followed = true;
+    for (const double share : {0.3, 0.03, 0.003}) {
+      few.whitening = whitening_with_errors(data, share);
+      PeriodicFit next = fit_periodic(family, few, {fit.parameters}, fit.laws, roughly);
+      fit.chi_square = next.chi_square;
+      if (next.parameters.size() > 0) fit = std::move(next);
+      is_followed = fit.chi_square <= hopeless * count;
+      if (!is_followed) break;
+    }
+    fit.start = start;
+    fit.converged = is_followed && fit.chi_square < kNear * count;
+    if (is_followed && fit.chi_square < best.chi_square) best = std::move(fit);
+    if (best.converged) break;
+  }
+  return best;
+}
+
 }  // namespace
 
 PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
@@ -305,29 +342,26 @@ PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData
                                    const std::vector<VectorXd>& starts,
                                    const std::vector<ActingLaw>& laws,
                                    const PeriodicFitOptions& options) {
-  PeriodicFitOptions roughly = options;  // only to come near
-  roughly.iteration_limit = std::min(15, options.iteration_limit);
-  roughly.tolerance = 1e-3;
-  PeriodicData few = data;
-  few.estimation = one_of_each_kind(data.estimation);
-  const double enough = kNear * few.numbers_in(few.estimation);
-  PeriodicFit best;
-  best.chi_square = std::numeric_limits<double>::infinity();
-  for (const VectorXd& start : starts) {
-    PeriodicFit fit;
-    fit.parameters = start;
-    fit.laws = laws;
-    for (const double share : {0.3, 0.03, 0.003}) {
-      few.whitening = whitening_with_errors(data, share);
-      PeriodicFit next = fit_periodic(family, few, {fit.parameters}, fit.laws, roughly);
-      fit.chi_square = next.chi_square;
-      if (next.parameters.size() > 0) fit = std::move(next);
-    }
-    if (fit.chi_square < best.chi_square) best = std::move(fit);
-    if (best.chi_square < enough) break;
+  const PeriodicFit near =
+      come_near(family, data, starts, laws, options, std::numeric_limits<double>::infinity());
+  if (near.parameters.size() == 0) return fit_periodic(family, data, starts, laws, options);
+  PeriodicFit result = fit_periodic(family, data, {near.parameters}, near.laws, options);
+  result.start = near.start;
+  return result;
+}
+
+PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& data,
+                                 const std::vector<VectorXd>& starts,
+                                 const std::vector<ActingLaw>& laws,
+                                 const PeriodicFitOptions& options) {
+  PeriodicFit near = come_near(family, data, starts, laws, options, kHopeless);
+  if (!near.converged) {
+    near.trouble = "no start comes near the data";
+    return near;
   }
-  if (best.parameters.size() == 0) return fit_periodic(family, data, starts, laws, options);
-  return fit_periodic(family, data, {best.parameters}, best.laws, options);
+  PeriodicFit result = fit_periodic(family, data, {near.parameters}, near.laws, options);
+  result.start = near.start;
+  return result;
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

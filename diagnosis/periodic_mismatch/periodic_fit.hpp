@@ -23,6 +23,7 @@ struct PeriodicFitOptions {
 struct PeriodicFit {
   bool converged = false;
   std::string trouble;
+  Eigen::VectorXd start;        // what it came from, of several
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
   double chi_square = 0.0;
@@ -47,6 +48,13 @@ struct PeriodicFit {
                                                  const std::vector<Eigen::VectorXd>& starts,
                                                  const std::vector<ActingLaw>& laws,
                                                  const PeriodicFitOptions& options);
+
+// The same where a start comes near; else it has not converged. A start that is far off the data as soon as at the
+// first of those shares is given up.
+[[nodiscard]] PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& data,
+                                               const std::vector<Eigen::VectorXd>& starts,
+                                               const std::vector<ActingLaw>& laws,
+                                               const PeriodicFitOptions& options);
 
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.

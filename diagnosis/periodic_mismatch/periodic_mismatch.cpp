@@ -129,6 +129,13 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
+    // A model alone that is far off has its parameters far off, and its valleys are not those of the law.
+    if (!laws.empty() && first_ && !can_clear_with(*nearby)) {
+      std::vector<VectorXd> early{start_};
+      if (first_->start.size() > 0) early.push_back(first_->start);
+      const PeriodicFit afresh = fit_periodic_if_near(*family_, data_, early, acting, how_to_fit());
+      if (afresh.converged) return report(afresh, laws);
+    }
     PeriodicFit best = fit_periodic(*family_, data_, starts, acting, how_to_fit());
     if (!laws.empty()) {
       for (const std::vector<double>& other : laws.back().others) {

@@ -271,6 +271,8 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"rivals_weighed", diagnosis.rivals_weighed},
       {"remaining_structure",
        diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},
+      {"autocorrelated_error",
+       diagnosis.autocorrelated_error ? number(*diagnosis.autocorrelated_error) : Json(nullptr)},
       {"words", verdict_words(diagnosis, hypotheses)},
       {"channel_faults", channel_faults_json(diagnosis)},
       {"recording_warnings", files.warnings},

@@ -239,6 +239,13 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                     "position or velocity of a joint.",
                     100.0 * *diagnosis.remaining_structure));
   }
+  if (diagnosis.autocorrelated_error) {
+    lines.push_back(
+        fmt::format("An error of {:.3g} % of the signal is no sensor's noise, for it follows from "
+                    "its own past: "
+                    "a disturbance with memory, or physics that none of these laws describes.",
+                    *diagnosis.autocorrelated_error));
+  }
   add_detectable(diagnosis, hypotheses, lines);
   return lines;
 }
