@@ -49,6 +49,9 @@ constexpr double kShareOfAnMth = 0.5;
 // taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
+// Laws that may come together where none does by itself.
+constexpr std::size_t kGroup = 4;
+
 // Names of an effect, up to which generalisations are among them: more names say less.
 constexpr std::size_t kNames = 3;
 
@@ -391,17 +394,18 @@ class Search {
     if (problem_->noise_is_known()) {
       return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
     }
-    return stands_by_itself(without, with) &&
+    return stands_by_itself(without, with, with.laws.size() - 1) &&
            predicts_better(without, with, options_.held_out_errors);
   }
 
-  // Where the noise is not known: whether the last law of `with` is there by its Wald test, and all others
+  // Where the noise is not known: whether this law of `with` is there by its Wald test, and all others
   // still are.
-  [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with) const {
+  [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,
+                                      std::size_t law) const {
     if (with.parameter_count <= without.parameter_count) return false;
     const double added = static_cast<double>(with.parameter_count - without.parameter_count);
     const double count = static_cast<double>(problem_->hypotheses().size());
-    return chi_square_tail(with.laws.back().wald_statistic, added) < options_.level / count &&
+    return chi_square_tail(with.laws[law].wald_statistic, added) < options_.level / count &&
            every_law_stands(with);
   }
 
@@ -475,8 +479,8 @@ class Search {
         best = choose(result_.after, trials);
       }
       if (best == nullptr && !problem_->noise_is_known()) {
-        if (std::optional<ExtendedFit> pair = pair_of_laws(trials)) {
-          result_.after = *std::move(pair);
+        if (std::optional<ExtendedFit> group = group_of_laws(trials)) {
+          result_.after = *std::move(group);
           continue;
         }
       }
@@ -491,27 +495,33 @@ class Search {
     }
   }
 
-  // Where the noise is not known and no law by itself predicts: two that do so together. What one gains
-  // drowns in what the other has not explained yet (the harmonics of a ripple). Beside the other each must
+  // Where the noise is not known and no law by itself predicts: a few that do so together. What one gains
+  // drowns in what the others have not explained yet (the harmonics of a ripple). Beside the others each must
   // pass the test for a single law.
-  std::optional<ExtendedFit> pair_of_laws(const std::vector<Trial>& trials) {
-    const auto first = std::ranges::find_if(
-        trials, [this](const Trial& trial) { return stands_by_itself(result_.after, trial.fit); });
-    if (first == trials.end() || result_.after.laws.size() + 2 > effect_limit()) return {};
-    const std::vector<Trial> seconds =
-        refit_each(starts_of(first->fit), shortlist(rank(first->fit, 0)), first->fit);
-    for (const Trial& second : seconds) {
-      if (!predicts_better(result_.after, second.fit, options_.held_out_errors) ||
-          !significant(first->fit, second.fit)) {
-        continue;
+  std::optional<ExtendedFit> group_of_laws(std::vector<Trial> trials) {
+    ExtendedFit with = result_.after;
+    for (std::size_t size = 1; size <= kGroup && with.laws.size() < effect_limit(); ++size) {
+      if (trials.empty() || held_out_gain(with, trials.front().fit).mean < options_.held_out_gain) {
+        return {};
       }
-      const ExtendedFit without_first = fit_without(second.fit, second.fit.laws.size() - 2);
-      if (without_first.usable &&
-          predicts_better(without_first, second.fit, options_.held_out_errors)) {
-        return second.fit;
-      }
+      with = std::move(trials.front().fit);
+      if (size > 1 && each_is_missed(with, result_.after.laws.size())) return with;
+      trials = refit_each(starts_of(with), shortlist(rank(with, 0)), with);
     }
     return {};
+  }
+
+  // Each law from this one on.
+  [[nodiscard]] bool each_is_missed(const ExtendedFit& with, std::size_t first) {
+    if (!predicts_better(result_.after, with, options_.held_out_errors)) return false;
+    for (std::size_t law = first; law < with.laws.size(); ++law) {
+      const ExtendedFit without = fit_without(with, law);
+      if (!without.usable || !stands_by_itself(without, with, law) ||
+          !predicts_better(without, with, options_.held_out_errors)) {
+        return false;
+      }
+    }
+    return true;
   }
 
   [[nodiscard]] bool is_hopeless(const ExtendedFit& with) const {

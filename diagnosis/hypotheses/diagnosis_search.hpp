@@ -5,10 +5,10 @@
 //   1. Fit the model as it is.
 //   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest
 //      p-value of all hypotheses' score tests against its own distribution under pure noise (alpha/2).
-//      Where the noise is not known, the first is replaced by the share of the residuals that still depends
-//      on the motion (step 6). Where something is detected and the noise is known, the model alone is
-//      fitted again from where refits with a law have led: a fit that stopped short of its optimum looks
-//      like missing physics.
+//      Where the noise is not known, the first is replaced by what of the residuals is clearly none (step
+//      6). Where something is detected and the noise is known, the model alone is fitted again from where
+//      refits with a law have led: a fit that stopped short of its optimum looks like missing physics. Not
+//      where a law leaves no more than noise, and from there the model alone comes nowhere near.
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the best,
 //      keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
@@ -16,7 +16,9 @@
 //      known, it may have any memory, and n is not known either. There a law must be significant by a Wald
 //      test that allows for memory, and must predict: with contiguous blocks of the recordings kept out in
 //      turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard errors
-//      over the blocks. Compound places (Hypothesis::is_compound) come when single ones explain no more:
+//      over the blocks. Where none does, up to four laws are taken together, each the one that predicts best
+//      beside those before, if beside the others each passes the same tests: one of several harmonics of a
+//      ripple drowns in the others. Compound places (Hypothesis::is_compound) come when single ones explain no more:
 //      main effects before interactions. The law that predicts best is kept, or one of fewer parameters
 //      that is not worse by more than one standard error. Where the noise is known, and what is left is no
 //      more than noise by its chi-square, one law more is tried if the best hypothesis lies at a place
@@ -51,7 +53,8 @@
 //      excite what is missing. Where the noise is not known there is no such test; then the error on
 //      recordings kept out must not be more than `generalisation` times that of the fit, and no more than
 //      `structure_tolerance` of the rest may still depend on the motion
-//      (MismatchProblem::remaining_structure).
+//      (MismatchProblem::remaining_structure), and what of the rest follows from its own past may be no
+//      more than `autocorrelation_tolerance` of the signal (MismatchProblem::autocorrelated_error).
 //
 //   7. Next: for the nearest rival of each law, the experiment that tells the two apart
 //      (next_experiment.hpp).

@@ -186,10 +186,12 @@ std::vector<LawShape> bouc_wen(const MotionScale& scale) {
 // A spring with play behind a slider: force and slip level scale together.
 std::vector<LawShape> play_and_slip(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  for (const double play : {0.1, 0.3}) {
-    for (const double slip : {0.3, 0.6, 0.95}) {
-      const double gap = scale.excursion(play), reach = scale.excursion(slip);
-      if (!(gap > 0.0) || !(reach > gap)) continue;
+  // Shares of the motion's reach, not quantiles: a motion that rests or comes in bursts of several sizes has
+  // quantiles far from each other, and either parameter may be the smaller.
+  const double whole = scale.excursion(0.99);
+  if (!(whole > 0.0)) return shapes;
+  for (const double gap : {0.03 * whole, 0.1 * whole, 0.3 * whole}) {
+    for (const double reach : {0.03 * whole, 0.1 * whole, 0.3 * whole, whole}) {
       LawShape shape;
       shape.basis = {{1.0, 0.1, gap, reach, 2.0}};
       shape.parameters = [gap, reach](const VectorXd& a) {

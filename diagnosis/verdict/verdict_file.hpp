@@ -2,7 +2,7 @@
 //
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
 //    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
-//    "rivals_weighed": true,
+//    "autocorrelated_error": null, "rivals_weighed": true,
 //    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
 //    "recording_warnings": ["..."],
 //    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,

@@ -240,11 +240,14 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                     100.0 * *diagnosis.remaining_structure));
   }
   if (diagnosis.autocorrelated_error) {
+    const double error = *diagnosis.autocorrelated_error;
     lines.push_back(
-        fmt::format("An error of {:.3g} % of the signal is no sensor's noise, for it follows from "
-                    "its own past: "
-                    "a disturbance with memory, or physics that none of these laws describes.",
-                    *diagnosis.autocorrelated_error));
+        fmt::format("Of what is left, {:.2g} % of the signal follows from its own past.", error));
+    if (error > SearchOptions{}.autocorrelation_tolerance) {
+      lines.back() +=
+          " No sensor's noise does: it is a disturbance with memory, or physics that none of these "
+          "laws describes.";
+    }
   }
   add_detectable(diagnosis, hypotheses, lines);
   return lines;
