@@ -23,11 +23,13 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Recordings of the three-axis robot; what `changes` replace in its file is what the model believes.
+// Recordings of the three-axis robot; what `changes` replace in its file is what the model believes. `hidden`:
+// elements of a graybox-physics/1 file, or nothing.
 class RecordedArm {
  public:
   RecordedArm(const std::string& level, const std::string& positions,
-              const std::vector<std::pair<std::string, std::string>>& changes) {
+              const std::vector<std::pair<std::string, std::string>>& changes,
+              const std::string& hidden = {}) {
     const std::filesystem::path robot =
         std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
     testing::write_text(folder_.file("plan.yaml"),
@@ -35,7 +37,12 @@ class RecordedArm {
                             "\nrealisations: 2\nperiod: 1000\nsettling_periods: 5\nperiods: 2\n"
                             "frequencies: {from: 2, to: 60, count: 20, spacing: log}\npositions: " +
                             positions + "\nnoise: 1e-13\n");
-    const SimulatedSystem system = load_system(robot, std::nullopt);
+    std::optional<std::filesystem::path> physics;
+    if (!hidden.empty()) {
+      physics = folder_.file("hidden.yaml");
+      testing::write_text(*physics, "format: graybox-physics/1\nelements:\n" + hidden);
+    }
+    const SimulatedSystem system = load_system(robot, physics);
     simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
                       folder_.file("campaign"), {});
     std::string text = testing::read_text(robot.string());
@@ -78,6 +85,37 @@ TEST(FirstFits, EndInOneOptimumInWhateverOrderTheyBegin) {
   EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
   const VectorXd errors = standard_errors(fit.information);
   EXPECT_LT(((fit.parameters - other.parameters).array() / errors.array()).abs().maxCoeff(), 0.1);
+}
+
+// A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters far off: with its
+// law the fit must not begin there.
+TEST(FitsIfNear, FindALawFromTheModelsOwnValues) {
+  constexpr double kStiffness = 2e9;
+  const RecordedArm arm(
+      "[2.0, 6.0]", "[[20, 30, 40]]", {{"4.0e4", "3.6e4"}, {"1.5e4", "1.6e4"}},
+      "  - name: hidden\n    location: {kind: element, joint: joint_2, axis: gearbox}\n"
+      "    law: cubic_spring\n    parameters: {stiffness: {value: 2.0e9, unit: N m/rad^3}}\n");
+  const double numbers = arm.data.numbers_in(arm.data.estimation);
+  const PeriodicFit alone = fit_periodic_gradually(*arm.family, arm.data, {arm.own}, {}, {});
+  EXPECT_GT(alone.chi_square / numbers, 100.0);
+  const auto acting = [&](const std::string& place, const std::string& law, double value) {
+    const auto found = std::ranges::find(
+        arm.family->places(), place, [](const CandidatePlace& each) { return each.location.name; });
+    return std::vector<ActingLaw>{{&*found, find_law(law, false), {value}, {}}};
+  };
+  const PeriodicFit fit =
+      fit_periodic_if_near(*arm.family, arm.data, {arm.own},
+                           acting("joint_2.gearbox", "cubic_spring", 0.5 * kStiffness), {});
+  ASSERT_TRUE(fit.converged) << fit.trouble;
+  EXPECT_NEAR(fit.chi_square / numbers, 1.0, 0.2);
+  EXPECT_EQ(fit.start, arm.own);
+  const VectorXd errors = standard_errors(fit.information);
+  EXPECT_NEAR(fit.laws[0].parameters[0], kStiffness, 4.0 * errors(errors.size() - 1));
+  // Another law comes nowhere near, and is not followed to its end.
+  const PeriodicFit other = fit_periodic_if_near(*arm.family, arm.data, {arm.own},
+                                                 acting("joint_1.gearbox", "viscous", 10.0), {});
+  EXPECT_FALSE(other.converged);
+  EXPECT_FALSE(other.trouble.empty());
 }
 
 // By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not

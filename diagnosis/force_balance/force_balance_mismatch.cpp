@@ -16,6 +16,7 @@
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/diagnosis/long_run_variance.hpp"
+#include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
@@ -100,7 +101,13 @@ class ForceBalanceProblem : public MismatchProblem {
                                                   const ExtendedFit* nearby) const override {
     std::vector<ExtendedFit> fits(laws.size());
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < laws.size(); ++i) fits[i] = fit(laws[i], nearby);
+    for (std::size_t i = 0; i < laws.size(); ++i) {
+      try {
+        fits[i] = fit(laws[i], nearby);
+      } catch (const InputError& error) {  // must not leave a thread
+        fits[i].trouble = error.what();
+      }
+    }
     return fits;
   }
 
