@@ -49,8 +49,8 @@ struct PeriodicFit {
                                                  const std::vector<ActingLaw>& laws,
                                                  const PeriodicFitOptions& options);
 
-// The same where a start comes near; else it has not converged. A start that is far off the data as soon as at the
-// first of those shares is given up.
+// The same where a start comes near; else it has not converged. A start that ends far off the data at one of
+// those shares is given up there.
 [[nodiscard]] PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& data,
                                                const std::vector<Eigen::VectorXd>& starts,
                                                const std::vector<ActingLaw>& laws,
