@@ -29,7 +29,8 @@ def draw(folder):
         if whole[name]["literature"]:
             axes.plot([float(whole[name]["literature"])] * 2, [place - 0.4, place + 0.4], color=BLACK, lw=1.8,
                       label="by hand" if place == 0 else None)
-    axes.set_yticks(y, [f"{name}\n{whole[name]['verdict']}, {whole[name]['laws']} laws" for name in names])
+    axes.set_yticks(y, [f"{name}\n{whole[name]['verdict']}, {whole[name]['laws']} law"
+                        + ("" if whole[name]["laws"] == "1" else "s") for name in names])
     axes.invert_yaxis()
     axes.set_xlabel("error on data kept out of the fit, NRMSE [%]")
     axes.grid(axis="y", visible=False)
