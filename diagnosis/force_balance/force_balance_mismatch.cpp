@@ -89,7 +89,8 @@ class ForceBalanceProblem : public MismatchProblem {
       result.trouble = "the laws' shapes could not be refined";
     }
     // Without one of their number, laws that are known may leave their ranges; as they are they remain.
-    if (!result.usable && std::ranges::none_of(given, &RefinedLaw::is_new)) {
+    const bool is_stopped = options_.keep_going && !options_.keep_going();
+    if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
       ExtendedFit held = fit_amplitudes(starts, given);
       if (held.usable) return held;
     }

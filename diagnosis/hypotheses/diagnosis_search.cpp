@@ -241,9 +241,10 @@ class Search {
   }
 
   // Where the noise is not known; where it is, there is a test.
-  [[nodiscard]] bool rest_looks_like_noise(const ExtendedFit& fit) const {
-    return problem_->remaining_structure(fit).value_or(0.0) <= options_.structure_tolerance &&
-           problem_->autocorrelated_error(fit).value_or(0.0) <= options_.autocorrelation_tolerance;
+  [[nodiscard]] bool looks_like_noise(const std::optional<double>& structure,
+                                      const std::optional<double>& autocorrelated_error) const {
+    return structure.value_or(0.0) <= options_.structure_tolerance &&
+           autocorrelated_error.value_or(0.0) <= options_.autocorrelation_tolerance;
   }
 
   void detect() {
@@ -266,7 +267,8 @@ class Search {
     detection.threshold = table.scores.empty() ? 0.0 : family_threshold(table.null_minima, share);
     detection.detected = detection.lack_of_fit_p_value < 0.5 * options_.level ||
                          detection.smallest_p_value < detection.threshold ||
-                         !rest_looks_like_noise(result_.before);
+                         !looks_like_noise(problem_->remaining_structure(result_.before),
+                                           problem_->autocorrelated_error(result_.before));
     list_detectable(table);
     result_.ranking = table.scores;
   }
@@ -299,6 +301,11 @@ class Search {
     return high;
   }
 
+  [[nodiscard]] bool can_be_refitted(const HypothesisScore& score) const {
+    return score.score.degrees_of_freedom > 0.0 && !score.start.parameters.empty() &&
+           !is_closed(problem_->hypotheses()[score.start.hypothesis]);
+  }
+
   // The best of the ranking, and besides the best law of each of the best places: laws at one place
   // crowd each other's neighbours out. Where the noise is known, laws besides that come close to the best at
   // its place, or as good as equal it anywhere: which of them it is only refits can tell.
@@ -309,8 +316,7 @@ class Search {
     const std::size_t crowd = std::max<std::size_t>(1, options_.shortlist / 2);
     std::size_t relatives = 0;
     for (const HypothesisScore& score : table.scores) {
-      if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
-      if (is_closed(problem_->hypotheses()[score.start.hypothesis])) continue;
+      if (!can_be_refitted(score)) continue;
       if (best == nullptr) best = &score;
       const std::string& place = place_of(score);
       const bool has_room = chosen.size() < options_.shortlist + relatives;
@@ -333,8 +339,7 @@ class Search {
     const std::size_t before = chosen.size();
     for (const HypothesisScore& score : table.scores) {
       if (chosen.size() >= options_.shortlist) break;
-      if (score.score.degrees_of_freedom == 0.0 || score.start.parameters.empty()) continue;
-      if (is_closed(problem_->hypotheses()[score.start.hypothesis])) continue;
+      if (!can_be_refitted(score)) continue;
       if (std::ranges::find(chosen, score.start) == chosen.end()) chosen.push_back(score.start);
     }
     return chosen.size() > before;
@@ -922,8 +927,8 @@ class Search {
         !result_.validation_after || result_.validation_after->chi_square_per_dof() <=
                                          options_.generalisation * options_.generalisation *
                                              result_.after.estimation.chi_square_per_dof();
-    result_.verified =
-        generalises && result_.remaining_structure && rest_looks_like_noise(result_.after);
+    result_.verified = generalises && result_.remaining_structure &&
+                       looks_like_noise(result_.remaining_structure, result_.autocorrelated_error);
   }
 
   void conclude() {

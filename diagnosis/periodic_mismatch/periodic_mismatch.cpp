@@ -129,13 +129,7 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    // A model alone that is far off has its parameters far off, and its valleys are not those of the law.
-    if (!laws.empty() && first_ && !can_clear_with(*nearby)) {
-      std::vector<VectorXd> early{start_};
-      if (first_->start.size() > 0) early.push_back(first_->start);
-      const PeriodicFit afresh = fit_periodic_if_near(*family_, data_, early, acting, how_to_fit());
-      if (afresh.converged) return report(afresh, laws);
-    }
+    const std::vector<ActingLaw> given = acting;
     PeriodicFit best = fit_periodic(*family_, data_, starts, acting, how_to_fit());
     if (!laws.empty()) {
       for (const std::vector<double>& other : laws.back().others) {
@@ -145,7 +139,14 @@ class Problem : public MismatchProblem {
         if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
       }
     }
-    return report(best, laws);
+    ExtendedFit result = report(best, laws);
+    // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
+    if (laws.empty() || !first_ || can_clear_with(*nearby) || can_clear_with(result)) return result;
+    std::vector<VectorXd> early{start_};
+    if (first_->start.size() > 0) early.push_back(first_->start);
+    const PeriodicFit afresh = fit_periodic_if_near(*family_, data_, early, given, how_to_fit());
+    const bool is_better = afresh.converged && afresh.chi_square < best.chi_square;
+    return is_better ? report(afresh, laws) : result;
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
