@@ -208,7 +208,7 @@ TEST_F(CommandLine, CtrlCKeepsTheBestDesign) {
   make("random --family smo --candidates 5000 -o set.h5");
   const Outcome outcome = graybox(
       "solve set.h5 --solver multiplicative --gap 1e-15 --time-limit 60 --json -o design.json",
-      "timeout --preserve-status --signal=INT 2");
+      "timeout --foreground --preserve-status --signal=INT 2");
   if (outcome.exit_code == 2) GTEST_SKIP() << "multiplicative is not registered";
   ASSERT_EQ(outcome.exit_code, 1) << outcome.err;
   const Json report = Json::parse(outcome.out);
