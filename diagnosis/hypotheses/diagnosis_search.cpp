@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -40,6 +41,10 @@ constexpr double kSameDistance = 0.02;
 // describes a real force to better than some three per cent, a thousandth in chi-square.
 constexpr double kImperfection = 1e-3;
 
+// Candidates for such a law; and how much more a refit may gain than the score test at the best shape promises.
+constexpr std::size_t kSmallShortlist = 3;
+constexpr double kOptimism = 3.0;
+
 // With m laws that may still come, one of them explains an m-th of what is left, or about: where the best
 // does not explain this share of an m-th, all of them together won't, and they only stand in for one that
 // is not in the catalogue.
@@ -55,6 +60,11 @@ constexpr std::size_t kGroup = 4;
 // Names of an effect, up to which generalisations are among them: more names say less.
 constexpr std::size_t kNames = 3;
 
+// On few recordings, of BIC over the margin that excludes, and of what the best there leaves beyond noise: who
+// is farther behind is not fitted to all.
+constexpr double kMarginsBehind = 3.0;
+constexpr double kShareBehind = 0.3;
+
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;
 
@@ -68,6 +78,12 @@ struct Refit {
 struct Trial {
   std::size_t hypothesis = 0;
   ExtendedFit fit;
+};
+
+// What a race on few recordings came to: the laws that go on, each from its fit there, and the others.
+struct Race {
+  std::vector<Refit> standing;
+  std::vector<Rival> outpaced;  // distances are of those recordings
 };
 
 std::vector<LawStart> starts_of(const ExtendedFit& fit) {
@@ -166,6 +182,7 @@ class Search {
     const std::vector<Trial> trials = refit_each({}, shortlist(table), result_.before);
     // The parameters of a law that explains all are the right ones, if any are.
     const bool is_explained = !trials.empty() && rest_is_noise(trials.front().fit);
+    if (is_explained && stays_far_off_on_few(trials.front().fit)) return false;
     const std::size_t tried = is_explained ? 1 : std::min(kTriedTrials, trials.size());
     ExtendedFit best = result_.before;
     for (std::size_t i = 0; i < tried; ++i) {
@@ -174,16 +191,27 @@ class Search {
       if (again.usable && again.deviance < best.deviance) best = std::move(again);
     }
     if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
-    // There the model alone comes nowhere near: it was not the fit that stopped short.
-    if (is_explained && excess(best) > std::max(kStillMissing * excess(result_.before),
-                                                best.estimation.degrees_of_freedom)) {
-      return false;
-    }
+    if (is_explained && stays_far_off(result_.before, best)) return false;
     result_.before = std::move(best);
     refits_.clear();
+    few_refits_.clear();
     renew();
     describe_fit_as_it_is();
     return true;
+  }
+
+  // There the model alone comes nowhere near: it was not the fit that stopped short.
+  [[nodiscard]] static bool stays_far_off(const ExtendedFit& before, const ExtendedFit& again) {
+    return excess(again) >
+           std::max(kStillMissing * excess(before), again.estimation.degrees_of_freedom);
+  }
+
+  // The model alone, from the parameters of a law that explains all.
+  bool stays_far_off_on_few(const ExtendedFit& with_law) {
+    const std::optional<ExtendedFit> before = problem_->fit_to_few({}, result_.before);
+    if (!before || !before->usable) return false;
+    const std::optional<ExtendedFit> again = problem_->fit_to_few({}, with_law);
+    return again && again->usable && stays_far_off(*before, *again);
   }
 
   // A first fit that stopped far from the recordings could not free them of the plant's free motion.
@@ -333,6 +361,19 @@ class Search {
     return chosen;
   }
 
+  // Laws for what is still missing where the rest is no more than noise. Score tests are exact for small effects:
+  // only those that come close to the best are in question, if any of them may stand out.
+  [[nodiscard]] std::vector<LawStart> small_shortlist(const ScoreTable& table) const {
+    const double enough = std::max(kRelative * table.scores.front().score.statistic,
+                                   enough_to_stand_out() / kOptimism);
+    std::vector<LawStart> chosen;
+    for (const HypothesisScore& score : table.scores) {
+      if (chosen.size() == kSmallShortlist) break;
+      if (can_be_refitted(score) && score.score.statistic >= enough) chosen.push_back(score.start);
+    }
+    return chosen;
+  }
+
   // Where there are fewer places than room, with the next best at any: laws that are nearly alike must not
   // keep all others of a single axis out. Whether there were any.
   bool fill_up(const ScoreTable& table, std::vector<LawStart>& chosen) const {
@@ -368,26 +409,103 @@ class Search {
     }
   }
 
+  // Each candidate beside the laws kept, the best first. Where recordings are many, few of them tell first which
+  // candidates are not worth all; `pace`: a law that takes part there only.
   std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
-                                const std::vector<LawStart>& candidates,
-                                const ExtendedFit& nearby) {
-    std::vector<std::vector<LawStart>> asked;
-    for (const LawStart& candidate : candidates) {
-      if (!proceed("refitting with " + name_of(candidate.hypothesis))) break;
-      asked.push_back(kept);
-      asked.back().push_back(candidate);
-      if (!problem_->fits_at_once()) (void)refit(asked.back(), nearby);
-    }
-    refit_all(asked, nearby);
+                                const std::vector<LawStart>& candidates, const ExtendedFit& nearby,
+                                const LawStart* pace = nullptr,
+                                std::vector<Rival>* outpaced = nullptr) {
+    const std::vector<std::vector<LawStart>> asked = each_beside(kept, candidates);
     std::vector<Trial> trials;
-    for (const std::vector<LawStart>& laws : asked) {
-      Trial trial{laws.back().hypothesis, refit(laws, nearby)};
-      if (trial.fit.usable) trials.push_back(std::move(trial));
+    if (std::optional<Race> race = race_on_few(asked, nearby, pace)) {
+      for (const Refit& runner : race->standing) {
+        const std::size_t hypothesis = runner.laws.back().hypothesis;
+        if (!proceed("refitting with " + name_of(hypothesis) + " to all recordings")) break;
+        trials.push_back({hypothesis, refit(starts_of(runner.fit), runner.fit)});
+      }
+      if (outpaced != nullptr) *outpaced = std::move(race->outpaced);
+    } else {
+      return refit_to_all(asked, nearby);
     }
+    keep_usable_in_order(trials, nearby);
+    return trials;
+  }
+
+  static std::vector<std::vector<LawStart>> each_beside(const std::vector<LawStart>& kept,
+                                                        const std::vector<LawStart>& candidates) {
+    std::vector<std::vector<LawStart>> asked(candidates.size(), kept);
+    for (std::size_t i = 0; i < candidates.size(); ++i) asked[i].push_back(candidates[i]);
+    return asked;
+  }
+
+  void keep_usable_in_order(std::vector<Trial>& trials, const ExtendedFit& nearby) const {
+    std::erase_if(trials, [](const Trial& trial) { return !trial.fit.usable; });
     std::stable_sort(trials.begin(), trials.end(), [&](const Trial& a, const Trial& b) {
       return criterion(a.fit, nearby) < criterion(b.fit, nearby);
     });
+  }
+
+  std::vector<Trial> refit_to_all(std::vector<std::vector<LawStart>> asked,
+                                  const ExtendedFit& nearby) {
+    std::size_t begun = 0;
+    for (; begun < asked.size(); ++begun) {
+      if (!proceed("refitting with " + name_of(asked[begun].back().hypothesis))) break;
+      if (!problem_->fits_at_once()) (void)refit(asked[begun], nearby);
+    }
+    asked.resize(begun);
+    refit_all(asked, nearby);
+    std::vector<Trial> trials;
+    for (const std::vector<LawStart>& laws : asked) {
+      trials.push_back({laws.back().hypothesis, refit(laws, nearby)});
+    }
+    keep_usable_in_order(trials, nearby);
     return trials;
+  }
+
+  // None where all recordings are few, or too few fits to them came to an end.
+  std::optional<Race> race_on_few(std::vector<std::vector<LawStart>> asked,
+                                  const ExtendedFit& nearby, const LawStart* pace) {
+    if (asked.empty() || !problem_->noise_is_known()) return {};
+    const std::size_t runners = asked.size();
+    if (pace != nullptr) {
+      asked.push_back(asked.front());
+      asked.back().back() = *pace;
+    }
+    std::vector<ExtendedFit> fits;
+    for (const std::vector<LawStart>& laws : asked) {
+      if (!proceed("refitting with " + name_of(laws.back().hypothesis))) return Race{};
+      std::optional<ExtendedFit> fit = fit_to_few(laws, nearby);
+      if (!fit) return {};
+      fits.push_back(*std::move(fit));
+    }
+    const auto best = std::ranges::min_element(fits, {}, [this](const ExtendedFit& fit) {
+      return fit.usable ? bic(fit) : std::numeric_limits<double>::infinity();
+    });
+    if (!best->usable) return {};
+    const double limit =
+        kMarginsBehind * options_.exclusion_margin + kShareBehind * std::max(0.0, excess(*best));
+    Race race;
+    for (std::size_t i = 0; i < runners; ++i) {
+      if (!fits[i].usable) continue;
+      if (bic(fits[i]) - bic(*best) <= limit) {
+        race.standing.push_back({asked[i], fits[i]});
+      } else {
+        race.outpaced.push_back({.law = fits[i].laws.back(),
+                                 .bic_difference = bic(fits[i]) - bic(*best),
+                                 .evidence_difference = evidence(fits[i]) - evidence(*best),
+                                 .on_few_recordings = true});
+      }
+    }
+    return race;
+  }
+
+  std::optional<ExtendedFit> fit_to_few(const std::vector<LawStart>& laws,
+                                        const ExtendedFit& nearby) {
+    const auto known = std::ranges::find(few_refits_, laws, &Refit::laws);
+    if (known != few_refits_.end()) return known->fit;
+    std::optional<ExtendedFit> fit = problem_->fit_to_few(laws, nearby);
+    if (fit) few_refits_.push_back({laws, *fit});
+    return fit;
   }
 
   // Whether a law that is the last of `with` has an effect: more than chance allows for the best of all
@@ -476,11 +594,15 @@ class Search {
         is_small = rest_is_noise(result_.after);
         if (is_small && !points_elsewhere(table)) return;
       }
-      std::vector<LawStart> candidates = shortlist(table);
-      std::vector<Trial> trials = refit_each(starts_of(result_.after), candidates, result_.after);
+      const std::vector<LawStart> kept = starts_of(result_.after);
+      std::vector<LawStart> candidates = is_small ? small_shortlist(table) : shortlist(table);
+      // Few recordings can't tell small laws apart.
+      std::vector<Trial> trials = is_small
+                                      ? refit_to_all(each_beside(kept, candidates), result_.after)
+                                      : refit_each(kept, candidates, result_.after);
       const Trial* best = choose(result_.after, trials);
       if (best == nullptr && !problem_->noise_is_known() && fill_up(table, candidates)) {
-        trials = refit_each(starts_of(result_.after), candidates, result_.after);
+        trials = refit_each(kept, candidates, result_.after);
         best = choose(result_.after, trials);
       }
       if (best == nullptr && !problem_->noise_is_known()) {
@@ -556,9 +678,13 @@ class Search {
 
   // A law more than those found so far, though what these leave is no more than noise.
   [[nodiscard]] bool stands_out(const ExtendedFit& with) const {
-    const double gain = bic(result_.after) - bic(with);
+    return bic(result_.after) - bic(with) > enough_to_stand_out();
+  }
+
+  // Of BIC.
+  [[nodiscard]] double enough_to_stand_out() const {
     const double before = bic(result_.before) - bic(result_.after);
-    return gain > std::max(options_.exclusion_margin, kImperfection * before);
+    return std::max(options_.exclusion_margin, kImperfection * before);
   }
 
   [[nodiscard]] const std::string& place_of(const Trial& trial) const {
@@ -722,7 +848,8 @@ class Search {
         effect.explained_share = share_explained(without, result_.after);
       }
       if (result_.rivals_weighed) {
-        const std::vector<Trial> trials = rivals_of(law, without);
+        std::vector<Rival> outpaced;
+        const std::vector<Trial> trials = rivals_of(law, without, outpaced);
         const Trial* better = better_than_found(effect, trials);
         if (better != nullptr && exchanges++ < kExchanges) {
           result_.after = better->fit;
@@ -731,6 +858,7 @@ class Search {
           continue;
         }
         divide_rivals(effect, trials);
+        std::ranges::move(outpaced, std::back_inserter(effect.excluded));
       }
       add_twins(effect);
       keep_best_generalisations(effect);
@@ -758,7 +886,8 @@ class Search {
 
   // Where the model without the law can't be fitted, candidates are those of the first ranking, and start
   // beside the other laws as they are.
-  std::vector<Trial> rivals_of(std::size_t law, const ExtendedFit& without) {
+  std::vector<Trial> rivals_of(std::size_t law, const ExtendedFit& without,
+                               std::vector<Rival>& outpaced) {
     const std::size_t found = result_.after.laws[law].hypothesis;
     if (!proceed("weighing rivals of " + name_of(found))) return {};
     std::vector<LawStart> others = starts_of(without.usable ? without : result_.after);
@@ -767,7 +896,9 @@ class Search {
     table.scores = result_.ranking;
     if (without.usable && !without.laws.empty()) table = rank(without, 0);
     std::vector<LawStart> candidates;
+    LawStart pace = starts_of(result_.after)[law];
     for (const LawStart& start : shortlist(table)) {
+      if (start.hypothesis == found) pace = start;
       const bool is_there =
           std::ranges::find(others, start.hypothesis, &LawStart::hypothesis) != others.end();
       if (start.hypothesis != found && (!is_there || is_repeatable(start.hypothesis))) {
@@ -775,7 +906,7 @@ class Search {
       }
     }
     std::vector<Trial> trials =
-        refit_each(others, candidates, without.usable ? without : result_.after);
+        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &outpaced);
     if (problem_->noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
@@ -954,7 +1085,8 @@ class Search {
   bool compounds_are_open_ = true;
   Diagnosis result_;
   std::vector<Refit> refits_;
-  int first_fits_ = 0;  // after the first
+  std::vector<Refit> few_refits_;  // to few of the recordings
+  int first_fits_ = 0;             // after the first
 };
 
 }  // namespace

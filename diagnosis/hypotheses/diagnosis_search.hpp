@@ -129,6 +129,9 @@ struct Rival {
   double evidence_difference = 0.0;  // to the law found, where the noise is known
   // The same law at other places, where it is the same to every experiment of this kind: one explanation.
   std::vector<FittedLaw> same_at = {};
+  // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
+  // there, and all recordings would give larger ones.
+  bool on_few_recordings = false;
 };
 
 struct FoundEffect {

@@ -159,6 +159,12 @@ class MismatchProblem {
   // `nearby`: a fit with some of the same laws to start the model's parameters from.
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
                                         const ExtendedFit* nearby) const = 0;
+  // The same by a few of many recordings, those that tell most: what is far behind another there is so on all.
+  // Its figures are of those recordings. None where all are few.
+  [[nodiscard]] virtual std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> /*laws*/,
+                                                              const ExtendedFit& /*nearby*/) const {
+    return {};
+  }
   // fit() of each of these.
   [[nodiscard]] virtual std::vector<ExtendedFit> fit_each(
       std::span<const std::vector<LawStart>> laws, const ExtendedFit* nearby) const {

@@ -7,13 +7,13 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <set>
-#include <tuple>
 #include <utility>
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
@@ -69,6 +69,11 @@ constexpr double kNear = 1.5;
 
 // And at which there is none to be found from where it began.
 constexpr double kHopeless = 10.0;
+
+// Between the two a fit may have stopped in a valley beside the right one, some per cent away in parameters that
+// change the same resonances: so many starts around it, so far (in the logarithm), are tried.
+constexpr int kStartsAround = 4;
+constexpr double kAround = 0.1;
 
 class PeriodicFitter {
  public:
@@ -275,59 +280,81 @@ class PeriodicFitter {
   double expected_ = 0.0;  // chi-square of nothing but noise
 };
 
-// The first recording of each position and level in which each input moves: what one tells of the
-// parameters, the others tell as well.
-std::vector<MeasuredRecord> one_of_each_kind(const std::vector<MeasuredRecord>& records) {
-  constexpr double kMoves = 1e-2;  // of that input's largest power
-  std::vector<VectorXd> powers;
-  for (const MeasuredRecord& record : records)
-    powers.push_back(record.input.rowwise().squaredNorm());
-  VectorXd largest = powers.front();
-  for (const VectorXd& power : powers) largest = largest.cwiseMax(power);
-  std::set<std::tuple<std::size_t, double, std::vector<bool>>> seen;
-  std::vector<MeasuredRecord> kept;
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    std::vector<bool> moves;
-    for (Index u = 0; u < largest.size(); ++u) moves.push_back(powers[i](u) > kMoves * largest(u));
-    if (seen.emplace(records[i].position, records[i].level, moves).second) {
-      kept.push_back(records[i]);
-    }
+// Rough fits to few recordings, on the way to a fit to all.
+class Approach {
+ public:
+  Approach(const PlantFamily& family, const PeriodicData& data, PeriodicData few,
+           const PeriodicFitOptions& options, double hopeless)
+      : family_(family), data_(data), few_(std::move(few)), options_(options), hopeless_(hopeless) {
+    options_.iteration_limit = std::min(15, options.iteration_limit);
+    options_.tolerance = 1e-3;
+    count_ = few_.numbers_in(few_.estimation);
   }
-  return kept;
-}
 
-// The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is above
-// `hopeless` is not followed further.
-PeriodicFit come_near(const PlantFamily& family, const PeriodicData& data,
-                      const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
-                      const PeriodicFitOptions& options, double hopeless) {
-  PeriodicFitOptions roughly = options;  // only to come near
-  roughly.iteration_limit = std::min(15, options.iteration_limit);
-  roughly.tolerance = 1e-3;
-  PeriodicData few = data;
-  few.estimation = one_of_each_kind(data.estimation);
-  const double count = few.numbers_in(few.estimation);
-  PeriodicFit best;
-  best.chi_square = std::numeric_limits<double>::infinity();
-  for (const VectorXd& start : starts) {
+  // The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is
+  // above `hopeless` is not followed further.
+  PeriodicFit from(const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws) {
+    PeriodicFit best;
+    best.chi_square = std::numeric_limits<double>::infinity();
+    for (const VectorXd& start : starts) {
+      PeriodicFit fit = down_from(start, laws);
+      if (fit.chi_square <= hopeless_ * count_ && fit.chi_square < best.chi_square) {
+        best = std::move(fit);
+      }
+      if (best.converged) break;
+    }
+    return best;
+  }
+
+ private:
+  PeriodicFit down_from(const VectorXd& start, const std::vector<ActingLaw>& laws) {
     PeriodicFit fit;
     fit.parameters = start;
     fit.laws = laws;
-    bool is_followed = true;
     for (const double share : {0.3, 0.03, 0.003}) {
-      few.whitening = whitening_with_errors(data, share);
-      PeriodicFit next = fit_periodic(family, few, {fit.parameters}, fit.laws, roughly);
+      few_.whitening = whitening_with_errors(data_, share);
+      PeriodicFit next = fit_periodic(family_, few_, {fit.parameters}, fit.laws, options_);
       fit.chi_square = next.chi_square;
       if (next.parameters.size() > 0) fit = std::move(next);
-      is_followed = fit.chi_square <= hopeless * count;
-      if (!is_followed) break;
+      if (std::isfinite(hopeless_)) look_around(fit);
+      if (!(fit.chi_square <= hopeless_ * count_)) break;
     }
     fit.start = start;
-    fit.converged = is_followed && fit.chi_square < kNear * count;
-    if (is_followed && fit.chi_square < best.chi_square) best = std::move(fit);
-    if (best.converged) break;
+    fit.converged = fit.chi_square < kNear * count_;
+    return fit;
   }
-  return best;
+
+  void look_around(PeriodicFit& fit) const {
+    Random random(1);
+    const VectorXd middle = fit.parameters;
+    const std::vector<ActingLaw> laws = fit.laws;
+    const auto is_beside = [this](double chi_square) {
+      return chi_square > kNear * count_ && chi_square <= hopeless_ * count_;
+    };
+    for (int i = 0; i < kStartsAround && is_beside(fit.chi_square); ++i) {
+      VectorXd start = middle;
+      for (double& value : start) value *= std::exp(kAround * random.normal());
+      PeriodicFit other = fit_periodic(family_, few_, {start}, laws, options_);
+      if (other.parameters.size() > 0 && other.chi_square < fit.chi_square) fit = std::move(other);
+    }
+  }
+
+  const PlantFamily& family_;
+  const PeriodicData& data_;
+  PeriodicData few_;
+  PeriodicFitOptions options_;
+  double hopeless_;
+  double count_ = 0.0;  // numbers in the few recordings
+};
+
+PeriodicFit come_near(const PlantFamily& family, const PeriodicData& data,
+                      const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
+                      const PeriodicFitOptions& options, double hopeless) {
+  const std::vector<std::size_t> telling =
+      !options.telling.empty()
+          ? options.telling
+          : telling_recordings(family, data, starts.front(), laws, options.threads);
+  return Approach(family, data, with_records(data, telling), options, hopeless).from(starts, laws);
 }
 
 }  // namespace

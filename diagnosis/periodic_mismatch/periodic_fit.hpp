@@ -18,6 +18,8 @@ struct PeriodicFitOptions {
   double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
+  // Estimation records that a fit comes near by; empty: telling_recordings() at the first start.
+  std::vector<std::size_t> telling = {};
 };
 
 struct PeriodicFit {
@@ -41,8 +43,8 @@ struct PeriodicFit {
 // Far from the optimum resonances make chi-square rugged, and it has minima where two of them are swapped.
 // Data whose noise is raised to a share of the outputs' level are smooth, for everywhere the model is
 // allowed to be wrong by that share: from each start the fit goes on from 0.3 of the level to 0.03 and 0.003, on
-// the first recording of each position, level and set of moving inputs, until one comes near the data;
-// from the best of them it ends with all recordings and the noise as it is.
+// the recordings that tell most (telling_recordings.hpp), until one comes near the data; from the best of them
+// it ends with all recordings and the noise as it is.
 [[nodiscard]] PeriodicFit fit_periodic_gradually(const PlantFamily& family,
                                                  const PeriodicData& data,
                                                  const std::vector<Eigen::VectorXd>& starts,

@@ -10,6 +10,7 @@
 #include <complex>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
@@ -27,6 +28,7 @@
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
@@ -63,6 +65,8 @@ class Problem : public MismatchProblem {
     start_.resize(static_cast<Index>(family_->parameters().size()));
     for (Index p = 0; p < start_.size(); ++p) start_(p) = family_->parameters()[at(p)].start;
     faults_ = find_channel_faults(compared_responses(*family_, data_, start_));
+    if (!faults_.empty()) return;
+    telling_ = telling_recordings(*family_, data_, start_, base_laws_, options_.threads);
   }
 
   [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
@@ -78,7 +82,7 @@ class Problem : public MismatchProblem {
   void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
     first_ = first_fit(base_laws_);
-    if (first_->converged && can_clear_with(report(*first_, {}))) clear_with(*first_);
+    if (first_->converged && can_clear_with(report(data_, *first_, {}))) clear_with(*first_);
   }
 
   // Where clear_transients() could not.
@@ -101,6 +105,7 @@ class Problem : public MismatchProblem {
     how.iteration_limit = options_.iteration_limit;
     how.threads = options_.threads;
     how.keep_going = options_.keep_going;
+    how.telling = telling_;
     return how;
   }
 
@@ -113,40 +118,21 @@ class Problem : public MismatchProblem {
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
-    VectorXd start = start_;
-    std::vector<ActingLaw> acting = base_laws_;
-    const bool is_first =
-        nearby == nullptr || nearby->model_parameters.size() != model_parameter_count();
-    if (!is_first) take_model_parameters(*nearby, start, acting);
-    for (const LawStart& law : laws) {
-      acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
+    if (!is_far_from(nearby)) return fit_from(data_, laws, *nearby);
+    if (laws.empty() && cleared_start_) {
+      return report(
+          data_, fit_periodic(*family_, data_, {*cleared_start_}, base_laws_, how_to_fit()), laws);
     }
-    if (is_first && !(laws.empty() && cleared_start_)) {
-      return report(first_ && laws.empty() ? *first_ : first_fit(acting), laws);
-    }
-    std::vector<VectorXd> starts{is_first ? *cleared_start_ : start};
-    if (!is_first && !laws.empty() && !laws.back().model_parameters.empty()) {
-      const std::vector<double>& other = laws.back().model_parameters;
-      starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
-    }
-    const std::vector<ActingLaw> given = acting;
-    PeriodicFit best = fit_periodic(*family_, data_, starts, acting, how_to_fit());
-    if (!laws.empty()) {
-      for (const std::vector<double>& other : laws.back().others) {
-        acting.back().parameters = other;
-        PeriodicFit fit = fit_periodic(*family_, data_, starts, acting, how_to_fit());
-        if (!fit.converged) continue;
-        if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
-      }
-    }
-    ExtendedFit result = report(best, laws);
-    // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
-    if (laws.empty() || !first_ || can_clear_with(*nearby) || can_clear_with(result)) return result;
-    std::vector<VectorXd> early{start_};
-    if (first_->start.size() > 0) early.push_back(first_->start);
-    const PeriodicFit afresh = fit_periodic_if_near(*family_, data_, early, given, how_to_fit());
-    const bool is_better = afresh.converged && afresh.chi_square < best.chi_square;
-    return is_better ? report(afresh, laws) : result;
+    return report(data_, first_ && laws.empty() ? *first_ : first_fit(with_base_laws(laws)), laws);
+  }
+
+  // Where these are few enough to save most of the time.
+  [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
+                                                      const ExtendedFit& nearby) const override {
+    constexpr std::size_t kTimesFewer = 3;
+    const bool are_few = kTimesFewer * telling_.size() <= data_.estimation.size();
+    if (telling_.empty() || !are_few || is_far_from(&nearby)) return {};
+    return fit_from(with_records(data_, telling_), laws, nearby);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -187,6 +173,57 @@ class Problem : public MismatchProblem {
   }
 
  private:
+  // From the parameters of the fit nearby and those that the ranking found for the law, the best of them.
+  [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, std::span<const LawStart> laws,
+                                     const ExtendedFit& nearby) const {
+    VectorXd start = start_;
+    std::vector<ActingLaw> acting = with_base_laws(laws);
+    take_model_parameters(nearby, start, acting);
+    std::vector<VectorXd> starts{start};
+    if (!laws.empty() && !laws.back().model_parameters.empty()) {
+      const std::vector<double>& other = laws.back().model_parameters;
+      starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
+    }
+    PeriodicFitOptions how = how_to_fit();
+    if (&data != &data_) how.telling = all_of(data.estimation);
+    const std::vector<ActingLaw> given = acting;
+    PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
+    if (!laws.empty()) {
+      for (const std::vector<double>& other : laws.back().others) {
+        acting.back().parameters = other;
+        PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
+        if (!fit.converged) continue;
+        if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
+      }
+    }
+    ExtendedFit result = report(data, best, laws);
+    // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
+    if (laws.empty() || !first_ || can_clear_with(nearby) || can_clear_with(result)) return result;
+    std::vector<VectorXd> early{start_};
+    if (first_->start.size() > 0) early.push_back(first_->start);
+    const PeriodicFit afresh = fit_periodic_if_near(*family_, data, early, given, how);
+    const bool is_better = afresh.converged && afresh.chi_square < best.chi_square;
+    return is_better ? report(data, afresh, laws) : result;
+  }
+
+  [[nodiscard]] bool is_far_from(const ExtendedFit* nearby) const {
+    return nearby == nullptr || nearby->model_parameters.size() != model_parameter_count();
+  }
+
+  [[nodiscard]] std::vector<ActingLaw> with_base_laws(std::span<const LawStart> laws) const {
+    std::vector<ActingLaw> acting = base_laws_;
+    for (const LawStart& law : laws) {
+      acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
+    }
+    return acting;
+  }
+
+  [[nodiscard]] static std::vector<std::size_t> all_of(const std::vector<MeasuredRecord>& records) {
+    std::vector<std::size_t> all(records.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return all;
+  }
+
   [[nodiscard]] static bool can_clear_with(const ExtendedFit& fit) {
     constexpr double kMisfit = 100.0;
     return fit.estimation.chi_square_per_dof() <= kMisfit;
@@ -344,7 +381,7 @@ class Problem : public MismatchProblem {
     return total;
   }
 
-  [[nodiscard]] ExtendedFit report(const PeriodicFit& fitted,
+  [[nodiscard]] ExtendedFit report(const PeriodicData& data, const PeriodicFit& fitted,
                                    std::span<const LawStart> laws) const {
     ExtendedFit result;
     result.usable = fitted.converged;
@@ -378,7 +415,7 @@ class Problem : public MismatchProblem {
     }
     result.estimation = assess(
         evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
-        data_.estimation, result.parameter_count);
+        data.estimation, result.parameter_count);
     return result;
   }
 
@@ -438,6 +475,7 @@ class Problem : public MismatchProblem {
   PeriodicMismatchOptions options_;
   VectorXd start_;
   std::vector<ChannelFault> faults_;
+  std::vector<std::size_t> telling_;       // telling_recordings() at the start
   std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
   std::shared_ptr<std::vector<CandidatePlace>> base_places_;
