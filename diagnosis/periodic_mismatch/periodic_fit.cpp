@@ -71,8 +71,10 @@ constexpr double kNear = 1.5;
 constexpr double kHopeless = 10.0;
 
 // Between the two a fit may have stopped in a valley beside the right one, some per cent away in parameters that
-// change the same resonances: so many starts around it, so far (in the logarithm), are tried.
+// change the same resonances: so many starts around it, so far (in the logarithm), are tried. Models of fewer
+// parameters have no such valleys.
 constexpr int kStartsAround = 4;
+constexpr Index kManyParameters = 8;
 constexpr double kAround = 0.1;
 
 class PeriodicFitter {
@@ -311,12 +313,14 @@ class Approach {
     PeriodicFit fit;
     fit.parameters = start;
     fit.laws = laws;
-    for (const double share : {0.3, 0.03, 0.003}) {
+    constexpr double kFirst = 0.3;
+    for (const double share : {kFirst, 0.03, 0.003}) {
       few_.whitening = whitening_with_errors(data_, share);
       PeriodicFit next = fit_periodic(family_, few_, {fit.parameters}, fit.laws, options_);
       fit.chi_square = next.chi_square;
       if (next.parameters.size() > 0) fit = std::move(next);
-      if (std::isfinite(hopeless_)) look_around(fit);
+      const bool has_valleys = start.size() >= kManyParameters && std::isfinite(hopeless_);
+      if (share == kFirst && has_valleys) look_around(fit);
       if (!(fit.chi_square <= hopeless_ * count_)) break;
     }
     fit.start = start;

@@ -126,12 +126,13 @@ class Problem : public MismatchProblem {
     return report(data_, first_ && laws.empty() ? *first_ : first_fit(with_base_laws(laws)), laws);
   }
 
-  // Where these are few enough to save most of the time.
+  // Where these save most of the time, and are enough to tell laws apart.
   [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
                                                       const ExtendedFit& nearby) const override {
-    constexpr std::size_t kTimesFewer = 3;
-    const bool are_few = kTimesFewer * telling_.size() <= data_.estimation.size();
-    if (telling_.empty() || !are_few || is_far_from(&nearby)) return {};
+    constexpr std::size_t kTimesFewer = 3, kFewest = 10;
+    const bool are_few =
+        telling_.size() >= kFewest && kTimesFewer * telling_.size() <= data_.estimation.size();
+    if (!are_few || is_far_from(&nearby)) return {};
     return fit_from(with_records(data_, telling_), laws, nearby);
   }
 

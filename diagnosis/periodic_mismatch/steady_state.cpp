@@ -500,8 +500,21 @@ void SteadyStateSolver::factor_mean_slopes() {
 }
 
 void SteadyStateSolver::precondition(MatrixXcd& change) const {
+  multiply_lines(mean_solution_, change);
+}
+
+// Each line's laws by the matrix of that line, without a temporary for each.
+void SteadyStateSolver::multiply_lines(const std::vector<MatrixXcd>& matrices,
+                                       MatrixXcd& values) const {
+  if (values.cols() == 1) {
+    for (Index k = 0; k <= lines_; ++k) values(k, 0) *= matrices[at(k)](0, 0);
+    return;
+  }
+  VectorXcd before(values.cols()), after(values.cols());
   for (Index k = 0; k <= lines_; ++k) {
-    change.row(k) = (mean_solution_[at(k)] * change.row(k).transpose()).transpose().eval();
+    before = values.row(k).transpose();
+    after.noalias() = matrices[at(k)].lazyProduct(before);
+    values.row(k) = after.transpose();
   }
 }
 
@@ -523,11 +536,9 @@ void SteadyStateSolver::apply_slopes(const MatrixXcd& deflections, MatrixXcd& fo
 }
 
 void SteadyStateSolver::apply_equation(const MatrixXcd& forces, MatrixXcd& result) {
-  MatrixXcd deflections(forces.rows(), forces.cols());
-  for (Index k = 0; k <= lines_; ++k) {
-    deflections.row(k) = (between_[at(k)] * forces.row(k).transpose()).transpose();
-  }
-  apply_slopes(deflections, result);
+  deflections_ = forces;
+  multiply_lines(between_, deflections_);
+  apply_slopes(deflections_, result);
   result += forces;
 }
 

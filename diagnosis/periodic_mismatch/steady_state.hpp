@@ -190,6 +190,8 @@ class SteadyStateSolver {
   void renew_forces(Eigen::MatrixXcd& renewed);
   void factor_mean_slopes();
   void precondition(Eigen::MatrixXcd& change) const;
+  void multiply_lines(const std::vector<Eigen::MatrixXcd>& matrices,
+                      Eigen::MatrixXcd& values) const;
   // S dz, and (I + S r) dF.
   void apply_slopes(const Eigen::MatrixXcd& deflections, Eigen::MatrixXcd& forces);
   void apply_equation(const Eigen::MatrixXcd& forces, Eigen::MatrixXcd& result);
@@ -244,6 +246,7 @@ class SteadyStateSolver {
   PeriodTransform own_transform_;  // of a coarser grid: what the model adds is smooth
   PeriodicMotion motion_;
   Eigen::VectorXd times_;
+  Eigen::MatrixXcd deflections_;  // of apply_equation()
 };
 
 }  // namespace graybox
