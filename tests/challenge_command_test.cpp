@@ -118,6 +118,19 @@ TEST_F(ChallengeCommand, CountsCasesWithoutVerdict) {
   const auto score =
       nlohmann::json::parse(graybox("challenge score cases answers --truth truth --json").out);
   EXPECT_EQ(score["rates"]["answered"]["hits"], 0);
+  EXPECT_EQ(score["not_run"], 0);  // run, without an answer
+}
+
+// A run that is still going, or was killed, is no run of all cases.
+TEST_F(ChallengeCommand, SaysWhichCasesHaveNotBeenRun) {
+  ASSERT_EQ(make("").exit_code, 0);
+  ASSERT_EQ(graybox("challenge run cases -o answers --command false --json").exit_code, 1);
+  fs::remove(folder_.file("answers/case_002/run.json"));
+  const Outcome text = graybox("challenge score cases answers --truth truth");
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_NE(text.out.find("1 of them have not been run to their end"), std::string::npos);
+  const Outcome json = graybox("challenge score cases answers --truth truth --json");
+  EXPECT_EQ(nlohmann::json::parse(json.out)["not_run"], 1);
 }
 
 TEST_F(ChallengeCommand, RefusesBadInput) {

@@ -438,6 +438,18 @@ TEST(Seal, SeedOfACommitIsItsSha256) {
 
 // ---- scoring -------------------------------------------------------------------------------------
 
+TEST(Score, OnlyWholeRunsEnterTheHistory) {
+  const testing::TemporaryFolder folder;
+  Score score;
+  score.origin.commit = std::string(40, 'a');
+  score.origin.seed = seed_of_commit(score.origin.commit);
+  append_history(score, folder.file("history.csv"));
+  const std::string before = testing::read_text(folder.file("history.csv"));
+  score.not_run = 1;
+  EXPECT_THROW(append_history(score, folder.file("history.csv")), InputError);
+  EXPECT_EQ(testing::read_text(folder.file("history.csv")), before);
+}
+
 TEST(Score, WilsonIntervalsSolveTheirEquation) {
   const double z = normal_quantile(0.975);
   for (const Rate rate : {Rate{0, 10}, Rate{3, 10}, Rate{95, 100}, Rate{100, 100}}) {

@@ -10,6 +10,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "graybox/problems/distributions.hpp"
@@ -100,11 +101,28 @@ class RegressionProblem : public MismatchProblem {
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
+    if (laws.size() == 1) fitted_alone_.insert(laws[0].hypothesis);
+    return fit_every(1, laws, nearby);
+  }
+
+  // Every third sample, where asked for.
+  [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
+                                                      const ExtendedFit& nearby) const override {
+    if (!has_few_) return {};
+    return fit_every(3, laws, &nearby);
+  }
+  void race_on_few() { has_few_ = true; }
+  [[nodiscard]] const std::set<std::size_t>& fitted_alone() const { return fitted_alone_; }
+
+  [[nodiscard]] ExtendedFit fit_every(Eigen::Index stride, std::span<const LawStart> laws,
+                                      const ExtendedFit* nearby) const {
     std::vector<std::size_t> chosen;
     for (const LawStart& law : laws) chosen.push_back(law.hypothesis);
-    const Eigen::MatrixXd columns = design(chosen);
+    const auto rows = Eigen::seq(0, kSamples - 1, stride);
+    const Eigen::MatrixXd columns = design(chosen)(rows, Eigen::all);
+    const Eigen::VectorXd measured = estimation_(rows);
     const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factor(columns);
-    const Eigen::VectorXd solution = factor.solve(estimation_);
+    const Eigen::VectorXd solution = factor.solve(measured);
     const Eigen::MatrixXd covariance =
         (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
     ExtendedFit result;
@@ -125,7 +143,7 @@ class RegressionProblem : public MismatchProblem {
           {"theta", "1", solution(at), std::sqrt(covariance(at, at))});
     }
     result.estimation =
-        assess(estimation_ - columns * solution, static_cast<double>(kSamples - factor.rank()));
+        assess(measured - columns * solution, static_cast<double>(measured.size() - factor.rank()));
     if (laws.empty() && nearby != nullptr) ++fits_without_laws_;
     if (laws.empty() && never_quite_ends_) result.estimation.chi_square -= 2.0 * fits_without_laws_;
     result.deviance = result.estimation.chi_square;
@@ -217,6 +235,8 @@ class RegressionProblem : public MismatchProblem {
   std::optional<double> distance_;
   bool never_quite_ends_ = false;
   mutable int fits_without_laws_ = 0;
+  bool has_few_ = false;
+  mutable std::set<std::size_t> fitted_alone_;
   std::optional<std::vector<std::size_t>> unsettled_;
   std::vector<Eigen::VectorXd> columns_;
   Eigen::VectorXd estimation_, held_out_;
@@ -388,6 +408,55 @@ TEST(DiagnosisSearch, NamesOneEffectAndEstimatesIt) {
   }
   EXPECT_GE(right, 57);
   EXPECT_GE(covered, right - 2);
+}
+
+// A third of the samples sees a strong effect well enough: laws far behind it are not fitted to all, and are
+// excluded nevertheless. Those that are near go on.
+TEST(DiagnosisSearch, RacesOnFewRecordingsFirst) {
+  RegressionProblem whole, raced;
+  raced.race_on_few();
+  const Eigen::VectorXd effect = scaled_effect(whole, "slanted_step", 40.0);
+  const Diagnosis expected = diagnose_effect(whole, effect, 32);
+  const Diagnosis diagnosis = diagnose_effect(raced, effect, 32);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(diagnosis.verdict, expected.verdict);
+  EXPECT_EQ(diagnosis.effects[0].law.hypothesis, expected.effects[0].law.hypothesis);
+  EXPECT_NEAR(diagnosis.effects[0].law.parameters[0].value,
+              expected.effects[0].law.parameters[0].value, 1e-9);
+  EXPECT_EQ(diagnosis.effects[0].rivals.size(), expected.effects[0].rivals.size());
+  EXPECT_TRUE(raced.fitted_alone().contains(raced.index_of("step")));
+  EXPECT_LT(raced.fitted_alone().size(), whole.fitted_alone().size());
+  int outpaced = 0;
+  for (const Rival& rival : diagnosis.effects[0].excluded) {
+    if (!rival.on_few_recordings) continue;
+    ++outpaced;
+    EXPECT_FALSE(raced.fitted_alone().contains(rival.law.hypothesis));
+    EXPECT_GT(rival.bic_difference, 30.0);
+    for (const Rival& same : expected.effects[0].excluded) {
+      if (same.law.hypothesis != rival.law.hypothesis) continue;
+      EXPECT_GT(same.bic_difference, rival.bic_difference);
+    }
+  }
+  EXPECT_GE(outpaced, 2);
+}
+
+// Effects that a third of the samples hardly sees are found all the same: nobody is far behind.
+TEST(DiagnosisSearch, ARaceLosesNoSmallEffect) {
+  int same = 0;
+  constexpr int cases = 40;
+  for (std::uint64_t seed = 0; seed < cases; ++seed) {
+    RegressionProblem whole, raced;
+    raced.race_on_few();
+    const Eigen::VectorXd effect = scaled_effect(whole, "harmonic_5", 6.0);
+    const Diagnosis expected = diagnose_effect(whole, effect, 400 + seed);
+    const Diagnosis diagnosis = diagnose_effect(raced, effect, 400 + seed);
+    const bool is_same = diagnosis.verdict == expected.verdict &&
+                         diagnosis.effects.size() == expected.effects.size() &&
+                         (diagnosis.effects.empty() || diagnosis.effects[0].law.hypothesis ==
+                                                           expected.effects[0].law.hypothesis);
+    same += is_same ? 1 : 0;
+  }
+  EXPECT_EQ(same, cases);
 }
 
 TEST(DiagnosisSearch, FindsTwoEffectsOneAfterTheOther) {

@@ -4,16 +4,21 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
+#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "temporary_folder.hpp"
 
@@ -85,6 +90,60 @@ TEST(FirstFits, EndInOneOptimumInWhateverOrderTheyBegin) {
   EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
   const VectorXd errors = standard_errors(fit.information);
   EXPECT_LT(((fit.parameters - other.parameters).array() / errors.array()).abs().maxCoeff(), 0.1);
+}
+
+// Of five positions the three that have the most information of all choices of three, or nearly; of few all.
+TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
+  const RecordedArm arm(
+      "[1.0]", "[[20, 30, 40], [21, 30, 40], [22, 31, 40], [-60, 80, -70], [0, -40, 90]]", {});
+  const std::vector<std::size_t> telling =
+      telling_recordings(*arm.family, arm.data, arm.own, {}, 1);
+  EXPECT_EQ(telling, telling_recordings(*arm.family, arm.data, arm.own, {}, 2));
+  EXPECT_TRUE(std::ranges::is_sorted(telling));
+  std::set<std::size_t> chosen;
+  std::map<std::pair<std::size_t, double>, int> kinds;
+  for (const std::size_t i : telling) {
+    const MeasuredRecord& record = arm.data.estimation[i];
+    chosen.insert(record.position);
+    ++kinds[{record.position, record.level}];
+  }
+  ASSERT_EQ(chosen.size(), kTellingPositions);
+  EXPECT_EQ(kinds.size(), kTellingPositions);
+  // Information of each position by fits that stop where they start: no choice of three has more.
+  PeriodicFitOptions at_start;
+  at_start.iteration_limit = 0;
+  std::vector<Eigen::MatrixXd> information;
+  for (std::size_t position = 0; position < 5; ++position) {
+    std::vector<std::size_t> records;
+    for (std::size_t i = 0; i < arm.data.estimation.size(); ++i) {
+      if (arm.data.estimation[i].position == position) records.push_back(i);
+    }
+    information.push_back(
+        fit_periodic(*arm.family, with_records(arm.data, records), {arm.own}, {}, at_start)
+            .information);
+  }
+  double largest = -1e300, of_chosen = 0.0;
+  for (std::size_t i = 0; i < 5; ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      for (std::size_t k = 0; k < j; ++k) {
+        const double value =
+            std::log((information[i] + information[j] + information[k]).determinant());
+        largest = std::max(largest, value);
+        if (chosen == std::set<std::size_t>{i, j, k}) of_chosen = value;
+      }
+    }
+  }
+  EXPECT_NEAR(of_chosen, largest, 0.1);
+
+  const RecordedArm few("[1.0]", "[[20, 30, 40], [-60, 80, -70]]", {});
+  std::set<std::size_t> positions;
+  for (const std::size_t i : telling_recordings(*few.family, few.data, few.own, {}, 1)) {
+    positions.insert(few.data.estimation[i].position);
+  }
+  EXPECT_EQ(positions.size(), 2U);
+  const PeriodicData kept = with_records(arm.data, telling);
+  EXPECT_EQ(kept.estimation.size(), telling.size());
+  EXPECT_EQ(kept.estimation.front().name, arm.data.estimation[telling.front()].name);
 }
 
 // A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters far off: with its

@@ -247,8 +247,9 @@ Score score_challenge(const ScoreOptions& options) {
   };
   check(options.answers);
   if (!options.left_out.empty()) check(options.left_out);
-  Score score{truth.origin, {}, {}};
+  Score score{truth.origin, {}, {}, 0};
   for (const CaseTruth& each : truth.cases) {
+    if (!fs::exists(options.answers / each.name / "run.json")) ++score.not_run;
     score.cases.push_back(score_case(each, read_answer(options.answers / each.name)));
     const ScoredCase& scored = score.cases.back();
     const bool was_named = scored.truth.kind == CaseKind::kOneEffect &&
@@ -504,6 +505,7 @@ Json score_json(const Score& score) {
   for (const auto& [size, count] : class_sizes_of(score)) sizes[std::to_string(size)] = count;
   return {{"format", "graybox-challenge-score/1"},
           {"cases", score.cases.size()},
+          {"not_run", score.not_run},
           {"seed", score.origin.seed},
           {"commit", score.origin.commit},
           {"rates", rates},
@@ -513,6 +515,13 @@ Json score_json(const Score& score) {
 
 std::string score_text(const Score& score) {
   std::string text = fmt::format("{} cases, seed {}\n\n", score.cases.size(), score.origin.seed);
+  if (score.not_run > 0) {
+    text += fmt::format(
+        "{} of them have not been run to their end, and count as no answer: `graybox challenge "
+        "run` "
+        "goes on where it was\n\n",
+        score.not_run);
+  }
   for (const NamedRate& each : rates_of(score)) {
     text += fmt::format("{:<28} {:<42} target {}\n", each.name, percent(each.rate), each.target);
   }
@@ -557,6 +566,12 @@ void append_history(const Score& score, const fs::path& file) {
     throw InputError(
         "challenge score --history: only challenges made with --seed commit and of all families "
         "enter the history");
+  }
+  if (score.not_run > 0) {
+    throw InputError(fmt::format(
+        "challenge score --history: {} of {} cases have not been run to their end; let `graybox "
+        "challenge run` end first",
+        score.not_run, score.cases.size()));
   }
   std::string text;
   if (std::ifstream stream(file, std::ios::binary); stream) {

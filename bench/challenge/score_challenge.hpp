@@ -94,6 +94,8 @@ struct Score {
   std::vector<ScoredCase> cases;
   std::vector<ScoredCase>
       left_out;  // answers of `run --without-named` where the law named was right
+  std::size_t not_run =
+      0;  // cases that `run` has not come to, or not ended: they count as no answer
 };
 
 struct ScoreOptions {
@@ -116,7 +118,7 @@ struct NamedRate {
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
 // Appends one line to a CSV file, with its header where it is new. Throws InputError unless the
-// challenge's seed is that of its commit.
+// challenge's seed is that of its commit and all cases have been run.
 void append_history(const Score& score, const std::filesystem::path& file);
 
 }  // namespace graybox::bench

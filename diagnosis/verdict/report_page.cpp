@@ -251,7 +251,8 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "more general, not asked for");
   }
   for (const Rival& rival : effect.excluded) {
-    rows += law_rows(rival.law, hypotheses, rival.bic_difference, "excluded");
+    rows += law_rows(rival.law, hypotheses, rival.bic_difference,
+                     rival.on_few_recordings ? "excluded by few recordings" : "excluded");
   }
   return rows + "</table>\n";
 }

@@ -128,9 +128,11 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
   constexpr std::size_t kNamed = 3;
   std::string excluded;
   for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
-    excluded += fmt::format("{}{} ({})", excluded.empty() ? "" : "; ",
-                            hypothesis_words(hypotheses[effect.excluded[i].law.hypothesis]),
-                            evidence_words(effect.excluded[i].bic_difference, noise_is_known));
+    const Rival& rival = effect.excluded[i];
+    excluded += fmt::format("{}{} ({}{})", excluded.empty() ? "" : "; ",
+                            hypothesis_words(hypotheses[rival.law.hypothesis]),
+                            evidence_words(rival.bic_difference, noise_is_known),
+                            rival.on_few_recordings ? " on few recordings" : "");
   }
   if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
 }
