@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -43,7 +44,7 @@ class RegressionProblem : public MismatchProblem {
   void measure(const Eigen::VectorXd& effect, Random& random) {
     const Eigen::Vector3d truth(1.0, -0.5, 0.3);
     estimation_ = model_ * truth + effect;
-    held_out_ = estimation_;
+    held_out_ = model_ * truth + held_out_motion_ * effect;
     for (double& value : estimation_) value += random.normal();
     for (double& value : held_out_) value += random.normal();
   }
@@ -192,8 +193,26 @@ class RegressionProblem : public MismatchProblem {
   [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
     std::vector<std::size_t> present;
     for (const FittedLaw& law : fit.laws) present.push_back(law.hypothesis);
-    return assess(held_out_ - predict(fit, design(present)), static_cast<double>(kSamples));
+    return assess(held_out_ - predict(fit, held_out_design(present)),
+                  static_cast<double>(kSamples));
   }
+  // r^T (1 + J C J^T)^-1 r, C the covariance of what was fitted.
+  [[nodiscard]] std::optional<Assessment> validate_within_errors(
+      const ExtendedFit& fit) const override {
+    std::vector<std::size_t> present;
+    for (const FittedLaw& law : fit.laws) present.push_back(law.hypothesis);
+    const Eigen::MatrixXd columns = design(present), seen = held_out_design(present);
+    const Eigen::MatrixXd covariance =
+        (columns.transpose() * columns).completeOrthogonalDecomposition().pseudoInverse();
+    const Eigen::VectorXd error = held_out_ - predict(fit, seen);
+    const Eigen::MatrixXd all =
+        Eigen::MatrixXd::Identity(kSamples, kSamples) + seen * covariance * seen.transpose();
+    Assessment result = assess(error, static_cast<double>(kSamples));
+    result.chi_square = error.dot(all.llt().solve(error));
+    return result;
+  }
+  // Recordings kept out in which every law moves so many times as much as in those of the fit.
+  void keep_out_larger_motion(double times) { held_out_motion_ = times; }
 
  private:
   template <typename Function>
@@ -209,6 +228,11 @@ class RegressionProblem : public MismatchProblem {
     for (std::size_t k = 0; k < hypotheses.size(); ++k) {
       columns.col(model_.cols() + static_cast<Eigen::Index>(k)) = columns_[hypotheses[k]];
     }
+    return columns;
+  }
+  [[nodiscard]] Eigen::MatrixXd held_out_design(const std::vector<std::size_t>& hypotheses) const {
+    Eigen::MatrixXd columns = design(hypotheses);
+    columns.rightCols(columns.cols() - model_.cols()) *= held_out_motion_;
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd predict(const ExtendedFit& fit,
@@ -236,6 +260,7 @@ class RegressionProblem : public MismatchProblem {
   bool never_quite_ends_ = false;
   mutable int fits_without_laws_ = 0;
   bool has_few_ = false;
+  double held_out_motion_ = 1.0;
   mutable std::set<std::size_t> fitted_alone_;
   std::optional<std::vector<std::size_t>> unsettled_;
   std::vector<Eigen::VectorXd> columns_;
@@ -408,6 +433,34 @@ TEST(DiagnosisSearch, NamesOneEffectAndEstimatesIt) {
   }
   EXPECT_GE(right, 57);
   EXPECT_GE(covered, right - 2);
+}
+
+// In larger motion the errors of a law's amplitude are more than the noise. What is found is right, but whether
+// nothing else is missing these recordings do not tell: it is not called explained.
+TEST(DiagnosisSearch, DoesNotCallExplainedWhatIsNotPredicted) {
+  int explained = 0, explained_larger = 0, named = 0;
+  constexpr int cases = 40;
+  for (std::uint64_t seed = 0; seed < cases; ++seed) {
+    for (const double times : {1.0, 30.0}) {
+      RegressionProblem problem;
+      problem.keep_out_larger_motion(times);
+      const Diagnosis diagnosis =
+          diagnose_effect(problem, scaled_effect(problem, "harmonic_5", 12.0), 700 + seed);
+      (times > 1.0 ? explained_larger : explained) +=
+          diagnosis.verdict == Verdict::kExplained ? 1 : 0;
+      const Assessment& held_out = *diagnosis.validation_after;
+      const double size = held_out.chi_square_per_dof();
+      EXPECT_TRUE(diagnosis.predicts || size > 1.1);
+      EXPECT_TRUE(!diagnosis.predicts || size < 1.3);
+      if (times > 1.0 && diagnosis.verdict == Verdict::kAmbiguous && !diagnosis.predicts) {
+        EXPECT_TRUE(diagnosis.verified);
+        ++named;
+      }
+    }
+  }
+  EXPECT_GE(explained, 37);
+  EXPECT_LE(explained_larger, 16);  // its error is less than the noise by chance in some
+  EXPECT_GE(named, 20);
 }
 
 // A third of the samples sees a strong effect well enough: laws far behind it are not fitted to all, and are

@@ -1039,6 +1039,14 @@ class Search {
       return;
     }
     result_.verified = rest_passes();
+    result_.predicts = !result_.validation_after || is_predicted(*result_.validation_after);
+  }
+
+  // Below the noise floor, or above it by chance.
+  [[nodiscard]] bool is_predicted(const Assessment& held_out) const {
+    return held_out.chi_square_per_dof() < options_.noise_floor ||
+           chi_square_tail(held_out.chi_square, held_out.degrees_of_freedom) >=
+               options_.verification_level;
   }
 
   // Where the noise is known.
@@ -1071,9 +1079,8 @@ class Search {
       const auto has_rivals = [](const FoundEffect& effect) {
         return !effect.rivals.empty() || !effect.same_at.empty();
       };
-      result_.verdict = std::any_of(result_.effects.begin(), result_.effects.end(), has_rivals)
-                            ? Verdict::kAmbiguous
-                            : Verdict::kExplained;
+      const bool is_clear = result_.predicts && std::ranges::none_of(result_.effects, has_rivals);
+      result_.verdict = is_clear ? Verdict::kExplained : Verdict::kAmbiguous;
     }
   }
 

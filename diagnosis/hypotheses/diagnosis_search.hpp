@@ -60,7 +60,9 @@
 //      (next_experiment.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members, or one law several places. `unknown`:
+// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept
+// out are more than noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
+// the catalogue may hide behind those. `unknown`:
 // something is missing that no hypothesis explains down to the noise; the laws found so far are reported
 // with it.
 //
@@ -88,6 +90,7 @@ struct SearchOptions {
   double level = 0.05;  // alpha of detection, family-wise
   double verification_level = 0.01;
   double tolerance = 0.05;         // of the noise's variance, in verification
+  double noise_floor = 1.1;        // chi-square per degree of freedom of what is predicted
   double exclusion_margin = 10.0;  // of BIC and of the evidence
   std::size_t shortlist = 8;       // refits an effect
   std::size_t effect_limit = 0;    // 0: 4, or 24 where the noise is not known
@@ -159,6 +162,9 @@ struct Diagnosis {
   // After, with what errors of the fitted parameters do counted as noise: what the verdict is verified by.
   std::optional<Assessment> validation_within_errors;
   bool verified = false;  // the rest passed the test of step 6
+  // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
+  // errors of the fitted parameters do there.
+  bool predicts = true;
   double rest_p_value = 1.0;
   double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
   bool rivals_weighed = true;  // false: as many laws as may be leave more than noise

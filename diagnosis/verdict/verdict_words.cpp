@@ -22,7 +22,11 @@ std::string headline(const Diagnosis& diagnosis) {
     case Verdict::kExplained:
       return "Physics is missing, and it is explained.";
     case Verdict::kAmbiguous:
-      return "Physics is missing; the recordings can't tell all explanations apart.";
+      return diagnosis.predicts
+                 ? "Physics is missing; the recordings can't tell all explanations apart."
+                 : "Physics is missing; what was found fits, but recordings kept out of the fit "
+                   "are not "
+                   "predicted to the noise.";
     case Verdict::kUnknown:
       break;
   }
@@ -234,6 +238,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
                       diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
     }
+  }
+  if (diagnosis.verified && !diagnosis.predicts) {
+    lines.push_back(
+        "The errors of the fitted parameters may be all that recordings kept out have beyond "
+        "noise, or a "
+        "law that is not in the catalogue. Recordings like those, in the fit, would tell.");
   }
   if (diagnosis.remaining_structure) {
     lines.push_back(
