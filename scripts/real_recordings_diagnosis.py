@@ -5,7 +5,7 @@ catalogue and with the laws taken out that belong to the machine.
     GRAYBOX_RECORDINGS=folder scripts/real_recordings_diagnosis.py GRAYBOX [SET ...] > table.csv
 
 Errors are NRMSE in percent; `literature` is the error that others reached by hand on data kept out of the
-fit, in their own measure (docs/diagnose.md), and never used here.
+fit, in their own measure (docs/diagnose.md), and never used here. Seconds are of two threads.
 """
 import csv
 import json
@@ -28,7 +28,7 @@ SETS = [("EMPS", "emps", "emps", FRICTION + MEMORY, 6.1),
 
 def diagnose(graybox, model, campaign, without):
     command = [graybox, "diagnose", str(root / f"docs/examples/rigid/{model}.yaml"),
-               str(campaigns / f"{campaign}.yaml"), "--json"]
+               str(campaigns / f"{campaign}.yaml"), "--json", "--threads", "2"]
     for law in without:
         command += ["--without", law]
     start = time.monotonic()

@@ -107,6 +107,7 @@ class RegressionProblem : public MismatchProblem {
   }
 
   // Every third sample, where asked for.
+  [[nodiscard]] bool has_few() const override { return has_few_; }
   [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
                                                       const ExtendedFit& nearby) const override {
     if (!has_few_) return {};

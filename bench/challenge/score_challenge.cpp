@@ -517,9 +517,8 @@ std::string score_text(const Score& score) {
   std::string text = fmt::format("{} cases, seed {}\n\n", score.cases.size(), score.origin.seed);
   if (score.not_run > 0) {
     text += fmt::format(
-        "{} of them have not been run to their end, and count as no answer: `graybox challenge "
-        "run` "
-        "goes on where it was\n\n",
+        "{} of them have not been run to their end, and count as no answer: "
+        "`graybox challenge run` goes on where it was\n\n",
         score.not_run);
   }
   for (const NamedRate& each : rates_of(score)) {

@@ -94,8 +94,8 @@ struct Score {
   std::vector<ScoredCase> cases;
   std::vector<ScoredCase>
       left_out;  // answers of `run --without-named` where the law named was right
-  std::size_t not_run =
-      0;  // cases that `run` has not come to, or not ended: they count as no answer
+  // Cases that `run` has not come to, or not ended: they count as no answer.
+  std::size_t not_run = 0;
 };
 
 struct ScoreOptions {

@@ -465,7 +465,7 @@ class Search {
   // None where all recordings are few, or too few fits to them came to an end.
   std::optional<Race> race_on_few(std::vector<std::vector<LawStart>> asked,
                                   const ExtendedFit& nearby, const LawStart* pace) {
-    if (asked.empty() || !problem_->noise_is_known()) return {};
+    if (asked.empty() || !problem_->has_few() || !problem_->noise_is_known()) return {};
     const std::size_t runners = asked.size();
     if (pace != nullptr) {
       asked.push_back(asked.front());
@@ -486,10 +486,10 @@ class Search {
         kMarginsBehind * options_.exclusion_margin + kShareBehind * std::max(0.0, excess(*best));
     Race race;
     for (std::size_t i = 0; i < runners; ++i) {
-      if (!fits[i].usable) continue;
+      if (fits[i].laws.empty()) continue;  // no steady state
       if (bic(fits[i]) - bic(*best) <= limit) {
-        race.standing.push_back({asked[i], fits[i]});
-      } else {
+        race.standing.push_back({asked[i], fits[i]});  // also one that did not settle yet
+      } else if (fits[i].usable) {
         race.outpaced.push_back({.law = fits[i].laws.back(),
                                  .bic_difference = bic(fits[i]) - bic(*best),
                                  .evidence_difference = evidence(fits[i]) - evidence(*best),

@@ -160,7 +160,8 @@ class MismatchProblem {
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
                                         const ExtendedFit* nearby) const = 0;
   // The same by a few of many recordings, those that tell most: what is far behind another there is so on all.
-  // Its figures are of those recordings. None where all are few.
+  // Its figures are of those recordings. None where all are few, and `has_few` is false.
+  [[nodiscard]] virtual bool has_few() const { return false; }
   [[nodiscard]] virtual std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> /*laws*/,
                                                               const ExtendedFit& /*nearby*/) const {
     return {};

@@ -70,9 +70,10 @@ constexpr double kNear = 1.5;
 // And at which there is none to be found from where it began.
 constexpr double kHopeless = 10.0;
 
-// Between the two a fit may have stopped in a valley beside the right one, some per cent away in parameters that
-// change the same resonances: so many starts around it, so far (in the logarithm), are tried. Models of fewer
-// parameters have no such valleys.
+// Above the first and below this a fit may have stopped in a valley beside the right one, some per cent away in
+// parameters that change the same resonances: so many starts around it, so far (in the logarithm), are tried. Models
+// of fewer parameters have no such valleys.
+constexpr double kBeside = 3.0;
 constexpr int kStartsAround = 4;
 constexpr Index kManyParameters = 8;
 constexpr double kAround = 0.1;
@@ -333,7 +334,7 @@ class Approach {
     const VectorXd middle = fit.parameters;
     const std::vector<ActingLaw> laws = fit.laws;
     const auto is_beside = [this](double chi_square) {
-      return chi_square > kNear * count_ && chi_square <= hopeless_ * count_;
+      return chi_square > kNear * count_ && chi_square <= kBeside * count_;
     };
     for (int i = 0; i < kStartsAround && is_beside(fit.chi_square); ++i) {
       VectorXd start = middle;

@@ -127,12 +127,14 @@ class Problem : public MismatchProblem {
   }
 
   // Where these save most of the time, and are enough to tell laws apart.
+  [[nodiscard]] bool has_few() const override {
+    constexpr std::size_t kTimesFewer = 3, kFewest = 10;
+    return telling_.size() >= kFewest && kTimesFewer * telling_.size() <= data_.estimation.size();
+  }
+
   [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
                                                       const ExtendedFit& nearby) const override {
-    constexpr std::size_t kTimesFewer = 3, kFewest = 10;
-    const bool are_few =
-        telling_.size() >= kFewest && kTimesFewer * telling_.size() <= data_.estimation.size();
-    if (!are_few || is_far_from(&nearby)) return {};
+    if (!has_few() || is_far_from(&nearby)) return {};
     return fit_from(with_records(data_, telling_), laws, nearby);
   }
 
