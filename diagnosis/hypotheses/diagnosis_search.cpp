@@ -416,17 +416,15 @@ class Search {
                                 const LawStart* pace = nullptr,
                                 std::vector<Rival>* outpaced = nullptr) {
     const std::vector<std::vector<LawStart>> asked = each_beside(kept, candidates);
+    std::optional<Race> race = race_on_few(asked, nearby, pace);
+    if (!race) return refit_to_all(asked, nearby);
     std::vector<Trial> trials;
-    if (std::optional<Race> race = race_on_few(asked, nearby, pace)) {
-      for (const Refit& runner : race->standing) {
-        const std::size_t hypothesis = runner.laws.back().hypothesis;
-        if (!proceed("refitting with " + name_of(hypothesis) + " to all recordings")) break;
-        trials.push_back({hypothesis, refit(starts_of(runner.fit), runner.fit)});
-      }
-      if (outpaced != nullptr) *outpaced = std::move(race->outpaced);
-    } else {
-      return refit_to_all(asked, nearby);
+    for (const Refit& runner : race->standing) {
+      const std::size_t hypothesis = runner.laws.back().hypothesis;
+      if (!proceed("refitting with " + name_of(hypothesis) + " to all recordings")) break;
+      trials.push_back({hypothesis, refit(starts_of(runner.fit), runner.fit)});
     }
+    if (outpaced != nullptr) *outpaced = std::move(race->outpaced);
     keep_usable_in_order(trials, nearby);
     return trials;
   }
@@ -496,6 +494,7 @@ class Search {
                                  .on_few_recordings = true});
       }
     }
+    std::ranges::stable_sort(race.outpaced, {}, &Rival::bic_difference);
     return race;
   }
 

@@ -12,7 +12,9 @@
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the best,
 //      keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
-//      if its deviance falls by more than the family-wise chi-square threshold. Where the noise is not
+//      if its deviance falls by more than the family-wise chi-square threshold. Where recordings are many, the
+//      best are fitted to the few that tell most first (MismatchProblem::fit_to_few), and only those that are not
+//      far behind there to all. Where the noise is not
 //      known, it may have any memory, and n is not known either. There a law must be significant by a Wald
 //      test that allows for memory, and must predict: with contiguous blocks of the recordings kept out in
 //      turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard errors

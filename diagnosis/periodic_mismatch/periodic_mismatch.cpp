@@ -118,7 +118,7 @@ class Problem : public MismatchProblem {
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
-    if (!is_far_from(nearby)) return fit_from(data_, laws, *nearby);
+    if (!lacks_parameters(nearby)) return fit_from(data_, how_to_fit(), laws, *nearby);
     if (laws.empty() && cleared_start_) {
       return report(
           data_, fit_periodic(*family_, data_, {*cleared_start_}, base_laws_, how_to_fit()), laws);
@@ -134,8 +134,12 @@ class Problem : public MismatchProblem {
 
   [[nodiscard]] std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> laws,
                                                       const ExtendedFit& nearby) const override {
-    if (!has_few() || is_far_from(&nearby)) return {};
-    return fit_from(with_records(data_, telling_), laws, nearby);
+    if (!has_few() || lacks_parameters(&nearby)) return {};
+    const PeriodicData few = with_records(data_, telling_);
+    PeriodicFitOptions how = how_to_fit();
+    how.telling.resize(few.estimation.size());
+    std::iota(how.telling.begin(), how.telling.end(), std::size_t{0});  // all of them
+    return fit_from(few, how, laws, nearby);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -177,7 +181,8 @@ class Problem : public MismatchProblem {
 
  private:
   // From the parameters of the fit nearby and those that the ranking found for the law, the best of them.
-  [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, std::span<const LawStart> laws,
+  [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, const PeriodicFitOptions& how,
+                                     std::span<const LawStart> laws,
                                      const ExtendedFit& nearby) const {
     VectorXd start = start_;
     std::vector<ActingLaw> acting = with_base_laws(laws);
@@ -187,8 +192,6 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    PeriodicFitOptions how = how_to_fit();
-    if (&data != &data_) how.telling = all_of(data.estimation);
     const std::vector<ActingLaw> given = acting;
     PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
     if (!laws.empty()) {
@@ -209,7 +212,7 @@ class Problem : public MismatchProblem {
     return is_better ? report(data, afresh, laws) : result;
   }
 
-  [[nodiscard]] bool is_far_from(const ExtendedFit* nearby) const {
+  [[nodiscard]] bool lacks_parameters(const ExtendedFit* nearby) const {
     return nearby == nullptr || nearby->model_parameters.size() != model_parameter_count();
   }
 
@@ -219,12 +222,6 @@ class Problem : public MismatchProblem {
       acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
     }
     return acting;
-  }
-
-  [[nodiscard]] static std::vector<std::size_t> all_of(const std::vector<MeasuredRecord>& records) {
-    std::vector<std::size_t> all(records.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    return all;
   }
 
   [[nodiscard]] static bool can_clear_with(const ExtendedFit& fit) {

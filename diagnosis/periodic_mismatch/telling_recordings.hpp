@@ -16,7 +16,8 @@ constexpr std::size_t kTellingPositions = 3;
 constexpr std::size_t kTellingRecordings = 30;
 
 // Indices of estimation records, ascending: at all positions, if they are that few, the first of each level and
-// set of moving inputs; else at some positions of each such kind as many. Positions are added one by one, each the one that raises
+// set of moving inputs; else at some positions of each such kind as many. Positions are added one by one, each
+// the one that raises
 //     log det(ridge + sum_i H_i)
 // most, H_i the information of position i on the model's parameters at the given ones, scaled to the unit
 // diagonal of all together (greedy D-optimal design: Fedorov 1972). Cost: one steady state and its derivatives

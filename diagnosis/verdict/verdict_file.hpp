@@ -1,7 +1,8 @@
 // verdict.json, format graybox-verdict/1 (design, section 8): a diagnosis for other programs.
 //
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
-//    "interrupted": false, "noise_is_known": true, "verified": true, "remaining_structure": null,
+//    "interrupted": false, "noise_is_known": true, "verified": true, "predicts_kept_out": true,
+//    "remaining_structure": null,
 //    "autocorrelated_error": null, "rivals_weighed": true,
 //    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
 //    "recording_warnings": ["..."],
@@ -13,7 +14,8 @@
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
-//                 "evidence_difference", "same_at"}], "generalisations": [...], "excluded": [...]}],
+//                 "evidence_difference", "same_at", "on_few_recordings"}],
+//                 "generalisations": [...], "excluded": [...]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
@@ -25,7 +27,8 @@
 // Channels, bands, positions and levels are those where residuals before any extension are too large
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
-// are null. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
+// are null. `predicts_kept_out` is false where recordings kept out are predicted within the errors of the fitted
+// parameters only; `on_few_recordings` is true where few of many recordings excluded a law. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

@@ -25,8 +25,7 @@ std::string headline(const Diagnosis& diagnosis) {
       return diagnosis.predicts
                  ? "Physics is missing; the recordings can't tell all explanations apart."
                  : "Physics is missing; what was found fits, but recordings kept out of the fit "
-                   "are not "
-                   "predicted to the noise.";
+                   "are not predicted to the noise.";
     case Verdict::kUnknown:
       break;
   }
@@ -242,8 +241,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (diagnosis.verified && !diagnosis.predicts) {
     lines.push_back(
         "The errors of the fitted parameters may be all that recordings kept out have beyond "
-        "noise, or a "
-        "law that is not in the catalogue. Recordings like those, in the fit, would tell.");
+        "noise, or a law that is not in the catalogue. Recordings like those, in the fit, would "
+        "tell.");
   }
   if (diagnosis.remaining_structure) {
     lines.push_back(
