@@ -1,6 +1,7 @@
 // First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady states
 // that they are made of.
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
@@ -146,35 +148,125 @@ TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
   EXPECT_EQ(kept.estimation.front().name, arm.data.estimation[telling.front()].name);
 }
 
+constexpr const char* kHardening =
+    "  - name: hidden\n    location: {kind: element, joint: joint_2, axis: gearbox}\n"
+    "    law: cubic_spring\n    parameters: {stiffness: {value: 2.0e9, unit: N m/rad^3}}\n";
+constexpr double kHardeningStiffness = 2e9;
+
+std::vector<ActingLaw> acting(const RecordedArm& arm, const std::string& place,
+                              const std::string& law, std::vector<double> values) {
+  const auto found = std::ranges::find(
+      arm.family->places(), place, [](const CandidatePlace& each) { return each.location.name; });
+  return {{&*found, find_law(law, false), std::move(values), {}}};
+}
+
 // A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters far off: with its
 // law the fit must not begin there.
 TEST(FitsIfNear, FindALawFromTheModelsOwnValues) {
-  constexpr double kStiffness = 2e9;
-  const RecordedArm arm(
-      "[2.0, 6.0]", "[[20, 30, 40]]", {{"4.0e4", "3.6e4"}, {"1.5e4", "1.6e4"}},
-      "  - name: hidden\n    location: {kind: element, joint: joint_2, axis: gearbox}\n"
-      "    law: cubic_spring\n    parameters: {stiffness: {value: 2.0e9, unit: N m/rad^3}}\n");
+  const RecordedArm arm("[2.0, 6.0]", "[[20, 30, 40]]", {{"4.0e4", "3.6e4"}, {"1.5e4", "1.6e4"}},
+                        kHardening);
   const double numbers = arm.data.numbers_in(arm.data.estimation);
   const PeriodicFit alone = fit_periodic_gradually(*arm.family, arm.data, {arm.own}, {}, {});
   EXPECT_GT(alone.chi_square / numbers, 100.0);
-  const auto acting = [&](const std::string& place, const std::string& law, double value) {
-    const auto found = std::ranges::find(
-        arm.family->places(), place, [](const CandidatePlace& each) { return each.location.name; });
-    return std::vector<ActingLaw>{{&*found, find_law(law, false), {value}, {}}};
-  };
-  const PeriodicFit fit =
-      fit_periodic_if_near(*arm.family, arm.data, {arm.own},
-                           acting("joint_2.gearbox", "cubic_spring", 0.5 * kStiffness), {});
+  const PeriodicFit fit = fit_periodic_if_near(
+      *arm.family, arm.data, {arm.own},
+      acting(arm, "joint_2.gearbox", "cubic_spring", {0.5 * kHardeningStiffness}), {});
   ASSERT_TRUE(fit.converged) << fit.trouble;
   EXPECT_NEAR(fit.chi_square / numbers, 1.0, 0.2);
   EXPECT_EQ(fit.start, arm.own);
   const VectorXd errors = standard_errors(fit.information);
-  EXPECT_NEAR(fit.laws[0].parameters[0], kStiffness, 4.0 * errors(errors.size() - 1));
+  EXPECT_NEAR(fit.laws[0].parameters[0], kHardeningStiffness, 4.0 * errors(errors.size() - 1));
   // Another law comes nowhere near, and is not followed to its end.
-  const PeriodicFit other = fit_periodic_if_near(*arm.family, arm.data, {arm.own},
-                                                 acting("joint_1.gearbox", "viscous", 10.0), {});
+  const PeriodicFit other = fit_periodic_if_near(
+      *arm.family, arm.data, {arm.own}, acting(arm, "joint_1.gearbox", "viscous", {10.0}), {});
   EXPECT_FALSE(other.converged);
   EXPECT_FALSE(other.trouble.empty());
+}
+
+// With any force allowed at its place, the other parameters come out right without a word about the law, and
+// then the law from that force; the spring beside it can't be told before. Elsewhere nothing comes near.
+TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
+  const RecordedArm arm("[2.0, 6.0]", "[[20, 30, 40], [-60, 10, -30]]",
+                        {{"4.0e4", "3.4e4"}, {"5.0e4", "5.9e4"}, {"1.5e4", "1.75e4"}}, kHardening);
+  // Factors of the springs of the file; the bearing is right.
+  const VectorXd truth{{4.0 / 3.4, 5.0 / 5.9, 1.5 / 1.75, 1.0}};
+  std::vector<ActingLaw> laws = acting(arm, "joint_2.gearbox", "cubic_spring", {2e8});
+  ASSERT_TRUE(can_free(arm.data, laws[0]));
+  std::vector<VectorXd> starts = response_starts(*arm.family, arm.data, 1);
+  starts.push_back(arm.own);
+  const PeriodicFit freed =
+      freed_fit(*arm.family, arm.data, starts, {}, laws[0].place->location, {});
+  ASSERT_TRUE(freed.converged);
+  ASSERT_EQ(freed.imitated.size(), 4U);
+  for (Index p = 0; p < 4; ++p) {
+    const bool is_beside =
+        arm.family->parameters()[static_cast<std::size_t>(p)].name == laws[0].place->location.name;
+    EXPECT_EQ(freed.imitated[static_cast<std::size_t>(p)], is_beside);
+    EXPECT_NEAR(freed.parameters(p), is_beside ? freed.start(p) : truth(p), 0.01 * truth(p)) << p;
+  }
+  const PlaceForceFit force = fit_place_force(*arm.family, arm.data, freed, laws, 1);
+  ASSERT_TRUE(force.usable);
+  EXPECT_LT(force.left, 0.05);
+  EXPECT_LT((force.parameters - truth).cwiseAbs().maxCoeff(), 0.05);
+  EXPECT_NEAR(force.law.parameters[0] / kHardeningStiffness, 1.0, 0.05);
+  // Friction leaves most of such a force.
+  EXPECT_GT(fit_place_force(*arm.family, arm.data, freed,
+                            acting(arm, "joint_2.gearbox", "viscous", {10.0}), 1)
+                .left,
+            0.5);
+
+  const PeriodicFit fit = fit_periodic_after_freed(*arm.family, arm.data, freed, laws, {});
+  ASSERT_TRUE(fit.converged) << fit.trouble;
+  EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
+  EXPECT_LT((fit.parameters - truth).cwiseAbs().maxCoeff(), 5e-4);
+  EXPECT_NEAR(fit.laws[0].parameters[0] / kHardeningStiffness, 1.0, 1e-3);
+
+  const PeriodicFit elsewhere =
+      freed_fit(*arm.family, arm.data, starts, {},
+                acting(arm, "joint_1.gearbox", "viscous", {10.0})[0].place->location, {});
+  EXPECT_FALSE(elsewhere.converged);
+}
+
+// A spring that yields to the weight moves the rest of the law beside it, and where that is steep the law's
+// slope: derivatives know it. Against central differences of the outputs.
+TEST(SteadyStates, DerivativesAreThoseOfDifferences) {
+  const RecordedArm arm("[4.0]", "[[20, 60, 40]]", {});
+  const std::vector<ActingLaw> laws =
+      acting(arm, "joint_2.gearbox", "cubic_spring", {4.0 * kHardeningStiffness});
+  const SteadyStateOptions precise{.iteration_limit = 60, .tolerance = 1e-6};
+  SteadyStateSolver solver(*arm.family, arm.data, precise);
+  const MeasuredRecord& record = arm.data.estimation.front();
+  const auto residual_at = [&](const VectorXd& parameters, double stiffness) {
+    std::vector<ActingLaw> moved = laws;
+    moved[0].parameters[0] = stiffness;
+    const ModelState model = evaluate_model(*arm.family, arm.data, parameters, moved, true, 1);
+    const SteadyState& state = solver.solve(model, record, nullptr);
+    EXPECT_LE(state.unsettled, precise.tolerance);
+    return Eigen::VectorXcd(state.residual.reshaped());
+  };
+  const double stiffness = laws[0].parameters[0];
+  (void)residual_at(arm.own, stiffness);
+  const ModelState model = evaluate_model(*arm.family, arm.data, arm.own, laws, true, 1);
+  solver.solve(model, record, nullptr);
+  Eigen::MatrixXcd jacobian;
+  solver.differentiate(model, record, true, jacobian);
+  constexpr double kStep = 1e-4;
+  for (Index p = 0; p < jacobian.cols(); ++p) {
+    VectorXd above = arm.own, below = arm.own;
+    double stiffer = stiffness, softer = stiffness;
+    if (p < arm.own.size()) {
+      above(p) *= 1.0 + kStep;
+      below(p) *= 1.0 - kStep;
+    } else {
+      stiffer *= 1.0 + kStep;
+      softer *= 1.0 - kStep;
+    }
+    const double step = p < arm.own.size() ? above(p) - below(p) : stiffer - softer;
+    const Eigen::VectorXcd difference =
+        (residual_at(below, softer) - residual_at(above, stiffer)) / step;
+    // Not to rounding: they leave out how the arm's own forces answer.
+    EXPECT_LT((jacobian.col(p) - difference).norm(), 0.03 * difference.norm()) << p;
+  }
 }
 
 // By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not

@@ -9,11 +9,9 @@
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
@@ -51,6 +49,7 @@ struct Evaluation {
   double chi_square = std::numeric_limits<double>::infinity();
   MatrixXd information;
   VectorXd gradient;              // J^T r
+  std::vector<bool> imitated;     // PeriodicFit::imitated
   std::vector<MatrixXcd> forces;  // of each record, to start the next from
   double unsettled = 0.0;
 };
@@ -62,21 +61,6 @@ constexpr double kEnough = 0.1;
 // Or this share of what chi-square has beyond its expectation: laws that are not the right ones leave it so
 // large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
-
-// Chi-square over numbers of recordings whose model may be wrong by a few thousandths, at which the right
-// minimum has been found.
-constexpr double kNear = 1.5;
-
-// And at which there is none to be found from where it began.
-constexpr double kHopeless = 10.0;
-
-// Above the first and below this a fit may have stopped in a valley beside the right one, some per cent away in
-// parameters that change the same resonances: so many starts around it, so far (in the logarithm), are tried. Models
-// of fewer parameters have no such valleys.
-constexpr double kBeside = 3.0;
-constexpr int kStartsAround = 4;
-constexpr Index kManyParameters = 8;
-constexpr double kAround = 0.1;
 
 class PeriodicFitter {
  public:
@@ -222,7 +206,7 @@ class PeriodicFitter {
     const std::size_t records = data_.estimation.size();
     const auto size = static_cast<Index>(unknowns_.size());
     std::vector<MatrixXd> information(records);
-    std::vector<VectorXd> gradient(records);
+    std::vector<VectorXd> gradient(records), before_freeing(records);
     std::vector<double> chi_square(records), unsettled(records);
     result.forces.resize(records);
     VectorXd scales(size);
@@ -230,20 +214,27 @@ class PeriodicFitter {
 #pragma omp parallel num_threads(options_.threads)
     {
       SteadyStateSolver solver(family_, data_, {});
-      MatrixXcd jacobian;
+      MatrixXcd jacobian, answer;
       Eigen::VectorXcd residual;
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
         const MeasuredRecord& record = data_.estimation[i];
         const SteadyState& state =
             solver.solve(*model, record, starts != nullptr ? &(*starts)[i] : nullptr);
+        if (is_free(LocationKind::kElement)) solver.free(*model, record, *options_.freed);
         solver.differentiate(*model, record, exact, jacobian);
-        record.decorrelate(jacobian);
         residual = state.residual.reshaped();
+        if (options_.freed != nullptr) {
+          before_freeing[i] = jacobian.colwise().squaredNorm();
+          answer_at(solver, *model, record, *options_.freed, answer);
+          take_out(answer, jacobian);
+          take_out(answer, residual);
+        }
+        record.decorrelate(jacobian);
         record.decorrelate(residual);
         information[i].noalias() = as_real(jacobian).transpose() * as_real(jacobian);
         gradient[i].noalias() = as_real(jacobian).transpose() * as_real(residual);
-        chi_square[i] = state.chi_square;
+        chi_square[i] = residual.squaredNorm();
         unsettled[i] = state.unsettled;
         result.forces[i] = state.forces;
       }
@@ -257,6 +248,7 @@ class PeriodicFitter {
       result.information += scales.asDiagonal() * information[i] * scales.asDiagonal();
       result.gradient += scales.cwiseProduct(gradient[i]);
     }
+    if (options_.freed != nullptr) hold_imitated(information, before_freeing, result);
     // A force may be finite where its derivatives no longer are.
     if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
         !result.gradient.allFinite()) {
@@ -265,11 +257,48 @@ class PeriodicFitter {
     return result;
   }
 
+  [[nodiscard]] bool is_free(LocationKind kind) const {
+    return options_.freed != nullptr && options_.freed->kind == kind;
+  }
+
+  // What a force at the freed place can do, line by line.
+  static void take_out(const MatrixXcd& answer, Eigen::Ref<MatrixXcd> columns) {
+    const Index outputs = answer.rows();
+    for (Index k = 0; k < answer.cols(); ++k) {
+      const double size = answer.col(k).norm();
+      if (!(size > 0.0)) continue;
+      const Eigen::VectorXcd direction = answer.col(k) / size;
+      auto rows = columns.middleRows(k * outputs, outputs);
+      const Eigen::RowVectorXcd along = direction.adjoint() * rows;
+      rows.noalias() -= direction * along;
+    }
+  }
+
+  // Of parameters that act as forces at the freed place nothing but rounding is left.
+  static void hold_imitated(const std::vector<MatrixXd>& information,
+                            const std::vector<VectorXd>& before, Evaluation& result) {
+    constexpr double kLeft = 1e-8;
+    VectorXd left = VectorXd::Zero(result.gradient.size()), all = left;
+    for (std::size_t i = 0; i < information.size(); ++i) {
+      left += information[i].diagonal();
+      all += before[i];
+    }
+    result.imitated.assign(at(left.size()), false);
+    for (Index k = 0; k < left.size(); ++k) {
+      if (left(k) > kLeft * all(k)) continue;
+      result.imitated[at(k)] = true;
+      result.information.row(k).setZero();
+      result.information.col(k).setZero();
+      result.gradient(k) = 0.0;
+    }
+  }
+
   void store(const Evaluation& now, PeriodicFit& result) const {
     result.parameters = now.values.head(static_cast<Index>(family_.parameters().size()));
     result.laws = laws_at(now.values);
     result.chi_square = now.chi_square;
     result.unsettled = now.unsettled;
+    result.imitated = now.imitated;
     VectorXd inverse(now.values.size());
     for (Index k = 0; k < inverse.size(); ++k) inverse(k) = 1.0 / scale(k, now.values);
     result.information = inverse.asDiagonal() * now.information * inverse.asDiagonal();
@@ -283,117 +312,12 @@ class PeriodicFitter {
   double expected_ = 0.0;  // chi-square of nothing but noise
 };
 
-// Rough fits to few recordings, on the way to a fit to all.
-class Approach {
- public:
-  Approach(const PlantFamily& family, const PeriodicData& data, PeriodicData few,
-           const PeriodicFitOptions& options, double hopeless)
-      : family_(family), data_(data), few_(std::move(few)), options_(options), hopeless_(hopeless) {
-    options_.iteration_limit = std::min(15, options.iteration_limit);
-    options_.tolerance = 1e-3;
-    count_ = few_.numbers_in(few_.estimation);
-  }
-
-  // The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is
-  // above `hopeless` is not followed further.
-  PeriodicFit from(const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws) {
-    PeriodicFit best;
-    best.chi_square = std::numeric_limits<double>::infinity();
-    for (const VectorXd& start : starts) {
-      PeriodicFit fit = down_from(start, laws);
-      if (fit.chi_square <= hopeless_ * count_ && fit.chi_square < best.chi_square) {
-        best = std::move(fit);
-      }
-      if (best.converged) break;
-    }
-    return best;
-  }
-
- private:
-  PeriodicFit down_from(const VectorXd& start, const std::vector<ActingLaw>& laws) {
-    PeriodicFit fit;
-    fit.parameters = start;
-    fit.laws = laws;
-    constexpr double kFirst = 0.3;
-    for (const double share : {kFirst, 0.03, 0.003}) {
-      few_.whitening = whitening_with_errors(data_, share);
-      PeriodicFit next = fit_periodic(family_, few_, {fit.parameters}, fit.laws, options_);
-      fit.chi_square = next.chi_square;
-      if (next.parameters.size() > 0) fit = std::move(next);
-      const bool has_valleys = start.size() >= kManyParameters && std::isfinite(hopeless_);
-      if (share == kFirst && has_valleys) look_around(fit);
-      if (!(fit.chi_square <= hopeless_ * count_)) break;
-    }
-    fit.start = start;
-    fit.converged = fit.chi_square < kNear * count_;
-    return fit;
-  }
-
-  void look_around(PeriodicFit& fit) const {
-    Random random(1);
-    const VectorXd middle = fit.parameters;
-    const std::vector<ActingLaw> laws = fit.laws;
-    const auto is_beside = [this](double chi_square) {
-      return chi_square > kNear * count_ && chi_square <= kBeside * count_;
-    };
-    for (int i = 0; i < kStartsAround && is_beside(fit.chi_square); ++i) {
-      VectorXd start = middle;
-      for (double& value : start) value *= std::exp(kAround * random.normal());
-      PeriodicFit other = fit_periodic(family_, few_, {start}, laws, options_);
-      if (other.parameters.size() > 0 && other.chi_square < fit.chi_square) fit = std::move(other);
-    }
-  }
-
-  const PlantFamily& family_;
-  const PeriodicData& data_;
-  PeriodicData few_;
-  PeriodicFitOptions options_;
-  double hopeless_;
-  double count_ = 0.0;  // numbers in the few recordings
-};
-
-PeriodicFit come_near(const PlantFamily& family, const PeriodicData& data,
-                      const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
-                      const PeriodicFitOptions& options, double hopeless) {
-  const std::vector<std::size_t> telling =
-      !options.telling.empty()
-          ? options.telling
-          : telling_recordings(family, data, starts.front(), laws, options.threads);
-  return Approach(family, data, with_records(data, telling), options, hopeless).from(starts, laws);
-}
-
 }  // namespace
 
 PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
                          const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                          const PeriodicFitOptions& options) {
   return PeriodicFitter(family, data, laws, options).run(starts);
-}
-
-PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData& data,
-                                   const std::vector<VectorXd>& starts,
-                                   const std::vector<ActingLaw>& laws,
-                                   const PeriodicFitOptions& options) {
-  const PeriodicFit near =
-      come_near(family, data, starts, laws, options, std::numeric_limits<double>::infinity());
-  if (near.parameters.size() == 0) return fit_periodic(family, data, starts, laws, options);
-  PeriodicFit result = fit_periodic(family, data, {near.parameters}, near.laws, options);
-  result.start = near.start;
-  return result;
-}
-
-PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& data,
-                                 const std::vector<VectorXd>& starts,
-                                 const std::vector<ActingLaw>& laws,
-                                 const PeriodicFitOptions& options) {
-  PeriodicFit near = come_near(family, data, starts, laws, options, kHopeless);
-  if (!near.converged) {
-    near.trouble = "no start comes near the data";
-    return near;
-  }
-  PeriodicFit result = fit_periodic(family, data, {near.parameters}, near.laws, options);
-  result.start = near.start;
-  return result;
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

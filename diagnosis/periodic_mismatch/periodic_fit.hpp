@@ -20,6 +20,8 @@ struct PeriodicFitOptions {
   std::function<bool()> keep_going;
   // Estimation records that a fit comes near by; empty: telling_recordings() at the first start.
   std::vector<std::size_t> telling = {};
+  // Where any force (or signal) may act, another at each line: residuals count only beside what it does.
+  const Location* freed = nullptr;
 };
 
 struct PeriodicFit {
@@ -32,6 +34,8 @@ struct PeriodicFit {
   Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
   double unsettled = 0.0;       // largest of all recordings (steady_state.hpp)
   int iterations = 0;
+  // Parameters that a force at the freed place imitates, which stay as they were; empty if no place is freed.
+  std::vector<bool> imitated{};
 };
 
 // Begins at that of `starts` (parameters of the model) whose chi-square is least.
@@ -39,24 +43,6 @@ struct PeriodicFit {
                                        const std::vector<Eigen::VectorXd>& starts,
                                        const std::vector<ActingLaw>& laws,
                                        const PeriodicFitOptions& options);
-
-// Far from the optimum resonances make chi-square rugged, and it has minima where two of them are swapped.
-// Data whose noise is raised to a share of the outputs' level are smooth, for everywhere the model is
-// allowed to be wrong by that share: from each start the fit goes on from 0.3 of the level to 0.03 and 0.003, on
-// the recordings that tell most (telling_recordings.hpp), until one comes near the data; from the best of them
-// it ends with all recordings and the noise as it is.
-[[nodiscard]] PeriodicFit fit_periodic_gradually(const PlantFamily& family,
-                                                 const PeriodicData& data,
-                                                 const std::vector<Eigen::VectorXd>& starts,
-                                                 const std::vector<ActingLaw>& laws,
-                                                 const PeriodicFitOptions& options);
-
-// The same where a start comes near; else it has not converged. A start that ends far off the data at one of
-// those shares is given up there.
-[[nodiscard]] PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& data,
-                                               const std::vector<Eigen::VectorXd>& starts,
-                                               const std::vector<ActingLaw>& laws,
-                                               const PeriodicFitOptions& options);
 
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <deque>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -18,6 +19,7 @@
 #include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
+#include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
@@ -207,9 +209,35 @@ class Problem : public MismatchProblem {
     if (laws.empty() || !first_ || can_clear_with(nearby) || can_clear_with(result)) return result;
     std::vector<VectorXd> early{start_};
     if (first_->start.size() > 0) early.push_back(first_->start);
-    const PeriodicFit afresh = fit_periodic_if_near(*family_, data, early, given, how);
+    const PeriodicFit afresh = can_free(data, given.back())
+                                   ? fit_from_freed(data, how, early, given)
+                                   : fit_periodic_if_near(*family_, data, early, given, how);
     const bool is_better = afresh.converged && afresh.chi_square < best.chi_square;
     return is_better ? report(data, afresh, laws) : result;
+  }
+
+  [[nodiscard]] PeriodicFit fit_from_freed(const PeriodicData& data, const PeriodicFitOptions& how,
+                                           const std::vector<VectorXd>& early,
+                                           const std::vector<ActingLaw>& laws) const {
+    const PeriodicFit& freed = freed_at(*laws.back().place, {laws.begin(), laws.end() - 1}, early);
+    if (!freed.converged) return freed;
+    return fit_periodic_after_freed(*family_, data, freed, laws, how);
+  }
+
+  // Many laws share a place: its fit is kept.
+  const PeriodicFit& freed_at(const CandidatePlace& place, const std::vector<ActingLaw>& others,
+                              const std::vector<VectorXd>& early) const {
+    const auto is_same = [](const ActingLaw& a, const ActingLaw& b) {
+      return a.place == b.place && a.entry == b.entry && a.parameters == b.parameters;
+    };
+    for (const FreedFit& known : freed_fits_) {
+      if (known.place == &place && std::ranges::equal(known.others, others, is_same)) {
+        return known.fit;
+      }
+    }
+    freed_fits_.push_back(
+        {&place, others, freed_fit(*family_, data_, early, others, place.location, how_to_fit())});
+    return freed_fits_.back().fit;
   }
 
   [[nodiscard]] bool lacks_parameters(const ExtendedFit* nearby) const {
@@ -475,6 +503,12 @@ class Problem : public MismatchProblem {
   PeriodicMismatchOptions options_;
   VectorXd start_;
   std::vector<ChannelFault> faults_;
+  struct FreedFit {
+    const CandidatePlace* place;
+    std::vector<ActingLaw> others;
+    PeriodicFit fit;
+  };
+  mutable std::deque<FreedFit> freed_fits_;
   std::vector<std::size_t> telling_;       // telling_recordings() at the start
   std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
@@ -588,7 +622,8 @@ std::vector<std::vector<PlantChange>> Problem::body_changes(
         const LinearPlant changed = family_->plant(data_.positions[i], model.parameters, bodies);
         changes[i].push_back(entries_of({(changed.mass - plain.mass) / small,
                                          {},
-                                         (changed.stiffness - plain.stiffness) / small}));
+                                         (changed.stiffness - plain.stiffness) / small,
+                                         (changed.rest - plain.rest) / small}));
       }
     }
   }

@@ -86,12 +86,12 @@ class RobotFamily : public PlantFamily {
     result.holding_input = rest.holding_torque;
     result.held.assign(static_cast<std::size_t>(local.mass.rows()), false);
     std::fill(result.held.begin() + robot.arm_size(), result.held.end(), true);
+    const MatrixXd compliance = receptance(result, 0.0).real();
     for (std::size_t p = 0; p < local.parameters.size(); ++p) {
       const LinearElement& spring = local.elements[local.parameters[p]];
-      result.derivatives.push_back({{},
-                                    {},
-                                    spring.value / parameters(static_cast<Index>(p)) *
-                                        spring.location * spring.location.transpose()});
+      const MatrixXd stiffness = spring.value / parameters(static_cast<Index>(p)) *
+                                 spring.location * spring.location.transpose();
+      result.derivatives.push_back({{}, {}, stiffness, -compliance * (stiffness * result.rest)});
     }
     return result;
   }

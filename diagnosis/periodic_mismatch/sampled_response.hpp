@@ -24,9 +24,10 @@
 
 namespace graybox {
 
-// The change of M, C and K with one parameter; empty where there is none.
+// The change of M, C, K and q at rest with one parameter; empty where there is none.
 struct PlantDerivative {
   Eigen::MatrixXd mass, damping, stiffness;
+  Eigen::VectorXd rest{};
 };
 
 struct LinearPlant {

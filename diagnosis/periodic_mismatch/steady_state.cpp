@@ -50,7 +50,8 @@ void differentiate_bodies(const PlantFamily& family, const VectorXd& angles,
       response.body_changes.push_back(
           entries_of({(above.mass - below.mass) / (2.0 * step),
                       {},
-                      (above.stiffness - below.stiffness) / (2.0 * step)}));
+                      (above.stiffness - below.stiffness) / (2.0 * step),
+                      (above.rest - below.rest) / (2.0 * step)}));
     }
   }
 }
@@ -70,6 +71,7 @@ PlantChange entries_of(const PlantDerivative& derivative) {
     return matrix.size() > 0 ? matrix(i, j) : 0.0;
   };
   PlantChange change;
+  change.rest = derivative.rest;
   for (Index i = 0; i < n; ++i) {
     for (Index j = 0; j < n; ++j) {
       const PlantChange::Entry found{i, j, entry(derivative.mass, i, j),
@@ -204,6 +206,31 @@ const SteadyState& SteadyStateSolver::solve(const ModelState& model, const Measu
   change_receptance();
   measure(record);
   return state_;
+}
+
+const VectorXcd& SteadyStateSolver::free(const ModelState& model, const MeasuredRecord& record,
+                                         const Location& place) {
+  constexpr int kPasses = 3;
+  free_ = VectorXcd::Zero(lines_ + 1);
+  MatrixXcd sight;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    answer(model, record, place.output, sight);
+    for (Index k = data_.first_line; k <= lines_; ++k) {
+      const double gain = sight.col(k).squaredNorm();
+      if (!(gain > 0.0)) continue;
+      const Complex more = -sight.col(k).dot(state_.residual.col(k)) / gain;
+      free_(k) += more;
+      driven_.col(k).noalias() -= position_->receptance[at(k)] * (more * place.output);
+    }
+    assemble();
+    settle_own_force(record);
+    if (!force_laws_.empty()) {
+      iterate(record);
+      change_receptance();
+    }
+    measure(record);
+  }
+  return free_;
 }
 
 // Inputs behind the actuators' laws, and what they alone do.
@@ -800,8 +827,8 @@ void SteadyStateSolver::answer_of_output(const MeasuredRecord& record, Index cha
   }
 }
 
-void SteadyStateSolver::respond(const std::vector<PointForce>& forces, bool exact,
-                                Eigen::Ref<MatrixXcd> whitened) {
+void SteadyStateSolver::respond(const std::vector<PointForce>& forces, const VectorXd& rest,
+                                bool exact, Eigen::Ref<MatrixXcd> whitened) {
   whitened.setZero();
   for (const PointForce& force : forces) {
     for (Index k = data_.first_line; k <= lines_; ++k) {
@@ -822,8 +849,20 @@ void SteadyStateSolver::respond(const std::vector<PointForce>& forces, bool exac
   } else {
     answer = state_.slopes.cwiseProduct(deflections);
   }
+  if (rest.size() > 0) add_answer_to_rest(rest, answer);
   solve_equation(answer, exact);
   for (Index l = 0; l < laws; ++l) whitened -= seen_[at(l)] * answer.col(l).asDiagonal();
+}
+
+// With the slopes themselves: what a shift does at other lines than the mean is not in their mean.
+void SteadyStateSolver::add_answer_to_rest(const VectorXd& rest, MatrixXcd& answer) {
+  MatrixXcd shifts = MatrixXcd::Zero(answer.rows(), answer.cols()), forces;
+  for (Index l = 0; l < shifts.cols(); ++l) {
+    shifts(0, l) = static_scale_ * force_laws_[at(l)].place->input.dot(rest);
+  }
+  if (shifts.isZero(0.0)) return;
+  apply_slopes(shifts, forces);
+  answer += forces;
 }
 
 void SteadyStateSolver::answer_of_plant(const PlantChange& change, const MatrixXcd& coordinates,
@@ -840,7 +879,7 @@ void SteadyStateSolver::answer_of_plant(const PlantChange& change, const MatrixX
                   coordinates(entry.column, k);
     }
   }
-  respond(forces, exact, whitened);
+  respond(forces, change.rest, exact, whitened);
 }
 
 void SteadyStateSolver::answer_of_parameter(const MeasuredRecord& record, std::size_t parameter,
@@ -949,7 +988,7 @@ void SteadyStateSolver::differentiate_law(const ActingLaw& law, const MeasuredRe
         force.lines(k) *= plant.input(i, place.channel) * hold;
       }
     }
-    respond(forces, exact, whitened);
+    respond(forces, {}, exact, whitened);
     for (Index k = data_.first_line; k <= lines_; ++k) {
       whitened.col(k) += whitening[at(k)] * position_->images[at(k)].col(place.channel) * change(k);
     }

@@ -57,13 +57,15 @@ struct ActingLaw {
 // By how much a body law's parameter is changed to see what the plant does.
 [[nodiscard]] double small_change(const LinearPlant& plant, const Element& body, double value);
 
-// The entries of a PlantDerivative that are not zero.
+// The entries of a PlantDerivative's matrices that are not zero, and what becomes of the rest: laws act on the
+// motion from there, so that a spring which yields under the weight changes the slope of another beside it.
 struct PlantChange {
   struct Entry {
     Eigen::Index row = 0, column = 0;
     double mass = 0.0, damping = 0.0, stiffness = 0.0;
   };
   std::vector<Entry> entries;  // by rows
+  Eigen::VectorXd rest;        // empty: stays
 };
 [[nodiscard]] PlantChange entries_of(const PlantDerivative& derivative);
 
@@ -126,6 +128,12 @@ class SteadyStateSolver {
   // until the next call.
   const SteadyState& solve(const ModelState& model, const MeasuredRecord& record,
                            const Eigen::MatrixXcd* start);
+
+  // Lets any force act at an element besides: the last solution becomes the one with the forces F(k) at the lines that
+  // count for which the outputs are nearest to the recorded ones, found by substitution for what the laws and the
+  // model's own forces make of the motion. The equations then have -b_out F more. Returns F.
+  const Eigen::VectorXcd& free(const ModelState& model, const MeasuredRecord& record,
+                               const Location& place);
 
   // Whitened derivatives of the last solution's outputs by the model's parameters, then by those of
   // each law in order: [n_y (K+1)] x P, line by line. `exact`: with S, else with the mean slopes.
@@ -203,9 +211,10 @@ class SteadyStateSolver {
     Eigen::Index coordinate = 0;
     Eigen::VectorXcd lines;
   };
-  // Whitened outputs of such forces, with the laws' answer.
-  void respond(const std::vector<PointForce>& forces, bool exact,
+  // Whitened outputs of such forces and of a shift of the rest (or none: empty), with the laws' answer.
+  void respond(const std::vector<PointForce>& forces, const Eigen::VectorXd& rest, bool exact,
                Eigen::Ref<Eigen::MatrixXcd> whitened);
+  void add_answer_to_rest(const Eigen::VectorXd& rest, Eigen::MatrixXcd& answer);
   [[nodiscard]] double size_in_noise(const Eigen::MatrixXcd& change) const;
   void iterate(const MeasuredRecord& record);
   void measure(const MeasuredRecord& record);
@@ -231,7 +240,8 @@ class SteadyStateSolver {
   std::vector<ForceLaw> force_laws_;
   Eigen::MatrixXcd input_;                       // with the actuators' laws
   Eigen::MatrixXcd imaged_;                      // the images' part of the output
-  Eigen::MatrixXcd driven_;                      // D^-1 h B u
+  Eigen::MatrixXcd driven_;                      // D^-1 h B u, less D^-1 b F of a free force
+  Eigen::VectorXcd free_;                        // F
   Eigen::MatrixXcd own_;                         // D^-1 f_own
   std::vector<Eigen::MatrixXcd> carried_;        // D^-1 b_out of each force law, n x (K + 1)
   std::vector<Eigen::MatrixXcd> sight_;          // whitened (S_0 + j w S_1) D^-1 of each line
