@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <set>
 #include <string>
 #include <utility>
@@ -143,6 +144,11 @@ TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
     positions.insert(few.data.estimation[i].position);
   }
   EXPECT_EQ(positions.size(), 2U);
+  std::vector<std::size_t> all(arm.data.estimation.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  const std::vector<std::size_t> first = first_of_each_kind(arm.data, all);
+  EXPECT_EQ(first.size(), 5U);  // one level, and all inputs move in all experiments
+  EXPECT_EQ(first_of_each_kind(arm.data, first), first);
   const PeriodicData kept = with_records(arm.data, telling);
   EXPECT_EQ(kept.estimation.size(), telling.size());
   EXPECT_EQ(kept.estimation.front().name, arm.data.estimation[telling.front()].name);
@@ -204,14 +210,14 @@ TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
     EXPECT_EQ(freed.imitated[static_cast<std::size_t>(p)], is_beside);
     EXPECT_NEAR(freed.parameters(p), is_beside ? freed.start(p) : truth(p), 0.01 * truth(p)) << p;
   }
-  const PlaceForceFit force = fit_place_force(*arm.family, arm.data, freed, laws, 1);
+  const PlaceForceFit force = fit_place_force(*arm.family, arm.data, freed, laws);
   ASSERT_TRUE(force.usable);
   EXPECT_LT(force.left, 0.05);
   EXPECT_LT((force.parameters - truth).cwiseAbs().maxCoeff(), 0.05);
   EXPECT_NEAR(force.law.parameters[0] / kHardeningStiffness, 1.0, 0.05);
   // Friction leaves most of such a force.
   EXPECT_GT(fit_place_force(*arm.family, arm.data, freed,
-                            acting(arm, "joint_2.gearbox", "viscous", {10.0}), 1)
+                            acting(arm, "joint_2.gearbox", "viscous", {10.0}))
                 .left,
             0.5);
 

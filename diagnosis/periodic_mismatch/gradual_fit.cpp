@@ -170,6 +170,7 @@ PeriodicFit freed_fit(const PlantFamily& family, const PeriodicData& data,
                       const Location& place, const PeriodicFitOptions& options) {
   PeriodicFitOptions how = options;
   how.freed = &place;
+  how.telling = first_of_each_kind(data, telling_of(family, data, starts.front(), others, options));
   // Not to 0.003: what the transients were taken for was judged by a model that is far off.
   return come_near(family, data, starts, others, {kShares.front(), kSmallShare}, how, kHopeless);
 }
@@ -177,14 +178,14 @@ PeriodicFit freed_fit(const PlantFamily& family, const PeriodicData& data,
 PeriodicFit fit_periodic_after_freed(const PlantFamily& family, const PeriodicData& data,
                                      const PeriodicFit& freed, const std::vector<ActingLaw>& laws,
                                      const PeriodicFitOptions& options) {
-  const std::vector<std::size_t> telling =
-      telling_of(family, data, freed.parameters, laws, options);
   VectorXd start = freed.parameters;
   std::vector<ActingLaw> begun = laws;
   if (laws.back().place->location.kind == LocationKind::kElement) {
-    PeriodicData few = with_records(data, telling);
+    const std::vector<std::size_t> telling =
+        telling_of(family, data, freed.parameters, laws, options);
+    PeriodicData few = with_records(data, first_of_each_kind(data, telling));
     few.whitening = whitening_with_errors(data, kShares.front());
-    const PlaceForceFit force = fit_place_force(family, few, freed, laws, options.threads);
+    const PlaceForceFit force = fit_place_force(family, few, freed, laws);
     if (!force.usable || force.left > kMostLeft) return not_near({});
     start = force.parameters;
     begun.back() = force.law;

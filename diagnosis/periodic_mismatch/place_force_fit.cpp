@@ -42,8 +42,8 @@ Complex slope_of(const PlantDerivative& change, const VectorXd& b, double w) {
 
 std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData& data,
                                    const PeriodicFit& freed, const std::vector<ActingLaw>& others,
-                                   const Location& place, int threads) {
-  const ModelState model = evaluate_model(family, data, freed.parameters, others, false, threads);
+                                   const Location& place) {
+  const ModelState model = evaluate_model(family, data, freed.parameters, others, false, 1);
   SteadyStateSolver solver(family, data, {});
   std::vector<ObservedForce> all;
   MatrixXcd answer;
@@ -72,28 +72,42 @@ std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData
   return all;
 }
 
-// Unknowns: each parameter over its value at the start, or, where that is zero, over 1.
-struct Scaled {
-  VectorXd unit;
-  std::size_t imitated = 0;  // how many of them are the model's; they come first
+// The parameters of the model that the force imitates, then the law's; unknowns are their ratios to the start, or, where
+// that is zero, themselves.
+struct Unknowns {
+  std::vector<std::size_t> imitated;
+  VectorXd own;  // of those, at the start
+  VectorXd unit, values;
 };
+
+Unknowns unknowns_of(const PeriodicFit& freed, const std::vector<double>& law) {
+  Unknowns unknowns;
+  for (std::size_t p = 0; p < freed.imitated.size(); ++p) {
+    if (freed.imitated[p]) unknowns.imitated.push_back(p);
+  }
+  unknowns.own = freed.parameters(unknowns.imitated);
+  const auto of_law = static_cast<Index>(law.size());
+  VectorXd start(unknowns.own.size() + of_law);
+  start << unknowns.own, Eigen::Map<const VectorXd>(law.data(), of_law);
+  unknowns.unit = start.unaryExpr([](double value) { return value != 0.0 ? value : 1.0; });
+  unknowns.values = start.cwiseQuotient(unknowns.unit);
+  return unknowns;
+}
 
 class ForceResidual {
  public:
   ForceResidual(const PlantFamily& family, const PeriodicData& data, const ObservedForce& seen,
-                const ActingLaw& law, const VectorXd& own, const Scaled& scaled)
-      : data_(data),
-        seen_(seen),
+                const ActingLaw& law, const Unknowns& unknowns)
+      : seen_(seen),
         law_(law),
-        own_(own),
-        scaled_(scaled),
+        start_(unknowns),
         solver_(std::make_shared<SteadyStateSolver>(family, data, SteadyStateOptions{})) {}
 
   bool operator()(double const* const* unknowns, double* residuals) const {
-    const Eigen::Map<const VectorXd> u(*unknowns, scaled_.unit.size());
-    const VectorXd values = u.cwiseProduct(scaled_.unit);
-    const auto imitated = static_cast<Index>(scaled_.imitated);
-    const VectorXd changes = values.head(imitated) - own_;
+    const Eigen::Map<const VectorXd> ratios(*unknowns, start_.unit.size());
+    const VectorXd values = ratios.cwiseProduct(start_.unit);
+    const Index imitated = start_.own.size();
+    const VectorXd changes = values.head(imitated) - start_.own;
     const PeriodicLaw law(*law_.entry,
                           std::span(values.data() + imitated, at(values.size() - imitated)));
     VectorXcd force;
@@ -139,76 +153,75 @@ class ForceResidual {
     }
   }
 
-  const PeriodicData& data_;
   const ObservedForce& seen_;
   const ActingLaw& law_;
-  const VectorXd& own_;
-  const Scaled& scaled_;
+  const Unknowns& start_;
   std::shared_ptr<SteadyStateSolver> solver_;  // for its transforms
   mutable PeriodicMotion motion_;
 };
 
-void bound(ceres::Problem& problem, double* unknown, int index, ParameterRange range, double unit) {
+void bound(ceres::Problem& problem, double* unknowns, int index, ParameterRange range,
+           double unit) {
   constexpr double kLeast = 1e-6;
-  switch (range) {
-    case ParameterRange::kPositive:
-      problem.SetParameterLowerBound(unknown, index, kLeast);
-      break;
-    case ParameterRange::kNonNegative:
-      problem.SetParameterLowerBound(unknown, index, 0.0);
-      break;
-    case ParameterRange::kUnitInterval:
-      problem.SetParameterLowerBound(unknown, index, 0.0);
-      problem.SetParameterUpperBound(unknown, index, 1.0 / unit);
-      break;
-    case ParameterRange::kAny:
-      break;
+  if (range == ParameterRange::kAny) return;
+  problem.SetParameterLowerBound(unknowns, index,
+                                 range == ParameterRange::kPositive ? kLeast : 0.0);
+  if (range == ParameterRange::kUnitInterval) {
+    problem.SetParameterUpperBound(unknowns, index, 1.0 / unit);
   }
+}
+
+void bound_all(ceres::Problem& problem, const PlantFamily& family, const LawEntry& law,
+               Unknowns& unknowns) {
+  double* values = unknowns.values.data();
+  int index = 0;
+  for (const std::size_t p : unknowns.imitated) {
+    const ParameterRange range =
+        family.parameters()[p].positive ? ParameterRange::kPositive : ParameterRange::kAny;
+    bound(problem, values, index, range, unknowns.unit(index));
+    ++index;
+  }
+  for (const LawParameter& parameter : law.parameters) {
+    bound(problem, values, index, parameter.range, unknowns.unit(index));
+    ++index;
+  }
+}
+
+void add_record(ceres::Problem& problem, std::unique_ptr<ForceResidual> residual,
+                VectorXd& values) {
+  const int numbers = residual->numbers();
+  using Cost = ceres::DynamicNumericDiffCostFunction<ForceResidual, ceres::FORWARD>;
+  auto cost = std::make_unique<Cost>(residual.release());
+  cost->AddParameterBlock(static_cast<int>(values.size()));
+  cost->SetNumResiduals(numbers);
+  problem.AddResidualBlock(cost.release(), nullptr, values.data());
+}
+
+double power_of(const std::vector<ObservedForce>& seen) {
+  double power = 0.0;
+  for (const ObservedForce& record : seen) {
+    power += record.weight.cwiseProduct(record.force.cwiseAbs()).squaredNorm();
+  }
+  return power;
 }
 
 }  // namespace
 
 PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& data,
-                              const PeriodicFit& freed, const std::vector<ActingLaw>& laws,
-                              int threads) {
+                              const PeriodicFit& freed, const std::vector<ActingLaw>& laws) {
   PlaceForceFit result{false, freed.parameters, laws.back(), 1.0};
-  const std::vector<ObservedForce> seen = observe(
-      family, data, freed, {laws.begin(), laws.end() - 1}, result.law.place->location, threads);
-  std::vector<std::size_t> imitated;
-  for (std::size_t p = 0; p < freed.imitated.size(); ++p) {
-    if (freed.imitated[p]) imitated.push_back(p);
-  }
-  const VectorXd own = freed.parameters(imitated);
-  Scaled scaled{VectorXd(own.size() + static_cast<Index>(result.law.parameters.size())),
-                imitated.size()};
-  scaled.unit << own, Eigen::Map<const VectorXd>(result.law.parameters.data(),
-                                                 static_cast<Index>(result.law.parameters.size()));
-  VectorXd unknowns(scaled.unit.size());
-  for (Index k = 0; k < unknowns.size(); ++k) {
-    unknowns(k) = scaled.unit(k) != 0.0 ? 1.0 : 0.0;
-    if (scaled.unit(k) == 0.0) scaled.unit(k) = 1.0;
-  }
+  const std::vector<ObservedForce> seen =
+      observe(family, data, freed, {laws.begin(), laws.end() - 1}, result.law.place->location);
+  Unknowns unknowns = unknowns_of(freed, result.law.parameters);
   ceres::Problem problem;
   for (const ObservedForce& record : seen) {
-    auto residual = std::make_unique<ForceResidual>(family, data, record, result.law, own, scaled);
-    const int numbers = residual->numbers();
-    auto cost =
-        std::make_unique<ceres::DynamicNumericDiffCostFunction<ForceResidual, ceres::FORWARD>>(
-            residual.release());
-    cost->AddParameterBlock(static_cast<int>(unknowns.size()));
-    cost->SetNumResiduals(numbers);
-    problem.AddResidualBlock(cost.release(), nullptr, unknowns.data());
+    add_record(problem,
+               std::make_unique<ForceResidual>(family, data, record, laws.back(), unknowns),
+               unknowns.values);
   }
-  for (Index k = 0; k < unknowns.size(); ++k) {
-    const bool is_own = k < own.size();
-    const ParameterRange range =
-        is_own ? (family.parameters()[imitated[at(k)]].positive ? ParameterRange::kPositive
-                                                                : ParameterRange::kAny)
-               : result.law.entry->parameters[at(k - own.size())].range;
-    bound(problem, unknowns.data(), static_cast<int>(k), range, scaled.unit(k));
-  }
+  bound_all(problem, family, *result.law.entry, unknowns);
   ceres::Solver::Options options;
-  options.num_threads = threads;
+  options.num_threads = 1;  // sums in one order, whatever the number of threads
   options.max_num_iterations = 30;
   options.function_tolerance = 1e-4;
   options.linear_solver_type = ceres::DENSE_QR;
@@ -216,14 +229,12 @@ PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& dat
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) return result;
-  const VectorXd values = unknowns.cwiseProduct(scaled.unit);
-  result.parameters(imitated) = values.head(own.size());
-  std::copy(values.begin() + own.size(), values.end(), result.law.parameters.begin());
-  double power = 0.0;
-  for (const ObservedForce& record : seen) {
-    power += record.weight.cwiseProduct(record.force.cwiseAbs()).squaredNorm();
-  }
-  result.left = power > 0.0 ? 2.0 * summary.final_cost / power : 1.0;
+  const VectorXd values = unknowns.values.cwiseProduct(unknowns.unit);
+  const Index own = unknowns.own.size();
+  result.parameters(unknowns.imitated) = values.head(own);
+  std::copy(values.begin() + own, values.end(), result.law.parameters.begin());
+  const double power = power_of(seen);
+  if (power > 0.0) result.left = 2.0 * summary.final_cost / power;
   result.usable = true;
   return result;
 }

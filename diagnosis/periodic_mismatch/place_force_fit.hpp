@@ -31,6 +31,6 @@ struct PlaceForceFit {
 // for each recording.
 [[nodiscard]] PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& data,
                                             const PeriodicFit& freed,
-                                            const std::vector<ActingLaw>& laws, int threads);
+                                            const std::vector<ActingLaw>& laws);
 
 }  // namespace graybox

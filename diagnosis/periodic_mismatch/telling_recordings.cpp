@@ -136,6 +136,16 @@ std::vector<std::size_t> telling_recordings(const PlantFamily& family, const Per
   return telling;
 }
 
+std::vector<std::size_t> first_of_each_kind(const PeriodicData& data,
+                                            const std::vector<std::size_t>& records) {
+  std::vector<std::size_t> first;
+  for (const auto& [kind, of_kind] : kinds_of(with_records(data, records).estimation)) {
+    first.push_back(records[of_kind.front()]);
+  }
+  std::ranges::sort(first);
+  return first;
+}
+
 PeriodicData with_records(const PeriodicData& data, const std::vector<std::size_t>& records) {
   PeriodicData few = data;
   few.estimation.clear();

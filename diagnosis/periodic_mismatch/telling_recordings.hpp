@@ -28,6 +28,10 @@ constexpr std::size_t kTellingRecordings = 30;
                                                           const std::vector<ActingLaw>& laws,
                                                           int threads);
 
+// Of those recordings the first of each position, level and set of moving inputs.
+[[nodiscard]] std::vector<std::size_t> first_of_each_kind(const PeriodicData& data,
+                                                          const std::vector<std::size_t>& records);
+
 // The data with no other records, none of them kept out.
 [[nodiscard]] PeriodicData with_records(const PeriodicData& data,
                                         const std::vector<std::size_t>& records);
