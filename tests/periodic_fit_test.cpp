@@ -210,18 +210,18 @@ TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
     EXPECT_EQ(freed.imitated[static_cast<std::size_t>(p)], is_beside);
     EXPECT_NEAR(freed.parameters(p), is_beside ? freed.start(p) : truth(p), 0.01 * truth(p)) << p;
   }
-  const PlaceForceFit force = fit_place_force(*arm.family, arm.data, freed, laws);
+  const PlaceForceFit force = fit_place_force(*arm.family, arm.data, freed, laws[0]);
   ASSERT_TRUE(force.usable);
   EXPECT_LT(force.left, 0.05);
   EXPECT_LT((force.parameters - truth).cwiseAbs().maxCoeff(), 0.05);
   EXPECT_NEAR(force.law.parameters[0] / kHardeningStiffness, 1.0, 0.05);
   // Friction leaves most of such a force.
   EXPECT_GT(fit_place_force(*arm.family, arm.data, freed,
-                            acting(arm, "joint_2.gearbox", "viscous", {10.0}))
+                            acting(arm, "joint_2.gearbox", "viscous", {10.0})[0])
                 .left,
             0.5);
 
-  const PeriodicFit fit = fit_periodic_after_freed(*arm.family, arm.data, freed, laws, {});
+  const PeriodicFit fit = fit_periodic_after_freed(*arm.family, arm.data, freed, laws[0], {});
   ASSERT_TRUE(fit.converged) << fit.trouble;
   EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
   EXPECT_LT((fit.parameters - truth).cwiseAbs().maxCoeff(), 5e-4);
@@ -251,7 +251,6 @@ TEST(SteadyStates, DerivativesAreThoseOfDifferences) {
     return Eigen::VectorXcd(state.residual.reshaped());
   };
   const double stiffness = laws[0].parameters[0];
-  (void)residual_at(arm.own, stiffness);
   const ModelState model = evaluate_model(*arm.family, arm.data, arm.own, laws, true, 1);
   solver.solve(model, record, nullptr);
   Eigen::MatrixXcd jacobian;

@@ -584,11 +584,11 @@ void expect_explained_by(const std::string& law, const std::string& place,
 
 // It shows in no line by itself, but the arm hangs elsewhere and its mass matrix is another one there.
 TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
-  const auto torque = [](double value) {
+  const auto torque = [](double value, const std::string& more = "") {
     return fmt::format(
         "  - name: spring\n    location: {{kind: element, joint: joint_3, axis: arm}}\n"
-        "    law: offset\n    parameters: {{value: {{value: {}, unit: N m}}}}\n",
-        value);
+        "    law: offset\n    parameters: {{value: {{value: {}, unit: N m{}}}}}\n",
+        value, more);
   };
   const RecordedRobot robot(torque(-60.0));
   const auto problem = robot.problem();
@@ -605,6 +605,27 @@ TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
   EXPECT_NEAR(fit.model_parameters.back().value, -60.0,
               4.0 * fit.model_parameters.back().standard_error);
+  // Unless it is stated as fixed.
+  const ExtendedFit fixed = robot.problem(torque(-20.0, ", fixed: true"))->fit({}, nullptr);
+  ASSERT_TRUE(fixed.usable) << fixed.trouble;
+  EXPECT_EQ(fixed.model_parameters.back().value, -20.0);
+  EXPECT_GT(fixed.estimation.chi_square_per_dof(), 2.0);
+}
+
+// So strongly that the model alone fits nowhere (chi-square over its degrees of freedom above 10^4), with its own
+// stiffnesses off besides.
+TEST(PeriodicMismatch, NamesAGearboxThatHardensStrongly) {
+  const RecordedRobot robot(
+      "  - name: hidden\n    location: {kind: element, joint: joint_2, axis: gearbox}\n"
+      "    law: cubic_spring\n    parameters: {stiffness: {value: 2.0e10, unit: N m/rad^3}}\n");
+  const auto problem = robot.problem();
+  const Diagnosis diagnosis = diagnose(*problem, {});
+  EXPECT_GT(diagnosis.before.estimation.chi_square_per_dof(), 1e4);
+  expect_explained_by("cubic_spring", "joint_2.gearbox", *problem, diagnosis);
+  ASSERT_FALSE(HasFailure());
+  EXPECT_NEAR(diagnosis.after.estimation.chi_square_per_dof(), 1.0, 0.1);
+  const LawParameterEstimate& stiffness = diagnosis.after.laws.front().parameters[0];
+  EXPECT_NEAR(stiffness.value, 2e10, 4.0 * stiffness.standard_error);
 }
 
 // Elsewhere than at an arm whose angle differs between positions.

@@ -50,6 +50,7 @@ class Approach {
     options_.iteration_limit = std::min(15, options.iteration_limit);
     options_.tolerance = 1e-3;
     count_ = few_.numbers_in(few_.estimation);
+    if (options.freed != nullptr) count_ *= share_beside_freed(data);
   }
 
   // The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is
@@ -134,8 +135,9 @@ PeriodicFit not_near(PeriodicFit fit) {
   return fit;
 }
 
-constexpr double kSmallShare = 0.03;
-const std::vector<double> kShares{0.3, kSmallShare, 0.003};
+const std::vector<double> kShares{0.3, 0.03, 0.003};
+// Not to the last: what the transients were taken for was judged by a model that is far off.
+const std::vector<double> kSharesFarOff{0.3, 0.03};
 
 }  // namespace
 
@@ -162,7 +164,9 @@ PeriodicFit fit_periodic_if_near(const PlantFamily& family, const PeriodicData& 
 }
 
 bool can_free(const PeriodicData& data, const ActingLaw& law) {
-  return data.outputs.size() > 1 && !is_body(*law.place, *law.entry);
+  const Location& place = law.place->location;
+  const bool couples = place.kind == LocationKind::kElement && place.input != place.output;
+  return data.outputs.size() > 1 && !couples && !is_body(*law.place, *law.entry);
 }
 
 PeriodicFit freed_fit(const PlantFamily& family, const PeriodicData& data,
@@ -171,26 +175,25 @@ PeriodicFit freed_fit(const PlantFamily& family, const PeriodicData& data,
   PeriodicFitOptions how = options;
   how.freed = &place;
   how.telling = first_of_each_kind(data, telling_of(family, data, starts.front(), others, options));
-  // Not to 0.003: what the transients were taken for was judged by a model that is far off.
-  return come_near(family, data, starts, others, {kShares.front(), kSmallShare}, how, kHopeless);
+  PeriodicFit fit = come_near(family, data, starts, others, kSharesFarOff, how, kHopeless);
+  return fit.converged ? fit : not_near(std::move(fit));
 }
 
 PeriodicFit fit_periodic_after_freed(const PlantFamily& family, const PeriodicData& data,
-                                     const PeriodicFit& freed, const std::vector<ActingLaw>& laws,
+                                     const PeriodicFit& freed, const ActingLaw& law,
                                      const PeriodicFitOptions& options) {
   VectorXd start = freed.parameters;
-  std::vector<ActingLaw> begun = laws;
-  if (laws.back().place->location.kind == LocationKind::kElement) {
-    const std::vector<std::size_t> telling =
-        telling_of(family, data, freed.parameters, laws, options);
-    PeriodicData few = with_records(data, first_of_each_kind(data, telling));
-    few.whitening = whitening_with_errors(data, kShares.front());
-    const PlaceForceFit force = fit_place_force(family, few, freed, laws);
+  std::vector<ActingLaw> laws = freed.laws;
+  laws.push_back(law);
+  if (law.place->location.kind == LocationKind::kElement) {
+    const PeriodicData few = with_records(
+        data, first_of_each_kind(data, telling_of(family, data, freed.parameters, laws, options)));
+    const PlaceForceFit force = fit_place_force(family, few, freed, law);
     if (!force.usable || force.left > kMostLeft) return not_near({});
     start = force.parameters;
-    begun.back() = force.law;
+    laws.back() = force.law;
   }
-  PeriodicFit near = come_near(family, data, {start}, begun, kShares, options, kHopeless);
+  PeriodicFit near = come_near(family, data, {start}, laws, kSharesFarOff, options, kHopeless);
   if (!near.converged) return not_near(std::move(near));
   PeriodicFit result = fit_periodic(family, data, {near.parameters}, near.laws, options);
   result.start = near.start;

@@ -33,19 +33,19 @@ namespace graybox {
 //   2. the law, and the parameters that such a force imitates, from that force and the motion there
 //      (place_force_fit.hpp; of signals the law as it is given);
 //   3. all together, through the shares above.
-// `freed_fit`: step 1 beside the other laws. Needs more outputs than one, and a law that is no part of the plant
-// (can_free); cost: as that of a model without the law.
+// `freed_fit`: step 1 beside the other laws, which it fits, too. Needs more outputs than one, and a law that is no
+// part of the plant and whose force acts where its motion is seen (can_free); cost: as that of a model without
+// the law.
 [[nodiscard]] bool can_free(const PeriodicData& data, const ActingLaw& law);
 [[nodiscard]] PeriodicFit freed_fit(const PlantFamily& family, const PeriodicData& data,
                                     const std::vector<Eigen::VectorXd>& starts,
                                     const std::vector<ActingLaw>& others, const Location& place,
                                     const PeriodicFitOptions& options);
 
-// Steps 2 and 3; the law is the last of `laws`. Not converged where a step leads nowhere near the data.
+// Steps 2 and 3, for one law beside those of `freed`. Not converged where a step leads nowhere near the data.
 [[nodiscard]] PeriodicFit fit_periodic_after_freed(const PlantFamily& family,
                                                    const PeriodicData& data,
-                                                   const PeriodicFit& freed,
-                                                   const std::vector<ActingLaw>& laws,
+                                                   const PeriodicFit& freed, const ActingLaw& law,
                                                    const PeriodicFitOptions& options);
 
 }  // namespace graybox

@@ -76,6 +76,7 @@ class PeriodicFitter {
       }
     }
     expected_ = data.numbers_in(data.estimation);
+    if (options.freed != nullptr) expected_ *= share_beside_freed(data);
   }
 
   PeriodicFit run(const std::vector<VectorXd>& starts) {
@@ -204,61 +205,80 @@ class PeriodicFitter {
       return result;  // no rest there
     }
     const std::size_t records = data_.estimation.size();
-    const auto size = static_cast<Index>(unknowns_.size());
-    std::vector<MatrixXd> information(records);
-    std::vector<VectorXd> gradient(records), before_freeing(records);
-    std::vector<double> chi_square(records), unsettled(records);
-    result.forces.resize(records);
-    VectorXd scales(size);
-    for (Index k = 0; k < size; ++k) scales(k) = scale(k, values);
+    std::vector<RecordSums> sums(records);
 #pragma omp parallel num_threads(options_.threads)
     {
       SteadyStateSolver solver(family_, data_, {});
-      MatrixXcd jacobian, answer;
-      Eigen::VectorXcd residual;
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
-        const MeasuredRecord& record = data_.estimation[i];
-        const SteadyState& state =
-            solver.solve(*model, record, starts != nullptr ? &(*starts)[i] : nullptr);
-        if (is_free(LocationKind::kElement)) solver.free(*model, record, *options_.freed);
-        solver.differentiate(*model, record, exact, jacobian);
-        residual = state.residual.reshaped();
-        if (options_.freed != nullptr) {
-          before_freeing[i] = jacobian.colwise().squaredNorm();
-          answer_at(solver, *model, record, *options_.freed, answer);
-          take_out(answer, jacobian);
-          take_out(answer, residual);
-        }
-        record.decorrelate(jacobian);
-        record.decorrelate(residual);
-        information[i].noalias() = as_real(jacobian).transpose() * as_real(jacobian);
-        gradient[i].noalias() = as_real(jacobian).transpose() * as_real(residual);
-        chi_square[i] = residual.squaredNorm();
-        unsettled[i] = state.unsettled;
-        result.forces[i] = state.forces;
+        sums[i] = sums_of(solver, *model, data_.estimation[i],
+                          starts != nullptr ? &(*starts)[i] : nullptr, exact);
       }
     }
+    if (options_.freed != nullptr) result.imitated = imitated_by(*model, *options_.freed);
+    add_up(sums, result);
+    return result;
+  }
+
+  // What one recording adds.
+  struct RecordSums {
+    MatrixXd information;
+    VectorXd gradient;
+    VectorXd seen;  // squared derivatives before the freed force has taken its part
+    double chi_square = 0.0, unsettled = 0.0;
+    MatrixXcd forces;
+  };
+
+  [[nodiscard]] RecordSums sums_of(SteadyStateSolver& solver, const ModelState& model,
+                                   const MeasuredRecord& record, const MatrixXcd* start,
+                                   bool exact) const {
+    RecordSums sums;
+    const SteadyState& state = solver.solve(model, record, start);
+    if (options_.freed != nullptr && options_.freed->kind == LocationKind::kElement) {
+      solver.let_act(model, record, *options_.freed);
+    }
+    MatrixXcd jacobian;
+    solver.differentiate(model, record, exact, jacobian);
+    Eigen::VectorXcd residual = state.residual.reshaped();
+    if (options_.freed != nullptr) {
+      sums.seen = jacobian.colwise().squaredNorm();
+      MatrixXcd answer;
+      answer_at(solver, model, record, *options_.freed, answer);
+      take_out(answer, jacobian);
+      take_out(answer, residual);
+    }
+    record.decorrelate(jacobian);
+    record.decorrelate(residual);
+    sums.information.noalias() = as_real(jacobian).transpose() * as_real(jacobian);
+    sums.gradient.noalias() = as_real(jacobian).transpose() * as_real(residual);
+    sums.chi_square = residual.squaredNorm();
+    sums.unsettled = state.unsettled;
+    sums.forces = state.forces;
+    return sums;
+  }
+
+  // By the unknowns that steps are taken in.
+  void add_up(std::vector<RecordSums>& sums, Evaluation& result) const {
+    const auto size = static_cast<Index>(unknowns_.size());
+    VectorXd scales(size);
+    for (Index k = 0; k < size; ++k) scales(k) = scale(k, result.values);
     result.chi_square = 0.0;
     result.information = MatrixXd::Zero(size, size);
     result.gradient = VectorXd::Zero(size);
-    for (std::size_t i = 0; i < records; ++i) {
-      result.chi_square += chi_square[i];
-      result.unsettled = std::max(result.unsettled, unsettled[i]);
-      result.information += scales.asDiagonal() * information[i] * scales.asDiagonal();
-      result.gradient += scales.cwiseProduct(gradient[i]);
+    for (RecordSums& record : sums) {
+      result.chi_square += record.chi_square;
+      result.unsettled = std::max(result.unsettled, record.unsettled);
+      result.information += scales.asDiagonal() * record.information * scales.asDiagonal();
+      result.gradient += scales.cwiseProduct(record.gradient);
+      result.forces.push_back(std::move(record.forces));
     }
-    if (options_.freed != nullptr) hold_imitated(information, before_freeing, result);
     // A force may be finite where its derivatives no longer are.
     if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
         !result.gradient.allFinite()) {
       result.chi_square = std::numeric_limits<double>::infinity();
+    } else if (options_.freed != nullptr) {
+      hold_unseen(sums, result);
     }
-    return result;
-  }
-
-  [[nodiscard]] bool is_free(LocationKind kind) const {
-    return options_.freed != nullptr && options_.freed->kind == kind;
   }
 
   // What a force at the freed place can do, line by line.
@@ -274,19 +294,39 @@ class PeriodicFitter {
     }
   }
 
-  // Of parameters that act as forces at the freed place nothing but rounding is left.
-  static void hold_imitated(const std::vector<MatrixXd>& information,
-                            const std::vector<VectorXd>& before, Evaluation& result) {
-    constexpr double kLeft = 1e-8;
-    VectorXd left = VectorXd::Zero(result.gradient.size()), all = left;
-    for (std::size_t i = 0; i < information.size(); ++i) {
-      left += information[i].diagonal();
-      all += before[i];
+  // Parameters of the model that act as a force at the place: springs and dampers beside it.
+  [[nodiscard]] static std::vector<bool> imitated_by(const ModelState& model,
+                                                     const Location& place) {
+    const std::vector<PlantDerivative>& derivatives = model.positions.front().plant.derivatives;
+    std::vector<bool> imitated(derivatives.size(), false);
+    if (place.kind != LocationKind::kElement) return imitated;
+    const double size = place.output.squaredNorm();
+    const auto is_along = [&](const MatrixXd& matrix) {
+      const double share = place.output.dot(matrix * place.output) / (size * size);
+      const MatrixXd rest = matrix - share * place.output * place.output.transpose();
+      return rest.norm() <= 1e-9 * matrix.norm();
+    };
+    for (std::size_t p = 0; p < derivatives.size(); ++p) {
+      const PlantDerivative& change = derivatives[p];
+      imitated[p] = change.mass.size() == 0 &&
+                    (change.stiffness.size() == 0 || is_along(change.stiffness)) &&
+                    (change.damping.size() == 0 || is_along(change.damping));
     }
-    result.imitated.assign(at(left.size()), false);
+    return imitated;
+  }
+
+  // Of parameters that act as forces at the freed place nothing but rounding is left, or little where laws couple
+  // lines: they stay as they are.
+  static void hold_unseen(const std::vector<RecordSums>& sums, Evaluation& result) {
+    constexpr double kLeft = 1e-8;
+    VectorXd left = VectorXd::Zero(result.gradient.size()), seen = left;
+    for (const RecordSums& record : sums) {
+      left += record.information.diagonal();
+      seen += record.seen;
+    }
     for (Index k = 0; k < left.size(); ++k) {
-      if (left(k) > kLeft * all(k)) continue;
-      result.imitated[at(k)] = true;
+      const bool is_imitated = at(k) < result.imitated.size() && result.imitated[at(k)];
+      if (!is_imitated && left(k) > kLeft * seen(k)) continue;
       result.information.row(k).setZero();
       result.information.col(k).setZero();
       result.gradient(k) = 0.0;
@@ -318,6 +358,11 @@ PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
                          const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                          const PeriodicFitOptions& options) {
   return PeriodicFitter(family, data, laws, options).run(starts);
+}
+
+double share_beside_freed(const PeriodicData& data) {
+  const auto outputs = static_cast<double>(data.outputs.size());
+  return (outputs - 1.0) / outputs;
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

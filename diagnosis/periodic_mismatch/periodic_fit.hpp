@@ -34,9 +34,13 @@ struct PeriodicFit {
   Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
   double unsettled = 0.0;       // largest of all recordings (steady_state.hpp)
   int iterations = 0;
-  // Parameters that a force at the freed place imitates, which stay as they were; empty if no place is freed.
+  // Of the model's parameters those that a force at the freed place imitates (springs and dampers beside it), which stay
+  // as they were; empty if no place is freed.
   std::vector<bool> imitated{};
 };
+
+// Of the numbers in recordings those that a freed force leaves: it takes one output's of each line.
+[[nodiscard]] double share_beside_freed(const PeriodicData& data);
 
 // Begins at that of `starts` (parameters of the model) whose chi-square is least.
 [[nodiscard]] PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,

@@ -98,6 +98,7 @@ class Problem : public MismatchProblem {
     near.parameters = model.parameters;
     near.laws = model.laws;
     auto problem = std::make_unique<Problem>(*this);
+    problem->freed_fits_.clear();
     problem->clear_with(near);
     return problem;
   }
@@ -221,7 +222,7 @@ class Problem : public MismatchProblem {
                                            const std::vector<ActingLaw>& laws) const {
     const PeriodicFit& freed = freed_at(*laws.back().place, {laws.begin(), laws.end() - 1}, early);
     if (!freed.converged) return freed;
-    return fit_periodic_after_freed(*family_, data, freed, laws, how);
+    return fit_periodic_after_freed(*family_, data, freed, laws.back(), how);
   }
 
   // Many laws share a place: its fit is kept.
@@ -273,8 +274,8 @@ class Problem : public MismatchProblem {
       place.location = elements[e].location;
       place.shifts_rest = family_->shifts_rest(elements[e].location);
       const bool is_signal = elements[e].location.kind != LocationKind::kElement;
-      base_laws_.push_back(
-          {&place, find_law(elements[e].law_name, is_signal), elements[e].parameters});
+      base_laws_.push_back({&place, find_law(elements[e].law_name, is_signal),
+                            elements[e].parameters, elements[e].fixed});
       base_names_.push_back(elements[e].name);
     }
   }

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
@@ -37,13 +38,39 @@ Complex slope_of(const PlantDerivative& change, const VectorXd& b, double w) {
   const auto along = [&](const MatrixXd& matrix) {
     return matrix.size() > 0 ? b.dot(matrix * b) / size : 0.0;
   };
-  return {along(change.stiffness) - w * w * along(change.mass), w * along(change.damping)};
+  return {along(change.stiffness), w * along(change.damping)};
+}
+
+MatrixXcd slopes_of(const std::vector<bool>& imitated, const LinearPlant& plant, const VectorXd& b,
+                    const std::vector<double>& frequencies, Index lines) {
+  MatrixXcd slopes(lines, std::ranges::count(imitated, true));
+  Index column = 0;
+  for (std::size_t p = 0; p < imitated.size(); ++p) {
+    if (!imitated[p]) continue;
+    for (Index k = 0; k < lines; ++k) {
+      slopes(k, column) = slope_of(plant.derivatives[p], b, frequencies[at(k)]);
+    }
+    ++column;
+  }
+  return slopes;
+}
+
+// A force no larger than its noise is none: the motion would have that noise in it, and any law would seem to
+// follow it.
+void leave_out_noise(const std::vector<MatrixXcd>& receptance, const Location& place,
+                     ObservedForce& seen) {
+  constexpr double kSignificant = 12.0;  // power over noise: once in e^12 lines
+  for (Index k = 0; k < seen.force.size(); ++k) {
+    if (std::norm(seen.force(k) * seen.weight(k)) > 2.0 * kSignificant) continue;
+    const VectorXcd moved = receptance[at(k)] * (seen.force(k) * place.output);
+    seen.deflection(k) += place.input.cast<Complex>().dot(moved);
+    seen.force(k) = 0.0;
+  }
 }
 
 std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData& data,
-                                   const PeriodicFit& freed, const std::vector<ActingLaw>& others,
-                                   const Location& place) {
-  const ModelState model = evaluate_model(family, data, freed.parameters, others, false, 1);
+                                   const PeriodicFit& freed, const Location& place) {
+  const ModelState model = evaluate_model(family, data, freed.parameters, freed.laws, false, 1);
   SteadyStateSolver solver(family, data, {});
   std::vector<ObservedForce> all;
   MatrixXcd answer;
@@ -51,23 +78,18 @@ std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData
     const PositionResponse& position = model.positions[record.position];
     solver.solve(model, record, nullptr);
     ObservedForce& seen = all.emplace_back();
-    seen.force = solver.free(model, record, place);
+    seen.force = solver.let_act(model, record, place);
     seen.deflection = solver.state().coordinates.transpose() * place.input.cast<Complex>();
     seen.deflection(0) += solver.static_scale() * place.input.dot(position.plant.rest);
     solver.answer(model, record, place.output, answer);
     seen.weight = answer.colwise().norm();
     seen.weight.head(data.first_line).setZero();
-    seen.compliance =
-        (place.input.transpose() * position.receptance.front().real() * place.output)(0, 0);
-    seen.imitated.resize(data.last_line + 1, 0);
-    for (std::size_t p = 0; p < freed.imitated.size(); ++p) {
-      if (!freed.imitated[p]) continue;
-      seen.imitated.conservativeResize(Eigen::NoChange, seen.imitated.cols() + 1);
-      for (Index k = 0; k <= data.last_line; ++k) {
-        seen.imitated(k, seen.imitated.cols() - 1) =
-            slope_of(position.plant.derivatives[p], place.output, data.frequencies[at(k)]);
-      }
-    }
+    const std::vector<MatrixXcd>& receptance =
+        solver.state().changed.empty() ? position.receptance : solver.state().changed;
+    seen.compliance = (place.input.transpose() * receptance.front().real() * place.output)(0, 0);
+    leave_out_noise(receptance, place, seen);
+    seen.imitated = slopes_of(freed.imitated, position.plant, place.output, data.frequencies,
+                              data.last_line + 1);
   }
   return all;
 }
@@ -101,7 +123,7 @@ class ForceResidual {
       : seen_(seen),
         law_(law),
         start_(unknowns),
-        solver_(std::make_shared<SteadyStateSolver>(family, data, SteadyStateOptions{})) {}
+        solver_(std::make_unique<SteadyStateSolver>(family, data, SteadyStateOptions{})) {}
 
   bool operator()(double const* const* unknowns, double* residuals) const {
     const Eigen::Map<const VectorXd> ratios(*unknowns, start_.unit.size());
@@ -132,10 +154,11 @@ class ForceResidual {
     force += (seen_.imitated * changes).cwiseProduct(deflection);
   }
 
-  // The mean by Newton's method with a secant's slope, which is at least that of a place that yields freely.
+  // The mean by Newton's method with a secant's slope, at least half of that of a place that yields freely. More
+  // precise than the differences that derivatives are taken from.
   void settle_mean(const PeriodicLaw& law, const VectorXd& changes, VectorXcd& force) const {
-    constexpr int kPasses = 12;
-    constexpr double kSmall = 1e-8;
+    constexpr int kPasses = 20;
+    constexpr double kSmall = 1e-10;
     const double rest = seen_.deflection(0).real();
     const double size = std::max(seen_.deflection.norm(), std::numeric_limits<double>::min());
     double mean = rest, before = 0.0, error_before = 0.0;
@@ -156,7 +179,7 @@ class ForceResidual {
   const ObservedForce& seen_;
   const ActingLaw& law_;
   const Unknowns& start_;
-  std::shared_ptr<SteadyStateSolver> solver_;  // for its transforms
+  std::unique_ptr<SteadyStateSolver> solver_;  // for its transforms
   mutable PeriodicMotion motion_;
 };
 
@@ -190,8 +213,10 @@ void bound_all(ceres::Problem& problem, const PlantFamily& family, const LawEntr
 void add_record(ceres::Problem& problem, std::unique_ptr<ForceResidual> residual,
                 VectorXd& values) {
   const int numbers = residual->numbers();
+  ceres::NumericDiffOptions steps;
+  steps.relative_step_size = 1e-4;
   using Cost = ceres::DynamicNumericDiffCostFunction<ForceResidual, ceres::FORWARD>;
-  auto cost = std::make_unique<Cost>(residual.release());
+  auto cost = std::make_unique<Cost>(residual.release(), ceres::TAKE_OWNERSHIP, steps);
   cost->AddParameterBlock(static_cast<int>(values.size()));
   cost->SetNumResiduals(numbers);
   problem.AddResidualBlock(cost.release(), nullptr, values.data());
@@ -205,21 +230,29 @@ double power_of(const std::vector<ObservedForce>& seen) {
   return power;
 }
 
-}  // namespace
+// The law as given, and with thresholds, velocities and other parameters in which it is not linear larger and smaller: in those
+// a regression has minima of its own.
+std::vector<std::vector<double>> starts_of(const ActingLaw& law) {
+  std::vector<std::vector<double>> starts{law.parameters};
+  for (const double factor : {2.0, 0.5}) {
+    std::vector<double>& start = starts.emplace_back(law.parameters);
+    for (std::size_t i = 0; i < start.size(); ++i) {
+      if (!law.entry->parameters[i].is_linear) start[i] *= factor;
+    }
+    if (start == law.parameters) starts.pop_back();
+  }
+  return starts;
+}
 
-PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& data,
-                              const PeriodicFit& freed, const std::vector<ActingLaw>& laws) {
-  PlaceForceFit result{false, freed.parameters, laws.back(), 1.0};
-  const std::vector<ObservedForce> seen =
-      observe(family, data, freed, {laws.begin(), laws.end() - 1}, result.law.place->location);
-  Unknowns unknowns = unknowns_of(freed, result.law.parameters);
+// What is left of the force's power, or infinity; `unknowns` end at the best fit.
+double regress(const PlantFamily& family, const PeriodicData& data,
+               const std::vector<ObservedForce>& seen, const ActingLaw& law, Unknowns& unknowns) {
   ceres::Problem problem;
   for (const ObservedForce& record : seen) {
-    add_record(problem,
-               std::make_unique<ForceResidual>(family, data, record, laws.back(), unknowns),
+    add_record(problem, std::make_unique<ForceResidual>(family, data, record, law, unknowns),
                unknowns.values);
   }
-  bound_all(problem, family, *result.law.entry, unknowns);
+  bound_all(problem, family, *law.entry, unknowns);
   ceres::Solver::Options options;
   options.num_threads = 1;  // sums in one order, whatever the number of threads
   options.max_num_iterations = 30;
@@ -228,14 +261,35 @@ PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& dat
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return result;
-  const VectorXd values = unknowns.values.cwiseProduct(unknowns.unit);
-  const Index own = unknowns.own.size();
-  result.parameters(unknowns.imitated) = values.head(own);
-  std::copy(values.begin() + own, values.end(), result.law.parameters.begin());
   const double power = power_of(seen);
-  if (power > 0.0) result.left = 2.0 * summary.final_cost / power;
-  result.usable = true;
+  if (!summary.IsSolutionUsable() || !(power > 0.0)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return 2.0 * summary.final_cost / power;
+}
+
+}  // namespace
+
+PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& data,
+                              const PeriodicFit& freed, const ActingLaw& law) {
+  PlaceForceFit result{false, freed.parameters, law, std::numeric_limits<double>::infinity()};
+  std::vector<ObservedForce> seen;
+  try {
+    seen = observe(family, data, freed, law.place->location);
+  } catch (const InputError&) {
+    return result;  // no rest there
+  }
+  for (const std::vector<double>& start : starts_of(law)) {
+    Unknowns unknowns = unknowns_of(freed, start);
+    const double left = regress(family, data, seen, law, unknowns);
+    if (!(left < result.left)) continue;
+    const VectorXd values = unknowns.values.cwiseProduct(unknowns.unit);
+    const Index own = unknowns.own.size();
+    result.parameters(unknowns.imitated) = values.head(own);
+    std::copy(values.begin() + own, values.end(), result.law.parameters.begin());
+    result.left = left;
+    result.usable = true;
+  }
   return result;
 }
 

@@ -23,14 +23,15 @@ struct PlaceForceFit {
   bool usable = false;
   Eigen::VectorXd parameters;  // of the model
   ActingLaw law;
-  double left = 1.0;  // of the force's power over its noise: what the law does not explain
+  double left =
+      1.0;  // share of the force's power, each line by its noise, that the law does not explain
 };
 
-// The law is the last of `laws`, at an element; its parameters and the model's are where the fit starts.
-// `freed.imitated` says which of the model's are fitted with it. Cost: some hundred forces of the law over a period
-// for each recording.
+// The law is at an element whose force acts where its motion is seen (b_in = b_out = b), its parameters are where the
+// fit starts; `freed` (gradual_fit.hpp) holds the model's parameters and the other laws. Not usable where the
+// model has no rest, or no fit is found. SI units. Cost: some hundred forces of the law over a period for each
+// recording.
 [[nodiscard]] PlaceForceFit fit_place_force(const PlantFamily& family, const PeriodicData& data,
-                                            const PeriodicFit& freed,
-                                            const std::vector<ActingLaw>& laws);
+                                            const PeriodicFit& freed, const ActingLaw& law);
 
 }  // namespace graybox

@@ -208,10 +208,10 @@ const SteadyState& SteadyStateSolver::solve(const ModelState& model, const Measu
   return state_;
 }
 
-const VectorXcd& SteadyStateSolver::free(const ModelState& model, const MeasuredRecord& record,
-                                         const Location& place) {
+VectorXcd SteadyStateSolver::let_act(const ModelState& model, const MeasuredRecord& record,
+                                     const Location& place) {
   constexpr int kPasses = 3;
-  free_ = VectorXcd::Zero(lines_ + 1);
+  VectorXcd force = VectorXcd::Zero(lines_ + 1);
   MatrixXcd sight;
   for (int pass = 0; pass < kPasses; ++pass) {
     answer(model, record, place.output, sight);
@@ -219,7 +219,7 @@ const VectorXcd& SteadyStateSolver::free(const ModelState& model, const Measured
       const double gain = sight.col(k).squaredNorm();
       if (!(gain > 0.0)) continue;
       const Complex more = -sight.col(k).dot(state_.residual.col(k)) / gain;
-      free_(k) += more;
+      force(k) += more;
       driven_.col(k).noalias() -= position_->receptance[at(k)] * (more * place.output);
     }
     assemble();
@@ -230,7 +230,7 @@ const VectorXcd& SteadyStateSolver::free(const ModelState& model, const Measured
     }
     measure(record);
   }
-  return free_;
+  return force;
 }
 
 // Inputs behind the actuators' laws, and what they alone do.
@@ -905,6 +905,12 @@ MatrixXcd SteadyStateSolver::moved_coordinates(const VectorXd& b, const VectorXc
   return moved;
 }
 
+namespace {
+
+bool is_fixed(const ActingLaw& law, std::size_t i) { return !law.fixed.empty() && law.fixed[i]; }
+
+}  // namespace
+
 void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRecord& record,
                                       bool exact, MatrixXcd& jacobian) {
   const LinearPlant& plant = position_->plant;
@@ -922,13 +928,17 @@ void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRec
   }
   for (const ActingLaw& law : model.laws) {
     if (is_body(*law.place, *law.entry)) {
-      for (std::size_t i = 0; i < law.parameters.size(); ++i, ++body) {
-        answer_of_plant(position_->body_changes[body], state_.coordinates, exact, column_of(p++));
+      for (std::size_t i = 0; i < law.parameters.size(); ++i, ++body, ++p) {
+        if (is_fixed(law, i)) {
+          column_of(p).setZero();
+        } else {
+          answer_of_plant(position_->body_changes[body], state_.coordinates, exact, column_of(p));
+        }
       }
       continue;
     }
     for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-      if (!law.fixed.empty() && law.fixed[i]) {
+      if (is_fixed(law, i)) {
         column_of(p++).setZero();
         continue;
       }

@@ -129,11 +129,11 @@ class SteadyStateSolver {
   const SteadyState& solve(const ModelState& model, const MeasuredRecord& record,
                            const Eigen::MatrixXcd* start);
 
-  // Lets any force act at an element besides: the last solution becomes the one with the forces F(k) at the lines that
-  // count for which the outputs are nearest to the recorded ones, found by substitution for what the laws and the
-  // model's own forces make of the motion. The equations then have -b_out F more. Returns F.
-  const Eigen::VectorXcd& free(const ModelState& model, const MeasuredRecord& record,
-                               const Location& place);
+  // Lets any force act at an element besides: the last solution becomes the one under the forces -b_out F(k) at the
+  // lines that count with which the outputs are nearest to the recorded ones. By substitution, a few times, for what
+  // laws and the model's own forces make of the motion. Returns F.
+  Eigen::VectorXcd let_act(const ModelState& model, const MeasuredRecord& record,
+                           const Location& place);
 
   // Whitened derivatives of the last solution's outputs by the model's parameters, then by those of
   // each law in order: [n_y (K+1)] x P, line by line. `exact`: with S, else with the mean slopes.
@@ -240,8 +240,7 @@ class SteadyStateSolver {
   std::vector<ForceLaw> force_laws_;
   Eigen::MatrixXcd input_;                       // with the actuators' laws
   Eigen::MatrixXcd imaged_;                      // the images' part of the output
-  Eigen::MatrixXcd driven_;                      // D^-1 h B u, less D^-1 b F of a free force
-  Eigen::VectorXcd free_;                        // F
+  Eigen::MatrixXcd driven_;                      // D^-1 h B u, less D^-1 b F of let_act()
   Eigen::MatrixXcd own_;                         // D^-1 f_own
   std::vector<Eigen::MatrixXcd> carried_;        // D^-1 b_out of each force law, n x (K + 1)
   std::vector<Eigen::MatrixXcd> sight_;          // whitened (S_0 + j w S_1) D^-1 of each line

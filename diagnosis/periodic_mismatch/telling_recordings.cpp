@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <set>
 #include <tuple>
 
@@ -22,7 +23,9 @@ using Eigen::VectorXd;
 // Recordings of one position and level in which the same inputs move.
 using Kind = std::tuple<std::size_t, double, std::vector<bool>>;
 
-std::map<Kind, std::vector<std::size_t>> kinds_of(const std::vector<MeasuredRecord>& records) {
+// Of those records, by index.
+std::map<Kind, std::vector<std::size_t>> kinds_of(const std::vector<MeasuredRecord>& records,
+                                                  const std::vector<std::size_t>& asked) {
   constexpr double kMoves = 1e-2;  // of that input's largest power
   std::vector<VectorXd> powers;
   for (const MeasuredRecord& record : records) {
@@ -31,7 +34,7 @@ std::map<Kind, std::vector<std::size_t>> kinds_of(const std::vector<MeasuredReco
   VectorXd largest = powers.front();
   for (const VectorXd& power : powers) largest = largest.cwiseMax(power);
   std::map<Kind, std::vector<std::size_t>> kinds;
-  for (std::size_t i = 0; i < records.size(); ++i) {
+  for (const std::size_t i : asked) {
     std::vector<bool> moves;
     for (Index u = 0; u < largest.size(); ++u) moves.push_back(powers[i](u) > kMoves * largest(u));
     kinds[{records[i].position, records[i].level, moves}].push_back(i);
@@ -112,7 +115,9 @@ std::set<std::size_t> greedy_positions(std::vector<MatrixXd> information) {
 std::vector<std::size_t> telling_recordings(const PlantFamily& family, const PeriodicData& data,
                                             const VectorXd& parameters,
                                             const std::vector<ActingLaw>& laws, int threads) {
-  std::map<Kind, std::vector<std::size_t>> kinds = kinds_of(data.estimation);
+  std::vector<std::size_t> all(data.estimation.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  std::map<Kind, std::vector<std::size_t>> kinds = kinds_of(data.estimation, all);
   std::vector<std::size_t> first;
   for (const auto& [kind, records] : kinds) first.push_back(records.front());
   std::ranges::sort(first);
@@ -139,8 +144,8 @@ std::vector<std::size_t> telling_recordings(const PlantFamily& family, const Per
 std::vector<std::size_t> first_of_each_kind(const PeriodicData& data,
                                             const std::vector<std::size_t>& records) {
   std::vector<std::size_t> first;
-  for (const auto& [kind, of_kind] : kinds_of(with_records(data, records).estimation)) {
-    first.push_back(records[of_kind.front()]);
+  for (const auto& [kind, of_kind] : kinds_of(data.estimation, records)) {
+    first.push_back(of_kind.front());
   }
   std::ranges::sort(first);
   return first;
