@@ -227,6 +227,22 @@ TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
   EXPECT_LT((fit.parameters - truth).cwiseAbs().maxCoeff(), 5e-4);
   EXPECT_NEAR(fit.laws[0].parameters[0] / kHardeningStiffness, 1.0, 1e-3);
 
+  // Beside another law, which does nothing, and one at the same place, which can't be told from any force there.
+  std::vector<ActingLaw> others = acting(arm, "joint_1.gearbox", "viscous", {1.0});
+  others.push_back(acting(arm, "joint_2.gearbox", "viscous", {0.0})[0]);
+  const PeriodicFit beside =
+      freed_fit(*arm.family, arm.data, starts, others, laws[0].place->location, {});
+  ASSERT_TRUE(beside.converged);
+  EXPECT_EQ(beside.imitated, freed.imitated);
+  ASSERT_EQ(beside.laws.size(), 2U);
+  EXPECT_NEAR(beside.laws[0].parameters[0], 0.0,
+              4.0 * standard_errors(beside.information)(4));  // of raised noise
+  EXPECT_EQ(beside.laws[1].parameters[0], 0.0);
+  const PeriodicFit all = fit_periodic_after_freed(*arm.family, arm.data, beside, laws[0], {});
+  ASSERT_TRUE(all.converged) << all.trouble;
+  ASSERT_EQ(all.laws.size(), 3U);
+  EXPECT_NEAR(all.laws[2].parameters[0] / kHardeningStiffness, 1.0, 1e-3);
+
   const PeriodicFit elsewhere =
       freed_fit(*arm.family, arm.data, starts, {},
                 acting(arm, "joint_1.gearbox", "viscous", {10.0})[0].place->location, {});
