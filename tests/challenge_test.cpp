@@ -586,6 +586,14 @@ TEST(Score, OutcomesOfTheOtherKinds) {
       truth_with("c", CaseKind::kOutside, {effect_of("load", "magnetic_spring", 1.0)});
   EXPECT_EQ(score_case(outside, answer_of("unknown", {{load}})).outcome, "unknown");
   EXPECT_EQ(score_case(outside, answer_of("explained", {{load}})).outcome, "nearest_law");
+  Answer fails = answer_of("ambiguous", {{load}});
+  EXPECT_EQ(score_case(outside, fails).outcome, "nearest_law");
+  fails.predicts = false;
+  EXPECT_EQ(score_case(outside, fails).outcome, "nearest_law_fails");
+  // Of an effect of the catalogue it changes nothing.
+  const CaseTruth one = truth_with("d", CaseKind::kOneEffect, {effect_of("load", "coulomb", 0.5)});
+  EXPECT_EQ(score_case(one, fails).outcome,
+            score_case(one, answer_of("ambiguous", {{load}})).outcome);
 }
 
 TEST(Score, RatesCountWhatTheyName) {

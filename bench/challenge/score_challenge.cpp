@@ -144,7 +144,7 @@ std::string outcome_of_two(const std::vector<const std::vector<AnsweredLaw>*>& f
 
 std::string outcome_outside(const Answer& answer) {
   if (answer.verdict == "none" || answer.verdict == "unknown") return answer.verdict;
-  return "nearest_law";
+  return answer.predicts ? "nearest_law" : "nearest_law_fails";
 }
 
 }  // namespace
@@ -170,6 +170,7 @@ Answer read_answer(const fs::path& folder) {
   try {
     const Json verdict = Json::parse(stream);
     answer.verdict = verdict.at("verdict").get<std::string>();
+    answer.predicts = verdict.value("predicts_kept_out", true);
     for (const Json& effect : verdict.at("physics")) {
       std::vector<AnsweredLaw> members;
       add_members(effect, members);
@@ -479,7 +480,11 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"parameters_determined", "-", determined_rate(cases)},
       {"two_effects_both", "80 %", rate_of(cases, is_two, outcome_is("both"))},
       {"two_effects_both_as_systems", "-", rate_of(cases, is_two, is_named_as_system)},
-      {"outside_unknown", "90 %", rate_of(cases, is_outside, outcome_is("unknown"))},
+      {"outside_unknown", "90 %",
+       rate_of(cases, is_outside,
+               [](const ScoredCase& each) {
+                 return each.outcome == "unknown" || each.outcome == "nearest_law_fails";
+               })},
       {"explained_at_noise_floor", "100 %", rate_of(cases, is_explained, at_floor)},
       {"hidden_no_false_law", "-",
        rate_of(cases, is_hidden, [](const ScoredCase& each) { return !is_detected(each); })},

@@ -16,8 +16,9 @@
 // An explained case that names the truth and one effect too many is `in_class` with `extra` set: the
 // truth is named, but not alone; it does not count as right. Cases with two effects count as right
 // where both are in classes of at most 3 of different effects of a verdict explained or ambiguous.
-// Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out test fails (such
-// an answer is `unknown` as well; what passed on held-out data is `nearest_law`).
+// Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out test fails (`nearest_law_fails`:
+// the answer is ambiguous and says that it does not predict what was kept out, `predicts_kept_out`); what passed on
+// held-out data is `nearest_law`.
 // Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at
 // places that make one system (a delay of the only actuator or the only sensor) as one member, and so
 // alternatives that the answer only names, as the same in such recordings. Parameters that an answer
@@ -65,6 +66,7 @@ struct Answer {
   std::vector<std::vector<AnsweredLaw>> effects;  // classes, the law named first
   double validation = 0.0;  // chi-square over degrees of freedom after, held-out; NaN: not given
   double seconds = 0.0;
+  bool predicts = true;  // what was kept out, to the noise floor
 };
 // Of one case's folder of answers. Throws InputError for a verdict.json that is no verdict.
 [[nodiscard]] Answer read_answer(const std::filesystem::path& folder);
