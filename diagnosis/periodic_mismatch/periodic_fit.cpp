@@ -208,10 +208,10 @@ class PeriodicFitter {
     std::vector<RecordSums> sums(records);
 #pragma omp parallel num_threads(options_.threads)
     {
-      SteadyStateSolver solver(family_, data_, {});
+      Workspace work{SteadyStateSolver(family_, data_, {}), {}, {}, {}};
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
-        sums[i] = sums_of(solver, *model, data_.estimation[i],
+        sums[i] = sums_of(work, *model, data_.estimation[i],
                           starts != nullptr ? &(*starts)[i] : nullptr, exact);
       }
     }
@@ -219,6 +219,13 @@ class PeriodicFitter {
     add_up(sums, result);
     return result;
   }
+
+  // Of one thread.
+  struct Workspace {
+    SteadyStateSolver solver;
+    MatrixXcd jacobian, answer;
+    Eigen::VectorXcd residual;
+  };
 
   // What one recording adds.
   struct RecordSums {
@@ -229,29 +236,27 @@ class PeriodicFitter {
     MatrixXcd forces;
   };
 
-  [[nodiscard]] RecordSums sums_of(SteadyStateSolver& solver, const ModelState& model,
+  [[nodiscard]] RecordSums sums_of(Workspace& work, const ModelState& model,
                                    const MeasuredRecord& record, const MatrixXcd* start,
                                    bool exact) const {
     RecordSums sums;
-    const SteadyState& state = solver.solve(model, record, start);
+    const SteadyState& state = work.solver.solve(model, record, start);
     if (options_.freed != nullptr && options_.freed->kind == LocationKind::kElement) {
-      solver.let_act(model, record, *options_.freed);
+      work.solver.let_act(model, record, *options_.freed);
     }
-    MatrixXcd jacobian;
-    solver.differentiate(model, record, exact, jacobian);
-    Eigen::VectorXcd residual = state.residual.reshaped();
+    work.solver.differentiate(model, record, exact, work.jacobian);
+    work.residual = state.residual.reshaped();
     if (options_.freed != nullptr) {
-      sums.seen = jacobian.colwise().squaredNorm();
-      MatrixXcd answer;
-      answer_at(solver, model, record, *options_.freed, answer);
-      take_out(answer, jacobian);
-      take_out(answer, residual);
+      sums.seen = work.jacobian.colwise().squaredNorm();
+      answer_at(work.solver, model, record, *options_.freed, work.answer);
+      take_out(work.answer, work.jacobian);
+      take_out(work.answer, work.residual);
     }
-    record.decorrelate(jacobian);
-    record.decorrelate(residual);
-    sums.information.noalias() = as_real(jacobian).transpose() * as_real(jacobian);
-    sums.gradient.noalias() = as_real(jacobian).transpose() * as_real(residual);
-    sums.chi_square = residual.squaredNorm();
+    record.decorrelate(work.jacobian);
+    record.decorrelate(work.residual);
+    sums.information.noalias() = as_real(work.jacobian).transpose() * as_real(work.jacobian);
+    sums.gradient.noalias() = as_real(work.jacobian).transpose() * as_real(work.residual);
+    sums.chi_square = work.residual.squaredNorm();
     sums.unsettled = state.unsettled;
     sums.forces = state.forces;
     return sums;
