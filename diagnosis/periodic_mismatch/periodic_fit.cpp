@@ -305,10 +305,9 @@ class PeriodicFitter {
     const std::vector<PlantDerivative>& derivatives = model.positions.front().plant.derivatives;
     std::vector<bool> imitated(derivatives.size(), false);
     if (place.kind != LocationKind::kElement) return imitated;
-    const double size = place.output.squaredNorm();
+    const VectorXd& b = place.output;
     const auto is_along = [&](const MatrixXd& matrix) {
-      const double share = place.output.dot(matrix * place.output) / (size * size);
-      const MatrixXd rest = matrix - share * place.output * place.output.transpose();
+      const MatrixXd rest = matrix - multiple_along(matrix, b) * b * b.transpose();
       return rest.norm() <= 1e-9 * matrix.norm();
     };
     for (std::size_t p = 0; p < derivatives.size(); ++p) {
@@ -363,6 +362,11 @@ PeriodicFit fit_periodic(const PlantFamily& family, const PeriodicData& data,
                          const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                          const PeriodicFitOptions& options) {
   return PeriodicFitter(family, data, laws, options).run(starts);
+}
+
+double multiple_along(const MatrixXd& matrix, const VectorXd& b) {
+  const double size = b.squaredNorm();
+  return b.dot(matrix * b) / (size * size);
 }
 
 double share_beside_freed(const PeriodicData& data) {

@@ -32,11 +32,10 @@ struct ObservedForce {
   double compliance = 0.0;
 };
 
-// b^T D b / (b^T b)^2 of a parameter that acts as a force at the place.
+// Of a parameter that acts as a force at the place.
 Complex slope_of(const PlantDerivative& change, const VectorXd& b, double w) {
-  const double size = b.squaredNorm() * b.squaredNorm();
   const auto along = [&](const MatrixXd& matrix) {
-    return matrix.size() > 0 ? b.dot(matrix * b) / size : 0.0;
+    return matrix.size() > 0 ? multiple_along(matrix, b) : 0.0;
   };
   return {along(change.stiffness), w * along(change.damping)};
 }

@@ -26,6 +26,8 @@ using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
+bool is_fixed(const ActingLaw& law, std::size_t i) { return !law.fixed.empty() && law.fixed[i]; }
+
 Element as_element(const ActingLaw& law) {
   Element element;
   element.location = law.place->location;
@@ -904,12 +906,6 @@ MatrixXcd SteadyStateSolver::moved_coordinates(const VectorXd& b, const VectorXc
   }
   return moved;
 }
-
-namespace {
-
-bool is_fixed(const ActingLaw& law, std::size_t i) { return !law.fixed.empty() && law.fixed[i]; }
-
-}  // namespace
 
 void SteadyStateSolver::differentiate(const ModelState& model, const MeasuredRecord& record,
                                       bool exact, MatrixXcd& jacobian) {
