@@ -92,6 +92,41 @@ TEST(VerdictWords, SayWhatCouldNotBeFittedAndWhatOnlyStandsIn) {
   EXPECT_NE(all.find("On the fit's own recordings"), std::string::npos) << all;
 }
 
+Diagnosis changing() {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kUnknown;
+  TimeVariation& change = diagnosis.time_variation.emplace();
+  change.place = "joint_3.motor";
+  change.coefficient = "damping";
+  change.unit = "N m s/rad";
+  change.p_value = 1e-9;
+  change.deviation = 0.021;
+  change.frequency = 0.5;
+  change.duration = 2.0;
+  change.course = {0.03, 0.0, -0.03};
+  change.alternatives = {"gain at actuator joint_3"};
+  return diagnosis;
+}
+
+TEST(VerdictWords, SayWhatChangesWithTime) {
+  std::string all;
+  for (const std::string& line : verdict_words(changing(), kHypotheses)) all += line + "\n";
+  EXPECT_EQ(all.find("Something changes while it is recorded"), 0U) << all;
+  EXPECT_NE(
+      all.find("The damping at joint_3.motor changes with time, by 0.021 N m s/rad (rms), once "
+               "in the 2 s of a recording or slower"),
+      std::string::npos)
+      << all;
+  EXPECT_NE(all.find("As likely: gain at actuator joint_3."), std::string::npos) << all;
+  const auto json = verdict_json(changing(), kHypotheses, {"model.yaml", "campaign", {}});
+  EXPECT_EQ(json.at("time_variation").at("coefficient"), "damping");
+  EXPECT_TRUE(verdict_json(explained(), kHypotheses, {"model.yaml", "campaign", {}})
+                  .at("time_variation")
+                  .is_null());
+  const std::string page = report_page(changing(), kHypotheses, {"model.yaml", "campaign", {}});
+  EXPECT_NE(page.find("change of damping, N m s/rad"), std::string::npos);
+}
+
 TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
   Diagnosis diagnosis = explained();
   diagnosis.noise_is_known = false;

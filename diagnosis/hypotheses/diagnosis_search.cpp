@@ -120,6 +120,7 @@ class Search {
       weigh_rivals();
     }
     verify();
+    look_for_change();
     conclude();
     return std::move(result_);
   }
@@ -1069,10 +1070,20 @@ class Search {
                        looks_like_noise(result_.remaining_structure, result_.autocorrelated_error);
   }
 
+  // Whatever was found, models that do not depend on time do not describe what does.
+  void look_for_change() {
+    if (!proceed("looking for what changes with time")) return;
+    std::optional<TimeVariation> variation = problem_->time_variation(result_.after);
+    if (variation && variation->p_value < options_.variation_level) {
+      result_.time_variation = std::move(variation);
+      result_.detection.detected = true;
+    }
+  }
+
   void conclude() {
     if (!result_.detection.detected) {
       result_.verdict = Verdict::kNone;
-    } else if (result_.effects.empty() || !result_.verified) {
+    } else if (result_.effects.empty() || !result_.verified || result_.time_variation) {
       result_.verdict = Verdict::kUnknown;
     } else {
       const auto has_rivals = [](const FoundEffect& effect) {

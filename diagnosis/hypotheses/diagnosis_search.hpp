@@ -58,6 +58,9 @@
 //      (MismatchProblem::remaining_structure), and what of the rest follows from its own past may be no
 //      more than `autocorrelation_tolerance` of the signal (MismatchProblem::autocorrelated_error).
 //
+//      Last, where the problem can tell: does something change while it is recorded
+//      (MismatchProblem::time_variation)? By a test of its own at `variation_level`, because no law describes it.
+//
 //   7. Next: for the nearest rival of each law, the experiment that tells the two apart
 //      (next_experiment.hpp).
 //
@@ -65,8 +68,8 @@
 // `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept
 // out are more than noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
 // the catalogue may hide behind those. `unknown`:
-// something is missing that no hypothesis explains down to the noise; the laws found so far are reported
-// with it.
+// something is missing that no hypothesis explains down to the noise, or changes with time; the laws found so far
+// are reported with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.
@@ -103,6 +106,7 @@ struct SearchOptions {
   double autocorrelation_tolerance = 10.0;  // % of the signal
   int null_draws = 199;                     // at least 2 / level are taken
   std::vector<std::string> excluded_laws;   // left out of the catalogue
+  double variation_level = 1e-3;            // of time variation, family-wise, beside `level`
   double detection_power = 0.9;             // of the smallest detectable effect
   bool ignore_channel_faults = false;
   std::uint64_t seed = 1;
@@ -163,6 +167,8 @@ struct Diagnosis {
   std::optional<Assessment> validation_before, validation_after;
   // After, with what errors of the fitted parameters do counted as noise: what the verdict is verified by.
   std::optional<Assessment> validation_within_errors;
+  // Where something changes while it is recorded: the verdict then is `unknown`, whatever laws fit.
+  std::optional<TimeVariation> time_variation;
   bool verified = false;  // the rest passed the test of step 6
   // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
   // errors of the fitted parameters do there.

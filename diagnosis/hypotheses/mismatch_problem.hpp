@@ -143,6 +143,19 @@ struct ResidualCurve {
   std::vector<double> measured, residual, noise;  // noise may be empty
 };
 
+// A coefficient at a place that changes while it is recorded, which no model or law here does.
+struct TimeVariation {
+  std::string place;
+  std::string coefficient;  // "stiffness", "damping", "gain"
+  std::string unit;
+  double p_value = 1.0;        // of the least of all places, times their number
+  double deviation = 0.0;      // rms of the change
+  double frequency = 0.0;      // Hz, of the largest part of it; once a recording where it is slower
+  double duration = 0.0;       // s, of the recording that tells most
+  std::vector<double> course;  // there, at equal steps
+  std::vector<std::string> alternatives;  // "damping at joint_2.motor": those that fit as well
+};
+
 class MismatchProblem {
  public:
   virtual ~MismatchProblem() = default;
@@ -186,6 +199,13 @@ class MismatchProblem {
   [[nodiscard]] virtual std::optional<Assessment> validate_within_errors(
       const ExtendedFit& fit) const {
     return validate(fit);
+  }
+
+  // The place where something changes with time beside what the fit describes; none where that can't be told.
+  // Whether it is one is the caller's to judge.
+  [[nodiscard]] virtual std::optional<TimeVariation> time_variation(
+      const ExtendedFit& /*fit*/) const {
+    return {};
   }
 
   // Where the noise is not known: the share of what a fit leaves that still depends on the motion, 0 to

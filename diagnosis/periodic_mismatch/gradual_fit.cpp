@@ -36,6 +36,18 @@ constexpr double kMostLeft = 0.25;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
+// With all that refines a law (the corner of a limit) held where it is: where the data are far, it makes of one law
+// another that is none.
+std::vector<ActingLaw> without_refinements(std::vector<ActingLaw> laws) {
+  for (ActingLaw& law : laws) {
+    law.fixed.resize(law.parameters.size(), false);
+    for (std::size_t p = 0; p < law.parameters.size(); ++p) {
+      if (law.entry->parameters[p].if_absent) law.fixed[p] = true;
+    }
+  }
+  return laws;
+}
+
 // Rough fits to few recordings, on the way to a fit to all.
 class Approach {
  public:
@@ -74,7 +86,7 @@ class Approach {
                         const std::vector<double>& shares) {
     PeriodicFit fit;
     fit.parameters = start;
-    fit.laws = laws;
+    fit.laws = without_refinements(laws);
     const bool has_valleys =
         start.size() >= kManyParameters && hopeless_ < kNever && options_.freed == nullptr;
     for (const double share : shares) {
@@ -85,6 +97,7 @@ class Approach {
       if (share == shares.front() && has_valleys) look_around(fit);
       if (!(fit.chi_square <= hopeless_ * count_)) break;
     }
+    for (std::size_t l = 0; l < laws.size(); ++l) fit.laws[l].fixed = laws[l].fixed;
     fit.start = start;
     fit.converged = fit.chi_square < kNear * count_;
     return fit;

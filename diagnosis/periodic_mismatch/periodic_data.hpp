@@ -52,6 +52,9 @@ struct MeasuredRecord {
   Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
   // Of the free motion that was taken out, beside the noise; null: none was.
   std::shared_ptr<const CommonError> common_error;
+  // With it: the plant of motions beside the periodic one, and what is left between the lines, n_y x bins.
+  std::shared_ptr<const LinearPlant> free_plant;
+  Eigen::MatrixXcd between_lines;
 
   // Whitened residuals or derivatives, [n_y (K + 1)] columns, made independent of each other.
   void decorrelate(Eigen::Ref<Eigen::MatrixXcd> columns) const {

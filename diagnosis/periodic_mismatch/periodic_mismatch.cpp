@@ -31,6 +31,8 @@
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
+#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
@@ -171,6 +173,17 @@ class Problem : public MismatchProblem {
     return result;
   }
 
+  // Laws that were not there when recordings were freed of their free motion change that: where a change is
+  // seen, they are freed once more with them, and it must still be there.
+  [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& fit) const override {
+    const ModelState model = state_of(fit);
+    std::optional<TimeVariation> found = time_variation_in(data_, model);
+    if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
+    PeriodicData again = data_;
+    graybox::clear_transients(*family_, model, reading_, again);
+    return time_variation_in(again, model);
+  }
+
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
 
   [[nodiscard]] std::vector<ResidualCurve> residual_curves(const ExtendedFit& fit) const override {
@@ -262,6 +275,59 @@ class Problem : public MismatchProblem {
     constexpr double kAtRest = 0.1;  // standard errors
     cleared_start_ = fit_and_clear_transients(*family_, fit, reading_, how_to_fit(), kAtRest, data_)
                          .fit.parameters;
+  }
+
+  static constexpr double kPlain = 0.05;
+
+  [[nodiscard]] std::optional<TimeVariation> time_variation_in(const PeriodicData& data,
+                                                               const ModelState& model) const {
+    const std::vector<VariationScore> scores =
+        variation_scores(*family_, data, model, options_.threads);
+    const auto beyond = [](const VariationScore& score) {
+      return score.statistic - score.degrees_of_freedom;
+    };
+    const auto best = std::ranges::max_element(scores, {}, beyond);
+    if (best == scores.end() || !(best->degrees_of_freedom > 0.0)) return {};
+    TimeVariation result;
+    result.place = best->place->location.name;
+    result.coefficient = coefficient_name(best->coefficient);
+    result.unit = unit_at(coefficient_unit(best->coefficient), best->place->location.units);
+    result.p_value = std::min(1.0, static_cast<double>(scores.size()) *
+                                       chi_square_tail(best->statistic, best->degrees_of_freedom));
+    result.deviation = best->deviation;
+    result.frequency = best->frequency;
+    result.duration = best->duration;
+    result.course = best->course;
+    constexpr double kAsWell = 10.0;  // of chi-square
+    for (const VariationScore& score : scores) {
+      if (&score == &*best || score.statistic < best->statistic - kAsWell) continue;
+      result.alternatives.push_back(coefficient_name(score.coefficient) + " at " +
+                                    score.place->location.name);
+    }
+    return result;
+  }
+
+  static std::string coefficient_name(Coefficient coefficient) {
+    switch (coefficient) {
+      case Coefficient::kStiffness:
+        return "stiffness";
+      case Coefficient::kDamping:
+        return "damping";
+      case Coefficient::kGain:
+        break;
+    }
+    return "gain";
+  }
+  static std::string coefficient_unit(Coefficient coefficient) {
+    switch (coefficient) {
+      case Coefficient::kStiffness:
+        return "F/x";
+      case Coefficient::kDamping:
+        return "F s/x";
+      case Coefficient::kGain:
+        break;
+    }
+    return "1";
   }
 
   static constexpr int kChunks = 8;  // of recordings, whose sums are added in order

@@ -76,6 +76,7 @@ class Clearing {
     }
     for (FreeRecord& free : records_) take_out(free);
     find_common_errors();
+    keep_between_lines();
     take_out_feedback();
   }
 
@@ -401,6 +402,18 @@ class Clearing {
       record.input.col(k) = record.input_bins.col(bin);
       record.output.col(k) =
           record.output_bins.col(bin) - (free.excess.col(bin) - free.rest.col(bin));
+    }
+  }
+
+  // Neither periodic nor free: noise, and what changes with time.
+  void keep_between_lines() {
+    std::vector<std::shared_ptr<const LinearPlant>> plants;
+    for (const FreePlant& plant : plants_) {
+      plants.push_back(std::make_shared<const LinearPlant>(plant.plant));
+    }
+    for (FreeRecord& free : records_) {
+      free.record->free_plant = plants[free.plant];
+      free.record->between_lines = free.rest;
     }
   }
 

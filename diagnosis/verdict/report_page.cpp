@@ -193,6 +193,21 @@ std::vector<ReportFigure> law_figures(const Diagnosis& diagnosis,
   return {law_figure(picture, name, false, effect), law_figure(picture, name, true, effect)};
 }
 
+ReportFigure change_figure(const TimeVariation& change) {
+  std::vector<double> times;
+  for (std::size_t i = 0; i < change.course.size(); ++i) {
+    times.push_back(change.duration * static_cast<double>(i) /
+                    static_cast<double>(change.course.size() - 1));
+  }
+  Chart chart;
+  chart.title = "What changes: " + change.coefficient + " at " + change.place;
+  chart.x.label = "time in the recording that tells most, s";
+  chart.y.label =
+      "change of " + change.coefficient + (change.unit == "1" ? "" : ", " + change.unit);
+  chart.series = {{"", times, change.course}};
+  return {"time_variation", svg_chart(chart)};
+}
+
 // ---- tables ------------------------------------------------------------------------------------
 
 std::string fit_row(const std::string& name, const std::optional<Assessment>& before,
@@ -301,6 +316,7 @@ std::string drawn(const std::vector<ReportFigure>& figures) {
 std::vector<ReportFigure> report_figures(const Diagnosis& diagnosis,
                                          std::span<const Hypothesis> hypotheses) {
   std::vector<ReportFigure> figures = residual_maps(diagnosis.mismatch_before, "before");
+  if (diagnosis.time_variation) figures.push_back(change_figure(*diagnosis.time_variation));
   for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
     append(figures, law_figures(diagnosis, hypotheses, effect));
   }
@@ -327,6 +343,9 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   if (!diagnosis.mismatch_before.empty()) {
     page += heading("Where it does not fit") +
             drawn(residual_maps(diagnosis.mismatch_before, "before"));
+  }
+  if (diagnosis.time_variation) {
+    page += heading("What changes with time") + drawn({change_figure(*diagnosis.time_variation)});
   }
   for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
     page += heading("Effect " + std::to_string(effect + 1) + ": " +

@@ -149,6 +149,18 @@ Json mismatch_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypot
           {"smallest_detectable", detectable_json(diagnosis, hypotheses)}};
 }
 
+Json time_variation_json(const std::optional<TimeVariation>& variation) {
+  if (!variation) return nullptr;
+  return {{"place", variation->place},
+          {"coefficient", variation->coefficient},
+          {"deviation", variation->deviation},
+          {"unit", variation->unit},
+          {"frequency_hz", variation->frequency},
+          {"duration_s", variation->duration},
+          {"p_value", variation->p_value},
+          {"alternatives", variation->alternatives}};
+}
+
 Json channel_faults_json(const Diagnosis& diagnosis) {
   Json list = Json::array();
   for (const ChannelFault& fault : diagnosis.channel_faults) {
@@ -279,6 +291,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"channel_faults", channel_faults_json(diagnosis)},
       {"recording_warnings", files.warnings},
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
+      {"time_variation", time_variation_json(diagnosis.time_variation)},
       {"physics", physics},
       {"fit",
        {{"before",

@@ -31,6 +31,12 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
   if (diagnosis.interrupted) return "Stopped before a verdict; this is what was found until then.";
+  if (diagnosis.time_variation) {
+    return diagnosis.verified
+               ? "Something changes while it is recorded, and no law of the catalogue does that."
+               : "Something changes while it is recorded, and what was found explains only part of "
+                 "what is missing.";
+  }
   if (diagnosis.effects.empty())
     return "Physics is missing, and no law of the catalogue explains it.";
   return "Physics is missing; what was found explains only part of it.";
@@ -153,6 +159,27 @@ void add_fit(const char* data, const std::optional<Assessment>& before,
   lines.push_back(line + ".");
 }
 
+std::string change_words(const TimeVariation& change, bool has_effects) {
+  const std::string unit = change.unit == "1" ? "" : " " + change.unit;
+  const bool is_slow = change.frequency * change.duration < 1.5;
+  std::string words = fmt::format(
+      "The {} at {} changes with time, by {:.2g}{} (rms), {} (p {}, all places counted).",
+      change.coefficient, change.place, change.deviation, unit,
+      is_slow ? fmt::format("once in the {:.3g} s of a recording or slower", change.duration)
+              : fmt::format("most of it about {:.3g} times a second", change.frequency),
+      change.p_value > 0.0 ? fmt::format("= {:.2g}", change.p_value) : "< 1e-300");
+  if (!change.alternatives.empty()) {
+    words += " As likely: ";
+    for (std::size_t i = 0; i < change.alternatives.size(); ++i) {
+      words += (i > 0 ? ", " : "") + change.alternatives[i];
+    }
+    words += ".";
+  }
+  words += " Laws and parameters here do not depend on time";
+  words += has_effects ? ", so what follows may only stand in for that." : ".";
+  return words + " Let it warm up or hold it still, or record for longer, and diagnose again.";
+}
+
 void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
                     std::vector<std::string>& lines) {
   std::size_t blind = 0;
@@ -212,6 +239,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
         "As many laws as the search takes leave more than noise: they lower the error, but may "
         "only stand in for a law that was not tried. Their rivals were not weighed.");
   }
+  if (diagnosis.time_variation)
+    lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
     add_same_places(effect.same_at, hypotheses, lines);
