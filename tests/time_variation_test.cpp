@@ -140,7 +140,7 @@ TEST(TimeVariation, FindsTheFrictionThatWarmsUp) {
       kLoad, [](double t) { return 0.02 * std::exp(-(t - 6.0) / 1.5); }, true)});
   const auto problem = drive.problem();
   const ExtendedFit fit = problem->fit({}, nullptr);
-  const auto change = problem->time_variation(fit);
+  const auto change = problem->time_variation(fit, 0.0);
   ASSERT_TRUE(change);
   EXPECT_EQ(change->place, "load");
   EXPECT_EQ(change->coefficient, "damping");
@@ -160,9 +160,8 @@ TEST(TimeVariation, FindsTheFrictionThatWarmsUp) {
 TEST(TimeVariation, IsNotSeenWhereNothingChanges) {
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     const auto problem = ChangingDrive({}, seed).problem();
-    const auto change = problem->time_variation(problem->fit({}, nullptr));
-    ASSERT_TRUE(change);
-    EXPECT_GT(change->p_value, 1e-3);
+    const auto change = problem->time_variation(problem->fit({}, nullptr), 0.0);
+    EXPECT_GT(change ? change->p_value : 1.0, 1e-3);
   }
 }
 

@@ -54,6 +54,10 @@ constexpr double kShareOfAnMth = 0.5;
 // taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
+// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): no errors of parameters
+// do that, a law that fits and predicts so badly only describes the recordings that it saw.
+constexpr double kContradicted = 100.0;
+
 // Laws that may come together where none does by itself.
 constexpr std::size_t kGroup = 4;
 
@@ -224,6 +228,53 @@ class Search {
     renewed_ = std::move(problem);
     problem_ = renewed_.get();
     result_.before = std::move(fit);
+  }
+
+  // Where only laws come near enough to the recordings to free them of the plant's free motion, before more of them are
+  // looked for: what they leave may be free motion. Not where the fit becomes no better by that: laws may meet free
+  // motion in ways that its modes do not describe. Once.
+  bool renew_with_laws() {
+    if (tried_to_renew_ || !problem_->noise_is_known()) return false;
+    tried_to_renew_ = true;
+    if (!proceed("taking free motion out with what was found")) return false;
+    std::unique_ptr<MismatchProblem> problem = problem_->renewed(result_.after);
+    if (problem == nullptr) return false;
+    ExtendedFit before = problem->fit({}, &result_.before);
+    ExtendedFit after = problem->fit(starts_of(result_.after), &result_.after);
+    if (!after.usable && !after.laws.empty()) after = problem->fit(starts_of(after), &after);
+    if (!before.usable || !after.usable ||
+        after.estimation.chi_square_per_dof() >= result_.after.estimation.chi_square_per_dof()) {
+      return false;
+    }
+    keep_far_behind();
+    renewed_ = std::move(problem);
+    problem_ = renewed_.get();
+    refits_.clear();
+    few_refits_.clear();
+    result_.before = std::move(before);
+    describe_fit_as_it_is();
+    result_.after = std::move(after);
+    return true;
+  }
+
+  // Rivals of a single law that leave more than the noise's own chi-square beside it: free motion is not that much.
+  void keep_far_behind() {
+    if (result_.after.laws.size() != 1) return;
+    for (const Refit& known : refits_) {
+      const ExtendedFit& fit = known.fit;
+      if (!fit.usable || fit.laws.size() != 1) continue;
+      const double behind = bic(fit) - bic(result_.after);
+      if (behind <= fit.estimation.degrees_of_freedom) continue;
+      const auto same = std::ranges::find_if(far_behind_, [&](const Rival& rival) {
+        return rival.law.hypothesis == fit.laws.front().hypothesis;
+      });
+      Rival& rival = same == far_behind_.end() ? far_behind_.emplace_back() : *same;
+      if (!rival.law.parameters.empty() && rival.bic_difference <= behind) continue;
+      rival = {.law = fit.laws.front(),
+               .bic_difference = behind,
+               .evidence_difference = evidence(fit) - evidence(result_.after)};
+    }
+    std::ranges::stable_sort(far_behind_, {}, &Rival::bic_difference);
   }
 
   void describe_fit_as_it_is() {
@@ -557,8 +608,16 @@ class Search {
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
     if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
-    return disadvantage(fit, reference) > options_.exclusion_margin &&
-           evidence(fit) - evidence(reference) > options_.exclusion_margin;
+    return (disadvantage(fit, reference) > options_.exclusion_margin &&
+            evidence(fit) - evidence(reference) > options_.exclusion_margin) ||
+           (is_contradicted(fit) && !is_contradicted(reference));
+  }
+
+  // By recordings kept out, where the noise is known.
+  [[nodiscard]] bool is_contradicted(const ExtendedFit& fit) const {
+    const std::optional<Assessment> held_out = problem_->validate(fit);
+    return held_out && held_out->chi_square_per_dof() >
+                           kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
@@ -593,6 +652,7 @@ class Search {
         table = rank(result_.after, 0);
         is_small = rest_is_noise(result_.after);
         if (is_small && !points_elsewhere(table)) return;
+        if (renew_with_laws()) continue;
       }
       const std::vector<LawStart> kept = starts_of(result_.after);
       std::vector<LawStart> candidates = is_small ? small_shortlist(table) : shortlist(table);
@@ -691,7 +751,8 @@ class Search {
     return problem_->hypotheses()[trial.hypothesis].place;
   }
 
-  // The best of those that are significant; where the noise is not known the one of fewest parameters
+  // The best of those that are significant, first of those that recordings kept out do not contradict; where the noise
+  // is not known the one of fewest parameters
   // among those at its place that it does not excel (the rule of one standard error: Breiman and others 1984).
   [[nodiscard]] const Trial* choose(const ExtendedFit& without,
                                     const std::vector<Trial>& trials) const {
@@ -703,8 +764,13 @@ class Search {
       if (best == nullptr) {
         best = &trial;
         top = &trial.fit;
-        if (problem_->noise_is_known()) break;
+        if (problem_->noise_is_known() && !is_contradicted(trial.fit)) break;
         continue;
+      }
+      if (problem_->noise_is_known()) {
+        if (is_contradicted(trial.fit)) continue;
+        best = &trial;
+        break;
       }
       const HeldOutGain gain = held_out_gain(trial.fit, *top);
       if (place_of(trial) == place_of(*best) &&
@@ -874,6 +940,7 @@ class Search {
     const Trial* best = nullptr;
     for (const Trial& trial : trials) {
       if (is_special_case(all[effect.law.hypothesis], all[trial.hypothesis])) continue;
+      if (is_contradicted(trial.fit) && !is_contradicted(result_.after)) continue;
       if (bic(trial.fit) < (best == nullptr ? bic(result_.after) : bic(best->fit))) best = &trial;
     }
     return best;
@@ -899,14 +966,24 @@ class Search {
     LawStart pace = starts_of(result_.after)[law];
     for (const LawStart& start : shortlist(table)) {
       if (start.hypothesis == found) pace = start;
+      const auto behind = std::ranges::find_if(far_behind_, [&](const Rival& rival) {
+        return others.empty() && rival.law.hypothesis == start.hypothesis;
+      });
+      if (behind != far_behind_.end()) {
+        outpaced.push_back(*behind);
+        continue;
+      }
       const bool is_there =
           std::ranges::find(others, start.hypothesis, &LawStart::hypothesis) != others.end();
       if (start.hypothesis != found && (!is_there || is_repeatable(start.hypothesis))) {
         candidates.push_back(start);
       }
     }
+    std::vector<Rival> on_few;
     std::vector<Trial> trials =
-        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &outpaced);
+        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &on_few);
+    std::ranges::move(on_few, std::back_inserter(outpaced));
+    std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
       std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
     }
@@ -933,6 +1010,7 @@ class Search {
         Rival rival{.law = trial.fit.laws.back(),
                     .bic_difference = disadvantage(trial.fit, result_.after),
                     .evidence_difference = evidence(trial.fit) - evidence(result_.after)};
+        rival.is_contradicted = problem_->noise_is_known() && is_contradicted(trial.fit);
         const bool is_rival = richer ? problem_->noise_is_known() && evidence(trial.fit) < *least
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {
@@ -1073,7 +1151,8 @@ class Search {
   // Whatever was found, models that do not depend on time do not describe what does.
   void look_for_change() {
     if (!proceed("looking for what changes with time")) return;
-    std::optional<TimeVariation> variation = problem_->time_variation(result_.after);
+    std::optional<TimeVariation> variation =
+        problem_->time_variation(result_.after, result_.before.deviance - result_.after.deviance);
     if (variation && variation->p_value < options_.variation_level) {
       result_.time_variation = std::move(variation);
       result_.detection.detected = true;
@@ -1103,7 +1182,9 @@ class Search {
   Diagnosis result_;
   std::vector<Refit> refits_;
   std::vector<Refit> few_refits_;  // to few of the recordings
+  std::vector<Rival> far_behind_;  // before recordings were freed of more
   int first_fits_ = 0;             // after the first
+  bool tried_to_renew_ = false;    // with laws
 };
 
 }  // namespace

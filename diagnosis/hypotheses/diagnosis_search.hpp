@@ -25,9 +25,12 @@
 //      that is not worse by more than one standard error. Where the noise is known, and what is left is no
 //      more than noise by its chi-square, one law more is tried if the best hypothesis lies at a place
 //      without a law and is significant by itself; it stays if BIC falls by `exclusion_margin` and by a
-//      thousandth of what the others explain. Where it is known and the best law, of m that may still come,
+//      thousandth of what the others explain. A law by which chi-square on recordings kept out is a hundred times
+//      that of the fit only comes where there is no other, and is no rival. Where it is known and the best law, of m that may still come,
 //      explains less than half an m-th of what is too much, the search gives up: such laws only stand in
 //      for one that is not there.
+//      Where only a fit with laws comes near enough to free the recordings of the plant's free motion, that is done
+//      with it before another is looked for.
 //   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, where
 //      what is left without them is no more than noise also those without which it is not higher by more
 //      than `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it
@@ -106,7 +109,7 @@ struct SearchOptions {
   double autocorrelation_tolerance = 10.0;  // % of the signal
   int null_draws = 199;                     // at least 2 / level are taken
   std::vector<std::string> excluded_laws;   // left out of the catalogue
-  double variation_level = 1e-3;            // of time variation, family-wise, beside `level`
+  double variation_level = 1e-5;            // of time variation, family-wise, beside `level`
   double detection_power = 0.9;             // of the smallest detectable effect
   bool ignore_channel_faults = false;
   std::uint64_t seed = 1;
@@ -141,6 +144,8 @@ struct Rival {
   // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
   // there, and all recordings would give larger ones.
   bool on_few_recordings = false;
+  bool is_contradicted =
+      false;  // excluded by recordings kept out, whatever it does on those of the fit
 };
 
 struct FoundEffect {

@@ -201,10 +201,11 @@ class MismatchProblem {
     return validate(fit);
   }
 
-  // The place where something changes with time beside what the fit describes; none where that can't be told.
-  // Whether it is one is the caller's to judge.
-  [[nodiscard]] virtual std::optional<TimeVariation> time_variation(
-      const ExtendedFit& /*fit*/) const {
+  // The place where something changes with time beside what the fit describes, if anything does: whether it does is
+  // for the caller to judge by the p-value. `gain`: what the fit's laws lower the deviance by. None where it can't be
+  // told, from what these laws may make of the plant's free motion either.
+  [[nodiscard]] virtual std::optional<TimeVariation> time_variation(const ExtendedFit& /*fit*/,
+                                                                    double /*gain*/) const {
     return {};
   }
 

@@ -52,9 +52,11 @@ struct MeasuredRecord {
   Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
   // Of the free motion that was taken out, beside the noise; null: none was.
   std::shared_ptr<const CommonError> common_error;
-  // With it: the plant of motions beside the periodic one, and what is left between the lines, n_y x bins.
+  // With it: the plant of motions beside the periodic one, what is left between the lines, n_y x bins, and the
+  // power there of what was taken out, in the noise's.
   std::shared_ptr<const LinearPlant> free_plant;
   Eigen::MatrixXcd between_lines;
+  double free_power = 0.0;
 
   // Whitened residuals or derivatives, [n_y (K + 1)] columns, made independent of each other.
   void decorrelate(Eigen::Ref<Eigen::MatrixXcd> columns) const {

@@ -175,13 +175,14 @@ class Problem : public MismatchProblem {
 
   // Laws that were not there when recordings were freed of their free motion change that: where a change is
   // seen, they are freed once more with them, and it must still be there.
-  [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& fit) const override {
+  [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& fit,
+                                                            double gain) const override {
     const ModelState model = state_of(fit);
-    std::optional<TimeVariation> found = time_variation_in(data_, model);
+    std::optional<TimeVariation> found = time_variation_in(data_, model, gain);
     if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
     PeriodicData again = data_;
     graybox::clear_transients(*family_, model, reading_, again);
-    return time_variation_in(again, model);
+    return time_variation_in(again, model, gain);
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
@@ -278,9 +279,11 @@ class Problem : public MismatchProblem {
   }
 
   static constexpr double kPlain = 0.05;
+  static constexpr double kShareOfFree = 0.1;  // that laws may make of the free motion
 
   [[nodiscard]] std::optional<TimeVariation> time_variation_in(const PeriodicData& data,
-                                                               const ModelState& model) const {
+                                                               const ModelState& model,
+                                                               double gain) const {
     const std::vector<VariationScore> scores =
         variation_scores(*family_, data, model, options_.threads);
     const auto beyond = [](const VariationScore& score) {
@@ -288,6 +291,7 @@ class Problem : public MismatchProblem {
     };
     const auto best = std::ranges::max_element(scores, {}, beyond);
     if (best == scores.end() || !(best->degrees_of_freedom > 0.0)) return {};
+    if (beyond(*best) < made_of_free_motion(model, best->free_power, gain)) return {};
     TimeVariation result;
     result.place = best->place->location.name;
     result.coefficient = coefficient_name(best->coefficient);
@@ -305,6 +309,18 @@ class Problem : public MismatchProblem {
                                     score.place->location.name);
     }
     return result;
+  }
+
+  // The most that laws make of the free motion: a share of it, and of what they do at all, of which the model's own
+  // say nothing.
+  [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power,
+                                           double gain) const {
+    const auto is_bent = [](const ActingLaw& law) {
+      return !PeriodicLaw(*law.entry, law.parameters).is_linear();
+    };
+    if (std::ranges::any_of(base_laws_, is_bent)) return kShareOfFree * free_power;
+    if (std::ranges::none_of(model.laws, is_bent)) return 0.0;
+    return kShareOfFree * std::min(free_power, std::max(gain, 0.0));
   }
 
   static std::string coefficient_name(Coefficient coefficient) {

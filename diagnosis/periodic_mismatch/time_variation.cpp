@@ -60,6 +60,11 @@ class VariationTest {
       }
     }
     for (std::size_t c = 0; c < scores_.size(); ++c) sum_up(found, c);
+    double free_power = 0.0;
+    for (const RecordGroup& group : groups_) {
+      for (const MeasuredRecord* record : group.records) free_power += record->free_power;
+    }
+    for (VariationScore& score : scores_) score.free_power = free_power;
     return std::move(scores_);
   }
 

@@ -18,6 +18,9 @@
 // of a place. Chi-square with 2 (P - 1) degrees of freedom a record where the columns are independent. That the free
 // motion was fitted to the same bins before lowers it: the level is held, not exactly met.
 //
+// Laws whose slopes vary meet the free motion as well, and what they make of it lies between the lines and dies away
+// with it, like a change. It is a share of the free motion: `free_power` is what that had, to compare with.
+//
 // Cost: O(n^3) a bin of each plant, and O(B n_y) a place and record, for B bins.
 #pragma once
 
@@ -37,7 +40,8 @@ struct VariationScore {
   Coefficient coefficient = Coefficient::kStiffness;
   double statistic = 0.0;
   double degrees_of_freedom = 0.0;
-  double deviation = 0.0;  // rms of s over all records, less what noise adds
+  double deviation = 0.0;   // rms of s over all records, less what noise adds
+  double free_power = 0.0;  // of the free motion between the lines of all records, in the noise's
   // Of the record that tells most:
   double duration = 0.0;       // P T, s
   double frequency = 0.0;      // m / (P T) of the largest c_m, Hz

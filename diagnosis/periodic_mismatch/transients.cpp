@@ -414,7 +414,18 @@ class Clearing {
     for (FreeRecord& free : records_) {
       free.record->free_plant = plants[free.plant];
       free.record->between_lines = free.rest;
+      free.record->free_power = free_power_of(free);
     }
+  }
+
+  [[nodiscard]] double free_power_of(const FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    double power = 0.0;
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      if (is_line(plant, bin)) continue;
+      power += (weight(plant, bin) * (free.excess.col(bin) - free.rest.col(bin))).squaredNorm();
+    }
+    return power;
   }
 
   void take_out_feedback() {

@@ -267,7 +267,9 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
   }
   for (const Rival& rival : effect.excluded) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference,
-                     rival.on_few_recordings ? "excluded by few recordings" : "excluded");
+                     rival.is_contradicted     ? "contradicted by recordings kept out"
+                     : rival.on_few_recordings ? "excluded by few recordings"
+                                               : "excluded");
   }
   return rows + "</table>\n";
 }

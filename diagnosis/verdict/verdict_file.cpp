@@ -69,7 +69,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
                     {"evidence_difference",
                      noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
                     {"same_at", same_at_json(rival.same_at, hypotheses)},
-                    {"on_few_recordings", rival.on_few_recordings}});
+                    {"on_few_recordings", rival.on_few_recordings},
+                    {"contradicted", rival.is_contradicted}});
   }
   return list;
 }

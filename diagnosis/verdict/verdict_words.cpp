@@ -138,10 +138,11 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
   std::string excluded;
   for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
     const Rival& rival = effect.excluded[i];
-    excluded += fmt::format("{}{} ({}{})", excluded.empty() ? "" : "; ",
+    excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
                             hypothesis_words(hypotheses[rival.law.hypothesis]),
                             evidence_words(rival.bic_difference, noise_is_known),
-                            rival.on_few_recordings ? " on few recordings" : "");
+                            rival.on_few_recordings ? " on few recordings" : "",
+                            rival.is_contradicted ? ", contradicted by recordings kept out" : "");
   }
   if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
 }
