@@ -44,6 +44,7 @@ class RegressionProblem : public MismatchProblem {
   void measure(const Eigen::VectorXd& effect, Random& random) {
     const Eigen::Vector3d truth(1.0, -0.5, 0.3);
     estimation_ = model_ * truth + effect;
+    if (free_motion_) estimation_ += *free_motion_;
     held_out_ = model_ * truth + held_out_motion_ * effect;
     for (double& value : estimation_) value += random.normal();
     for (double& value : held_out_) value += random.normal();
@@ -212,6 +213,29 @@ class RegressionProblem : public MismatchProblem {
     result.chi_square = error.dot(all.llt().solve(error));
     return result;
   }
+  // A law that does so many times as much on recordings kept out.
+  void do_elsewhere(const std::string& law, double times) { elsewhere_[index_of(law)] = times; }
+  // What a fit with laws can take out of the recordings.
+  void hold_free_motion(const Eigen::VectorXd& motion) { free_motion_ = motion; }
+  // What taking it out does besides.
+  void spoil_when_renewed(const Eigen::VectorXd& error) { spoiled_ = error; }
+  [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
+    if (!free_motion_ || fit.laws.empty()) return nullptr;
+    auto problem = std::make_unique<RegressionProblem>(*this);
+    problem->estimation_ -= *free_motion_;
+    if (spoiled_) problem->estimation_ += *spoiled_;
+    problem->free_motion_.reset();
+    return problem;
+  }
+  void change_with_time(double p_value) { changes_ = p_value; }
+  [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& /*fit*/,
+                                                            double /*gain*/) const override {
+    if (!changes_) return {};
+    TimeVariation change;
+    change.place = "first";
+    change.p_value = *changes_;
+    return change;
+  }
   // Recordings kept out in which every law moves so many times as much as in those of the fit.
   void keep_out_larger_motion(double times) { held_out_motion_ = times; }
 
@@ -234,6 +258,11 @@ class RegressionProblem : public MismatchProblem {
   [[nodiscard]] Eigen::MatrixXd held_out_design(const std::vector<std::size_t>& hypotheses) const {
     Eigen::MatrixXd columns = design(hypotheses);
     columns.rightCols(columns.cols() - model_.cols()) *= held_out_motion_;
+    for (std::size_t k = 0; k < hypotheses.size(); ++k) {
+      const auto other = elsewhere_.find(hypotheses[k]);
+      if (other == elsewhere_.end()) continue;
+      columns.col(model_.cols() + static_cast<Eigen::Index>(k)) *= other->second;
+    }
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd predict(const ExtendedFit& fit,
@@ -262,6 +291,9 @@ class RegressionProblem : public MismatchProblem {
   mutable int fits_without_laws_ = 0;
   bool has_few_ = false;
   double held_out_motion_ = 1.0;
+  std::map<std::size_t, double> elsewhere_;
+  std::optional<Eigen::VectorXd> free_motion_, spoiled_;
+  std::optional<double> changes_;
   mutable std::set<std::size_t> fitted_alone_;
   std::optional<std::vector<std::size_t>> unsettled_;
   std::vector<Eigen::VectorXd> columns_;
@@ -570,6 +602,92 @@ TEST(DiagnosisSearch, CallsTwinsAmbiguous) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kAmbiguous);
   ASSERT_EQ(diagnosis.effects.size(), 1U);
   ASSERT_EQ(diagnosis.effects[0].rivals.size(), 1U);
+}
+
+// The better of two by the recordings of the fit, and nonsense elsewhere.
+TEST(DiagnosisSearch, TakesNoLawThatRecordingsKeptOutContradict) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "slanted_step", 1500.0);
+  const Diagnosis trusting = diagnose_effect(problem, effect, 11);
+  ASSERT_EQ(trusting.effects.size(), 1U);
+  EXPECT_EQ(trusting.effects[0].law.hypothesis, problem.index_of("slanted_step"));
+  problem.do_elsewhere("slanted_step", -20.0);
+  const Diagnosis diagnosis = diagnose_effect(problem, effect, 11);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  const FoundEffect& found = diagnosis.effects[0];
+  EXPECT_EQ(found.law.hypothesis, problem.index_of("step"));
+  EXPECT_TRUE(found.rivals.empty());
+  const auto slanted = std::ranges::find_if(found.excluded, [&](const Rival& rival) {
+    return rival.law.hypothesis == problem.index_of("slanted_step");
+  });
+  ASSERT_NE(slanted, found.excluded.end());
+  EXPECT_TRUE(slanted->is_contradicted);
+  EXPECT_LT(slanted->bic_difference, 0.0);
+}
+
+// Where no other predicts better, it stays, and is no explanation.
+TEST(DiagnosisSearch, DoesNotCallAContradictedLawAnExplanation) {
+  RegressionProblem problem;
+  for (int harmonic = 3; harmonic < 9; ++harmonic) {
+    problem.remove("harmonic_" + std::to_string(harmonic));
+  }
+  problem.do_elsewhere("step", -20.0);
+  problem.do_elsewhere("slanted_step", -20.0);
+  const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, "step", 300.0), 11);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(problem.hypotheses()[diagnosis.effects[0].law.hypothesis].place, "second");
+  for (const Rival& rival : diagnosis.effects[0].excluded) EXPECT_FALSE(rival.is_contradicted);
+}
+
+TEST(DiagnosisSearch, TakesFreeMotionOutWithALawBeforeItLooksForMore) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "harmonic_5", 60.0);
+  problem.hold_free_motion(scaled_effect(problem, "harmonic_8", 15.0));
+  const Diagnosis freed = diagnose_effect(problem, effect, 4);
+  EXPECT_EQ(freed.verdict, Verdict::kExplained);
+  ASSERT_EQ(freed.effects.size(), 1U);
+  EXPECT_EQ(freed.effects[0].law.hypothesis, problem.index_of("harmonic_5"));
+  // Not where that leaves more than before.
+  problem.spoil_when_renewed(scaled_effect(problem, "harmonic_7", 40.0));
+  const Diagnosis kept = diagnose_effect(problem, effect, 4);
+  std::set<std::size_t> found;
+  for (const FoundEffect& each : kept.effects) found.insert(each.law.hypothesis);
+  EXPECT_EQ(found, (std::set<std::size_t>{problem.index_of("harmonic_5"),
+                                          problem.index_of("harmonic_8")}));
+}
+
+// Of a law that leaves a multiple of the noise before that, no fit is needed after it.
+TEST(DiagnosisSearch, ExcludesWhatWasFarBehindBeforeFreeMotionWasTakenOut) {
+  RegressionProblem problem;
+  problem.hold_free_motion(scaled_effect(problem, "harmonic_8", 15.0));
+  const Diagnosis diagnosis =
+      diagnose_effect(problem, scaled_effect(problem, "harmonic_5", 60.0), 4);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_TRUE(diagnosis.effects[0].rivals.empty());
+  EXPECT_FALSE(diagnosis.effects[0].excluded.empty());
+  for (const Rival& rival : diagnosis.effects[0].excluded) {
+    EXPECT_GT(rival.bic_difference, static_cast<double>(kSamples));
+  }
+}
+
+// Whatever explains the recordings on average; a p-value that the level allows for does not count.
+TEST(DiagnosisSearch, SaysUnknownWhereSomethingChangesWithTime) {
+  for (const double amplitude : {0.0, 12.0}) {
+    RegressionProblem problem;
+    const Eigen::VectorXd effect = scaled_effect(problem, "harmonic_5", amplitude);
+    problem.change_with_time(1e-3);
+    const Diagnosis steady = diagnose_effect(problem, effect, 8);
+    EXPECT_EQ(steady.verdict, amplitude > 0.0 ? Verdict::kExplained : Verdict::kNone);
+    EXPECT_FALSE(steady.time_variation);
+    problem.change_with_time(1e-9);
+    const Diagnosis changing = diagnose_effect(problem, effect, 8);
+    EXPECT_EQ(changing.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(changing.detection.detected);
+    ASSERT_TRUE(changing.time_variation);
+    EXPECT_EQ(changing.time_variation->place, "first");
+    EXPECT_EQ(changing.effects.size(), amplitude > 0.0 ? 1U : 0U);
+  }
 }
 
 // A law that recordings can't tell from another is never fitted, but named with it.

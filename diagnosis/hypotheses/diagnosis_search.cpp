@@ -57,6 +57,8 @@ constexpr double kFitTolerance = 2.0;
 // On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): no errors of parameters
 // do that, a law that fits and predicts so badly only describes the recordings that it saw.
 constexpr double kContradicted = 100.0;
+// And how much larger than another's it must be there, for that one to take its place.
+constexpr double kSpeaksForAnother = 10.0;
 
 // Laws that may come together where none does by itself.
 constexpr std::size_t kGroup = 4;
@@ -610,7 +612,7 @@ class Search {
     if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
     return (disadvantage(fit, reference) > options_.exclusion_margin &&
             evidence(fit) - evidence(reference) > options_.exclusion_margin) ||
-           (is_contradicted(fit) && !is_contradicted(reference));
+           contradicts(fit, reference);
   }
 
   // By recordings kept out, where the noise is known.
@@ -618,6 +620,13 @@ class Search {
     const std::optional<Assessment> held_out = problem_->validate(fit);
     return held_out && held_out->chi_square_per_dof() >
                            kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
+  }
+
+  // Whether they do, and speak for another.
+  [[nodiscard]] bool contradicts(const ExtendedFit& fit, const ExtendedFit& other) const {
+    if (!is_contradicted(fit) || is_contradicted(other)) return false;
+    return problem_->validate(fit)->chi_square_per_dof() >
+           kSpeaksForAnother * problem_->validate(other)->chi_square_per_dof();
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
@@ -751,9 +760,9 @@ class Search {
     return problem_->hypotheses()[trial.hypothesis].place;
   }
 
-  // The best of those that are significant, first of those that recordings kept out do not contradict; where the noise
-  // is not known the one of fewest parameters
-  // among those at its place that it does not excel (the rule of one standard error: Breiman and others 1984).
+  // The best of those that are significant. Where the noise is known, another where recordings kept out contradict that
+  // one; else the one of fewest parameters among those at its place that it does not excel (the rule of one standard
+  // error: Breiman and others 1984).
   [[nodiscard]] const Trial* choose(const ExtendedFit& without,
                                     const std::vector<Trial>& trials) const {
     const Trial* best = nullptr;
@@ -768,7 +777,7 @@ class Search {
         continue;
       }
       if (problem_->noise_is_known()) {
-        if (is_contradicted(trial.fit)) continue;
+        if (!contradicts(best->fit, trial.fit)) continue;
         best = &trial;
         break;
       }
@@ -940,7 +949,7 @@ class Search {
     const Trial* best = nullptr;
     for (const Trial& trial : trials) {
       if (is_special_case(all[effect.law.hypothesis], all[trial.hypothesis])) continue;
-      if (is_contradicted(trial.fit) && !is_contradicted(result_.after)) continue;
+      if (contradicts(trial.fit, result_.after)) continue;
       if (bic(trial.fit) < (best == nullptr ? bic(result_.after) : bic(best->fit))) best = &trial;
     }
     return best;
@@ -1010,7 +1019,7 @@ class Search {
         Rival rival{.law = trial.fit.laws.back(),
                     .bic_difference = disadvantage(trial.fit, result_.after),
                     .evidence_difference = evidence(trial.fit) - evidence(result_.after)};
-        rival.is_contradicted = problem_->noise_is_known() && is_contradicted(trial.fit);
+        rival.is_contradicted = problem_->noise_is_known() && contradicts(trial.fit, result_.after);
         const bool is_rival = richer ? problem_->noise_is_known() && evidence(trial.fit) < *least
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {

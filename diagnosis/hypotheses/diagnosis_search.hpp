@@ -26,7 +26,7 @@
 //      more than noise by its chi-square, one law more is tried if the best hypothesis lies at a place
 //      without a law and is significant by itself; it stays if BIC falls by `exclusion_margin` and by a
 //      thousandth of what the others explain. A law by which chi-square on recordings kept out is a hundred times
-//      that of the fit only comes where there is no other, and is no rival. Where it is known and the best law, of m that may still come,
+//      that of the fit gives way to another by which it is a tenth, and is no rival of such. Where it is known and the best law, of m that may still come,
 //      explains less than half an m-th of what is too much, the search gives up: such laws only stand in
 //      for one that is not there.
 //      Where only a fit with laws comes near enough to free the recordings of the plant's free motion, that is done
