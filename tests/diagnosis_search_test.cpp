@@ -623,6 +623,13 @@ TEST(DiagnosisSearch, TakesNoLawThatRecordingsKeptOutContradict) {
   ASSERT_NE(slanted, found.excluded.end());
   EXPECT_TRUE(slanted->is_contradicted);
   EXPECT_LT(slanted->bic_difference, 0.0);
+  // Nor as a generalisation, which would else be a rival by its evidence.
+  problem.generalise("slanted_step", "step", -1.0);
+  const Diagnosis richer = diagnose_effect(problem, effect, 11);
+  ASSERT_EQ(richer.effects.size(), 1U);
+  EXPECT_EQ(richer.effects[0].law.hypothesis, problem.index_of("step"));
+  EXPECT_TRUE(richer.effects[0].rivals.empty());
+  EXPECT_TRUE(richer.effects[0].generalisations.empty());
 }
 
 // Where no other predicts better, it stays, and is no explanation.

@@ -112,12 +112,18 @@ TEST(VerdictWords, SayWhatChangesWithTime) {
   std::string all;
   for (const std::string& line : verdict_words(changing(), kHypotheses)) all += line + "\n";
   EXPECT_EQ(all.find("Something changes while it is recorded"), 0U) << all;
-  EXPECT_NE(
-      all.find("The damping at joint_3.motor changes with time, by 0.021 N m s/rad (rms), once "
-               "in the 2 s of a recording or slower"),
-      std::string::npos)
+  EXPECT_NE(all.find("The damping at joint_3.motor changes with time, by 0.021 N m s/rad (rms) or "
+                     "more, once in the 2 s of a recording or slower (p = 1e-09"),
+            std::string::npos)
       << all;
-  EXPECT_NE(all.find("As likely: gain at actuator joint_3."), std::string::npos) << all;
+  EXPECT_NE(all.find("Not told apart from it: gain at actuator joint_3."), std::string::npos)
+      << all;
+  Diagnosis fast = changing();
+  fast.verified = false;
+  fast.time_variation->frequency = 1.5;
+  const std::vector<std::string> lines = verdict_words(fast, kHypotheses);
+  EXPECT_NE(lines[0].find("more is missing than what was found"), std::string::npos) << lines[0];
+  EXPECT_NE(lines[1].find("mainly near 1.5 Hz"), std::string::npos) << lines[1];
   const auto json = verdict_json(changing(), kHypotheses, {"model.yaml", "campaign", {}});
   EXPECT_EQ(json.at("time_variation").at("coefficient"), "damping");
   EXPECT_TRUE(verdict_json(explained(), kHypotheses, {"model.yaml", "campaign", {}})

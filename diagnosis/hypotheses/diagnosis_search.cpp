@@ -54,8 +54,8 @@ constexpr double kShareOfAnMth = 0.5;
 // taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
-// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): no errors of parameters
-// do that, a law that fits and predicts so badly only describes the recordings that it saw.
+// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): a law that fits and
+// predicts so badly only describes the recordings that it saw.
 constexpr double kContradicted = 100.0;
 // And how much larger than another's it must be there, for that one to take its place.
 constexpr double kSpeaksForAnother = 10.0;
@@ -255,6 +255,8 @@ class Search {
     few_refits_.clear();
     result_.before = std::move(before);
     describe_fit_as_it_is();
+    detect();
+    result_.detection.detected = true;  // it was, and of that there is a law now
     result_.after = std::move(after);
     return true;
   }
@@ -262,21 +264,32 @@ class Search {
   // Rivals of a single law that leave more than the noise's own chi-square beside it: free motion is not that much.
   void keep_far_behind() {
     if (result_.after.laws.size() != 1) return;
+    ahead_ = result_.after.laws.front().hypothesis;
     for (const Refit& known : refits_) {
       const ExtendedFit& fit = known.fit;
-      if (!fit.usable || fit.laws.size() != 1) continue;
-      const double behind = bic(fit) - bic(result_.after);
-      if (behind <= fit.estimation.degrees_of_freedom) continue;
-      const auto same = std::ranges::find_if(far_behind_, [&](const Rival& rival) {
-        return rival.law.hypothesis == fit.laws.front().hypothesis;
-      });
-      Rival& rival = same == far_behind_.end() ? far_behind_.emplace_back() : *same;
-      if (!rival.law.parameters.empty() && rival.bic_difference <= behind) continue;
-      rival = {.law = fit.laws.front(),
-               .bic_difference = behind,
-               .evidence_difference = evidence(fit) - evidence(result_.after)};
+      if (!fit.usable || fit.laws.size() != 1 || fit.laws.front().hypothesis == ahead_) continue;
+      far_behind_.push_back({.law = fit.laws.front(),
+                             .bic_difference = bic(fit) - bic(result_.after),
+                             .evidence_difference = evidence(fit) - evidence(result_.after),
+                             .on_other_noise = true});
     }
+    // The best fit with each counts.
     std::ranges::stable_sort(far_behind_, {}, &Rival::bic_difference);
+    std::set<std::size_t> seen;
+    std::erase_if(far_behind_, [&](const Rival& rival) {
+      return !seen.insert(rival.law.hypothesis).second ||
+             rival.bic_difference <= result_.after.estimation.degrees_of_freedom;
+    });
+  }
+
+  // Behind the law found, before recordings were freed of more: excluded by that.
+  bool was_far_behind(std::size_t hypothesis, std::size_t found, std::vector<Rival>& excluded) {
+    if (found != ahead_ || hypothesis == found) return false;
+    const auto behind = std::ranges::find(far_behind_, hypothesis,
+                                          [](const Rival& rival) { return rival.law.hypothesis; });
+    if (behind == far_behind_.end()) return false;
+    excluded.push_back(*behind);
+    return true;
   }
 
   void describe_fit_as_it_is() {
@@ -615,11 +628,13 @@ class Search {
            contradicts(fit, reference);
   }
 
-  // By recordings kept out, where the noise is known.
+  // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters do there.
   [[nodiscard]] bool is_contradicted(const ExtendedFit& fit) const {
-    const std::optional<Assessment> held_out = problem_->validate(fit);
-    return held_out && held_out->chi_square_per_dof() >
-                           kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
+    const double limit = kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
+    const auto is_beyond = [limit](const std::optional<Assessment>& held_out) {
+      return held_out && held_out->chi_square_per_dof() > limit;
+    };
+    return is_beyond(problem_->validate(fit)) && is_beyond(problem_->validate_within_errors(fit));
   }
 
   // Whether they do, and speak for another.
@@ -941,10 +956,15 @@ class Search {
     }
   }
 
-  // Of another law than the one found, one that does not merely generalise it, by BIC.
+  // Of another law than the one found: for which recordings kept out speak; else, of several, one that does not merely
+  // generalise it, by BIC.
   [[nodiscard]] const Trial* better_than_found(const FoundEffect& effect,
                                                const std::vector<Trial>& trials) const {
-    if (!problem_->noise_is_known() || result_.after.laws.size() < 2) return nullptr;
+    if (!problem_->noise_is_known()) return nullptr;
+    const auto speaks = std::ranges::find_if(
+        trials, [this](const Trial& trial) { return contradicts(result_.after, trial.fit); });
+    if (speaks != trials.end()) return &*speaks;
+    if (result_.after.laws.size() < 2) return nullptr;
     const std::span<const Hypothesis> all = problem_->hypotheses();
     const Trial* best = nullptr;
     for (const Trial& trial : trials) {
@@ -975,13 +995,7 @@ class Search {
     LawStart pace = starts_of(result_.after)[law];
     for (const LawStart& start : shortlist(table)) {
       if (start.hypothesis == found) pace = start;
-      const auto behind = std::ranges::find_if(far_behind_, [&](const Rival& rival) {
-        return others.empty() && rival.law.hypothesis == start.hypothesis;
-      });
-      if (behind != far_behind_.end()) {
-        outpaced.push_back(*behind);
-        continue;
-      }
+      if (others.empty() && was_far_behind(start.hypothesis, found, outpaced)) continue;
       const bool is_there =
           std::ranges::find(others, start.hypothesis, &LawStart::hypothesis) != others.end();
       if (start.hypothesis != found && (!is_there || is_repeatable(start.hypothesis))) {
@@ -1020,7 +1034,8 @@ class Search {
                     .bic_difference = disadvantage(trial.fit, result_.after),
                     .evidence_difference = evidence(trial.fit) - evidence(result_.after)};
         rival.is_contradicted = problem_->noise_is_known() && contradicts(trial.fit, result_.after);
-        const bool is_rival = richer ? problem_->noise_is_known() && evidence(trial.fit) < *least
+        const bool is_rival = richer ? problem_->noise_is_known() && !rival.is_contradicted &&
+                                           evidence(trial.fit) < *least
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {
           if (std::vector<FittedLaw>* same = same_law_among(members, trial.fit, effect)) {
@@ -1029,7 +1044,7 @@ class Search {
           }
           members.push_back(&trial.fit);
           effect.rivals.push_back(std::move(rival));
-        } else if (!richer) {
+        } else if (!richer || rival.is_contradicted) {
           effect.excluded.push_back(std::move(rival));
         } else if (!problem_->noise_is_known() ||
                    evidence(trial.fit) <= *least + options_.exclusion_margin) {
@@ -1191,9 +1206,11 @@ class Search {
   Diagnosis result_;
   std::vector<Refit> refits_;
   std::vector<Refit> few_refits_;  // to few of the recordings
-  std::vector<Rival> far_behind_;  // before recordings were freed of more
-  int first_fits_ = 0;             // after the first
-  bool tried_to_renew_ = false;    // with laws
+  // Before recordings were freed of more: the single law found, and rivals far behind it.
+  std::optional<std::size_t> ahead_;
+  std::vector<Rival> far_behind_;
+  int first_fits_ = 0;           // after the first
+  bool tried_to_renew_ = false;  // with laws
 };
 
 }  // namespace

@@ -30,7 +30,7 @@
 //      explains less than half an m-th of what is too much, the search gives up: such laws only stand in
 //      for one that is not there.
 //      Where only a fit with laws comes near enough to free the recordings of the plant's free motion, that is done
-//      with it before another is looked for.
+//      with it before another is looked for. Laws then far behind it are not fitted again.
 //   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, where
 //      what is left without them is no more than noise also those without which it is not higher by more
 //      than `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it
@@ -144,8 +144,10 @@ struct Rival {
   // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
   // there, and all recordings would give larger ones.
   bool on_few_recordings = false;
-  bool is_contradicted =
-      false;  // excluded by recordings kept out, whatever it does on those of the fit
+  // Excluded before recordings were freed of free motion with the law found: differences are to that, there.
+  bool on_other_noise = false;
+  // Excluded by recordings kept out, whatever it does on those of the fit.
+  bool is_contradicted = false;
 };
 
 struct FoundEffect {

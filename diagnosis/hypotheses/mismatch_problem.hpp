@@ -148,12 +148,12 @@ struct TimeVariation {
   std::string place;
   std::string coefficient;  // "stiffness", "damping", "gain"
   std::string unit;
-  double p_value = 1.0;        // of the least of all places, times their number
-  double deviation = 0.0;      // rms of the change
+  double p_value = 1.0;        // of the place found, times the number of all
+  double deviation = 0.0;      // rms about its mean in each recording, at least
   double frequency = 0.0;      // Hz, of the largest part of it; once a recording where it is slower
   double duration = 0.0;       // s, of the recording that tells most
   std::vector<double> course;  // there, at equal steps
-  std::vector<std::string> alternatives;  // "damping at joint_2.motor": those that fit as well
+  std::vector<std::string> alternatives;  // "damping at joint_2.motor": not told apart from it
 };
 
 class MismatchProblem {

@@ -38,7 +38,7 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 // With all that refines a law (the corner of a limit) held where it is: where the data are far, it makes of one law
 // another that is none.
-std::vector<ActingLaw> without_refinements(std::vector<ActingLaw> laws) {
+std::vector<ActingLaw> with_refinements_held(std::vector<ActingLaw> laws) {
   for (ActingLaw& law : laws) {
     law.fixed.resize(law.parameters.size(), false);
     for (std::size_t p = 0; p < law.parameters.size(); ++p) {
@@ -86,7 +86,7 @@ class Approach {
                         const std::vector<double>& shares) {
     PeriodicFit fit;
     fit.parameters = start;
-    fit.laws = without_refinements(laws);
+    fit.laws = with_refinements_held(laws);
     const bool has_valleys =
         start.size() >= kManyParameters && hopeless_ < kNever && options_.freed == nullptr;
     for (const double share : shares) {

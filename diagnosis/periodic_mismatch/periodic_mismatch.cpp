@@ -178,11 +178,15 @@ class Problem : public MismatchProblem {
   [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& fit,
                                                             double gain) const override {
     const ModelState model = state_of(fit);
-    std::optional<TimeVariation> found = time_variation_in(data_, model, gain);
+    const Assessment& rest = fit.estimation;
+    constexpr double kNoNoise = 0.01;
+    const bool leaves_more = chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
+    const double left = leaves_more ? rest.chi_square - rest.degrees_of_freedom : 0.0;
+    std::optional<TimeVariation> found = time_variation_in(data_, model, gain, left);
     if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
     PeriodicData again = data_;
     graybox::clear_transients(*family_, model, reading_, again);
-    return time_variation_in(again, model, gain);
+    return time_variation_in(again, model, gain, left);
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
@@ -282,8 +286,8 @@ class Problem : public MismatchProblem {
   static constexpr double kShareOfFree = 0.1;  // that laws may make of the free motion
 
   [[nodiscard]] std::optional<TimeVariation> time_variation_in(const PeriodicData& data,
-                                                               const ModelState& model,
-                                                               double gain) const {
+                                                               const ModelState& model, double gain,
+                                                               double left) const {
     const std::vector<VariationScore> scores =
         variation_scores(*family_, data, model, options_.threads);
     const auto beyond = [](const VariationScore& score) {
@@ -291,7 +295,7 @@ class Problem : public MismatchProblem {
     };
     const auto best = std::ranges::max_element(scores, {}, beyond);
     if (best == scores.end() || !(best->degrees_of_freedom > 0.0)) return {};
-    if (beyond(*best) < made_of_free_motion(model, best->free_power, gain)) return {};
+    if (beyond(*best) < made_of_free_motion(model, best->free_power, gain, left)) return {};
     TimeVariation result;
     result.place = best->place->location.name;
     result.coefficient = coefficient_name(best->coefficient);
@@ -304,23 +308,25 @@ class Problem : public MismatchProblem {
     result.course = best->course;
     constexpr double kAsWell = 10.0;  // of chi-square
     for (const VariationScore& score : scores) {
-      if (&score == &*best || score.statistic < best->statistic - kAsWell) continue;
+      if (&score == &*best || beyond(score) < beyond(*best) - kAsWell) continue;
       result.alternatives.push_back(coefficient_name(score.coefficient) + " at " +
                                     score.place->location.name);
     }
     return result;
   }
 
-  // The most that laws make of the free motion: a share of it, and of what they do at all, of which the model's own
-  // say nothing.
-  [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power,
-                                           double gain) const {
-    const auto is_bent = [](const ActingLaw& law) {
-      return !PeriodicLaw(*law.entry, law.parameters).is_linear();
+  // The most that forces with slopes that vary, or with motion of their own, make of the free motion: a share of it, and
+  // of what they do at all. `left`: chi-square that no law explains, which may be such a force; of the model's own
+  // laws nothing is known.
+  [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power, double gain,
+                                           double left) const {
+    const auto meets = [](const ActingLaw& law) {
+      if (is_body(*law.place, *law.entry) || law.entry->name == "offset") return false;
+      return law.entry->name == "mode" || !PeriodicLaw(*law.entry, law.parameters).is_linear();
     };
-    if (std::ranges::any_of(base_laws_, is_bent)) return kShareOfFree * free_power;
-    if (std::ranges::none_of(model.laws, is_bent)) return 0.0;
-    return kShareOfFree * std::min(free_power, std::max(gain, 0.0));
+    if (std::ranges::any_of(base_laws_, meets)) return kShareOfFree * free_power;
+    const double of_laws = std::ranges::any_of(model.laws, meets) ? std::max(gain, 0.0) : 0.0;
+    return kShareOfFree * std::min(free_power, of_laws + left);
   }
 
   static std::string coefficient_name(Coefficient coefficient) {

@@ -7,6 +7,8 @@
 #include <complex>
 #include <numbers>
 
+#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+
 namespace graybox {
 namespace {
 
@@ -29,7 +31,8 @@ struct RecordGroup {
 // Of one record at one place.
 struct Variation {
   double statistic = 0.0, degrees_of_freedom = 0.0;
-  double mean_square = 0.0;  // of s, less what noise adds
+  double mean_square = 0.0;  // of s, with what noise adds
+  double noise = 0.0;        // that
   VectorXcd harmonics;       // c_m, m = 1 ... P - 1
   double duration = 0.0;     // P T
 };
@@ -119,6 +122,7 @@ class VariationTest {
     const MeasuredRecord& record = *group.records.front();
     const Index bins = record.between_lines.cols() - 1;
     const LinearPlant& plant = *group.plant;
+    const SampledPlant sampled = sampled_plant(plant, data_.sample_time);
     std::vector<MatrixXcd> answers(scores_.size(),
                                    MatrixXcd::Zero(record.between_lines.rows(), bins + 1));
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 16)
@@ -131,7 +135,8 @@ class VariationTest {
       const MatrixXcd sight = whitening *
                               (plant.position_output + Complex(0.0, w) * plant.velocity_output) *
                               receptance(plant, w);
-      const MatrixXcd response = whitening * sampled_response(plant, w, data_.sample_time);
+      const MatrixXcd response =
+          whitening * sampled.response(std::polar(1.0, w * data_.sample_time));
       for (std::size_t c = 0; c < scores_.size(); ++c) {
         const Location& place = scores_[c].place->location;
         auto answer = answers[c].col(bin);
@@ -187,7 +192,8 @@ class VariationTest {
     for (Index bin = 1; bin < answer.cols(); ++bin) {
       if (!counts(record, bin)) continue;
       const Index below = bin / periods, upper = bin % periods, lower = periods - upper;
-      const Complex up = 0.5 * motion(below);
+      // The place's mean is not among the lines.
+      const Complex up = below > 0 ? 0.5 * motion(below) : Complex(0.0);
       const Complex down = below + 1 < motion.size() ? 0.5 * motion(below + 1) : Complex(0.0);
       columns.col(0) = up * answer.col(bin);
       columns.col(1) = Complex(0.0, 1.0) * columns.col(0);
@@ -213,28 +219,33 @@ class VariationTest {
     result.duration =
         static_cast<double>(data_.period) * static_cast<double>(record.periods) * data_.sample_time;
     const double scale = information.diagonal().maxCoeff();
-    if (!(scale > 0.0)) return result;
+    if (!(scale > 0.0) || !information.allFinite() || !scores.allFinite()) return result;
     const Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(information / scale);
     const VectorXd values = inverse.solve(scores) / scale;
     result.statistic = scores.dot(values);
     result.degrees_of_freedom = static_cast<double>(inverse.rank());
     for (Index m = 0; m < pairs; ++m) result.harmonics(m) = {values(2 * m), values(2 * m + 1)};
-    result.mean_square = 0.5 * (values.squaredNorm() - inverse.pseudoInverse().trace() / scale);
+    result.mean_square = 0.5 * values.squaredNorm();
+    result.noise = 0.5 * inverse.pseudoInverse().trace() / scale;
     return result;
   }
 
   void sum_up(const std::vector<std::vector<Variation>>& found, std::size_t c) {
     VariationScore& score = scores_[c];
-    double mean_square = 0.0;
+    double mean_square = 0.0, weights = 0.0;
     const Variation* telling = &found.front()[c];
     for (const std::vector<Variation>& record : found) {
       const Variation& variation = record[c];
       score.statistic += variation.statistic;
       score.degrees_of_freedom += variation.degrees_of_freedom;
-      mean_square += variation.mean_square / static_cast<double>(found.size());
+      if (variation.noise > 0.0) {
+        const double weight = 1.0 / (variation.noise * variation.noise);
+        mean_square += weight * (variation.mean_square - variation.noise);
+        weights += weight;
+      }
       if (variation.statistic > telling->statistic) telling = &variation;
     }
-    score.deviation = std::sqrt(std::max(0.0, mean_square));
+    if (weights > 0.0) score.deviation = std::sqrt(std::max(0.0, mean_square / weights));
     describe(*telling, score);
   }
 

@@ -40,7 +40,8 @@ struct VariationScore {
   Coefficient coefficient = Coefficient::kStiffness;
   double statistic = 0.0;
   double degrees_of_freedom = 0.0;
-  double deviation = 0.0;   // rms of s over all records, less what noise adds
+  // Rms of s over all records, less what noise adds. At least: free motion and noise were estimated with the change.
+  double deviation = 0.0;
   double free_power = 0.0;  // of the free motion between the lines of all records, in the noise's
   // Of the record that tells most:
   double duration = 0.0;       // P T, s
@@ -48,7 +49,9 @@ struct VariationScore {
   std::vector<double> course;  // s at equal steps through the record
 };
 
-// Of all single places of the family, over all records that were freed of free motion; empty without any.
+// Of all places of the family but couplings, sums and differences of places and the flange, over all records that were
+// freed of free motion; empty without any. Not seen: what changes from record to record only, and, but for its edges,
+// what changes as fast as the period or faster.
 // Results do not depend on the threads.
 [[nodiscard]] std::vector<VariationScore> variation_scores(const PlantFamily& family,
                                                            const PeriodicData& data,

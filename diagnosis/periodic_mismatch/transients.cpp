@@ -8,6 +8,7 @@
 #include <memory>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
+#include <utility>
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
@@ -409,7 +410,9 @@ class Clearing {
   void keep_between_lines() {
     std::vector<std::shared_ptr<const LinearPlant>> plants;
     for (const FreePlant& plant : plants_) {
-      plants.push_back(std::make_shared<const LinearPlant>(plant.plant));
+      LinearPlant kept = plant.plant;
+      kept.derivatives.clear();
+      plants.push_back(std::make_shared<const LinearPlant>(std::move(kept)));
     }
     for (FreeRecord& free : records_) {
       free.record->free_plant = plants[free.plant];
@@ -422,7 +425,8 @@ class Clearing {
     const FreePlant& plant = plants_[free.plant];
     double power = 0.0;
     for (Index bin = 1; bin <= plant.bins; ++bin) {
-      if (is_line(plant, bin)) continue;
+      const Index line = nearest_line(plant, bin);
+      if (is_line(plant, bin) || line < data_.first_line || line > data_.last_line) continue;
       power += (weight(plant, bin) * (free.excess.col(bin) - free.rest.col(bin))).squaredNorm();
     }
     return power;

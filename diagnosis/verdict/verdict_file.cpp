@@ -70,6 +70,7 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
                      noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
                     {"same_at", same_at_json(rival.same_at, hypotheses)},
                     {"on_few_recordings", rival.on_few_recordings},
+                    {"with_free_motion", rival.on_other_noise},
                     {"contradicted", rival.is_contradicted}});
   }
   return list;

@@ -10,11 +10,14 @@
 //                 "channels": ["y_3"], "bands_hz": [[5.0, 12.5]], "positions": ["..."],
 //                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
 //                 "amplitude", "unit"}, ...]},
+//    "time_variation": {"place", "coefficient", "deviation", "unit", "frequency_hz", "duration_s",
+//                       "p_value", "alternatives": ["damping at joint_2.motor"]},
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
-//                 "evidence_difference", "same_at", "on_few_recordings"}],
+//                 "evidence_difference", "same_at", "on_few_recordings",
+//                 "with_free_motion", "contradicted"}],
 //                 "generalisations": [...], "excluded": [...]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
@@ -28,7 +31,10 @@
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
 // are null. `predicts_kept_out` is false where recordings kept out are predicted within the errors of the fitted
-// parameters only; `on_few_recordings` is true where few of many recordings excluded a law. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
+// parameters only; `on_few_recordings` is true where few of many recordings excluded a law, `with_free_motion` where it
+// was so far behind that it was not fitted again to recordings freed of free motion, `contradicted` where recordings kept
+// out excluded it. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
+// `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp).
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

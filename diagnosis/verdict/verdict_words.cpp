@@ -31,11 +31,11 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
   if (diagnosis.interrupted) return "Stopped before a verdict; this is what was found until then.";
+  if (diagnosis.time_variation && diagnosis.verified) {
+    return "Something changes while it is recorded, and no law of the catalogue does that.";
+  }
   if (diagnosis.time_variation) {
-    return diagnosis.verified
-               ? "Something changes while it is recorded, and no law of the catalogue does that."
-               : "Something changes while it is recorded, and what was found explains only part of "
-                 "what is missing.";
+    return "Something changes while it is recorded, and more is missing than what was found.";
   }
   if (diagnosis.effects.empty())
     return "Physics is missing, and no law of the catalogue explains it.";
@@ -141,7 +141,9 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
                             hypothesis_words(hypotheses[rival.law.hypothesis]),
                             evidence_words(rival.bic_difference, noise_is_known),
-                            rival.on_few_recordings ? " on few recordings" : "",
+                            rival.on_few_recordings ? " on few recordings"
+                            : rival.on_other_noise  ? " with its free motion"
+                                                    : "",
                             rival.is_contradicted ? ", contradicted by recordings kept out" : "");
   }
   if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
@@ -164,13 +166,13 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   const std::string unit = change.unit == "1" ? "" : " " + change.unit;
   const bool is_slow = change.frequency * change.duration < 1.5;
   std::string words = fmt::format(
-      "The {} at {} changes with time, by {:.2g}{} (rms), {} (p {}, all places counted).",
+      "The {} at {} changes with time, by {:.2g}{} (rms) or more, {} (p {}, all places counted).",
       change.coefficient, change.place, change.deviation, unit,
       is_slow ? fmt::format("once in the {:.3g} s of a recording or slower", change.duration)
-              : fmt::format("most of it about {:.3g} times a second", change.frequency),
+              : fmt::format("mainly near {:.3g} Hz", change.frequency),
       change.p_value > 0.0 ? fmt::format("= {:.2g}", change.p_value) : "< 1e-300");
   if (!change.alternatives.empty()) {
-    words += " As likely: ";
+    words += " Not told apart from it: ";
     for (std::size_t i = 0; i < change.alternatives.size(); ++i) {
       words += (i > 0 ? ", " : "") + change.alternatives[i];
     }
@@ -178,7 +180,7 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   }
   words += " Laws and parameters here do not depend on time";
   words += has_effects ? ", so what follows may only stand in for that." : ".";
-  return words + " Let it warm up or hold it still, or record for longer, and diagnose again.";
+  return words + " Let the machine warm up, look for what works loose, and record for longer.";
 }
 
 void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
