@@ -138,13 +138,15 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
   std::string excluded;
   for (std::size_t i = 0; i < std::min(kNamed, effect.excluded.size()); ++i) {
     const Rival& rival = effect.excluded[i];
+    const bool would_stand =
+        rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
                             hypothesis_words(hypotheses[rival.law.hypothesis]),
                             evidence_words(rival.bic_difference, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"
                                                     : "",
-                            rival.is_contradicted ? ", contradicted by recordings kept out" : "");
+                            would_stand ? ", contradicted by recordings kept out" : "");
   }
   if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
 }
