@@ -234,7 +234,8 @@ class Search {
 
   // Where only laws come near enough to the recordings to free them of the plant's free motion, before more of them are
   // looked for: what they leave may be free motion. Not where the fit becomes no better by that: laws may meet free
-  // motion in ways that its modes do not describe. Once.
+  // motion in ways that its modes do not describe. Once; of many recordings, where that takes as long as all the rest,
+  // not where what is left is no more than noise.
   bool renew_with_laws() {
     if (tried_to_renew_ || !problem_->noise_is_known()) return false;
     tried_to_renew_ = true;
@@ -676,7 +677,7 @@ class Search {
         table = rank(result_.after, 0);
         is_small = rest_is_noise(result_.after);
         if (is_small && !points_elsewhere(table)) return;
-        if (renew_with_laws()) continue;
+        if (!(is_small && problem_->has_few()) && renew_with_laws()) continue;
       }
       const std::vector<LawStart> kept = starts_of(result_.after);
       std::vector<LawStart> candidates = is_small ? small_shortlist(table) : shortlist(table);
