@@ -109,14 +109,6 @@ class VariationTest {
     }
   }
 
-  [[nodiscard]] bool counts(const MeasuredRecord& record, Index bin) const {
-    const Index line = nearest_line(record, bin);
-    return bin % record.periods != 0 && line >= data_.first_line && line <= data_.last_line;
-  }
-  static Index nearest_line(const MeasuredRecord& record, Index bin) {
-    return (bin + (record.periods - 1) / 2) / record.periods;
-  }
-
   // What a unit of s w of each coefficient does to the whitened outputs at each bin, n_y x (B + 1).
   [[nodiscard]] std::vector<MatrixXcd> answers_of(const RecordGroup& group) const {
     const MeasuredRecord& record = *group.records.front();
@@ -127,11 +119,12 @@ class VariationTest {
                                    MatrixXcd::Zero(record.between_lines.rows(), bins + 1));
 #pragma omp parallel for num_threads(threads_) schedule(dynamic, 16)
     for (Index bin = 1; bin <= bins; ++bin) {
-      if (!counts(record, bin)) continue;
+      if (!counts_between_lines(data_, bin, record.periods)) continue;
       const double w = 2.0 * std::numbers::pi * static_cast<double>(bin) /
                        (static_cast<double>(data_.period) * static_cast<double>(record.periods) *
                         data_.sample_time);
-      const MatrixXcd& whitening = data_.whitening[group.noise][at(nearest_line(record, bin))];
+      const MatrixXcd& whitening =
+          data_.whitening[group.noise][at(nearest_line(bin, record.periods))];
       const MatrixXcd sight = whitening *
                               (plant.position_output + Complex(0.0, w) * plant.velocity_output) *
                               receptance(plant, w);
@@ -170,9 +163,9 @@ class VariationTest {
     const SteadyState& state = solver.solve(model_, record, nullptr);
     MatrixXcd left = record.between_lines;
     for (Index bin = 1; bin < left.cols(); ++bin) {
-      if (!counts(record, bin)) continue;
-      left.col(bin) =
-          data_.whitening[record.group][at(nearest_line(record, bin))] * left.col(bin).eval();
+      if (!counts_between_lines(data_, bin, record.periods)) continue;
+      left.col(bin) = data_.whitening[record.group][at(nearest_line(bin, record.periods))] *
+                      left.col(bin).eval();
     }
     std::vector<Variation> result;
     for (std::size_t c = 0; c < scores_.size(); ++c) {
@@ -190,7 +183,7 @@ class VariationTest {
     VectorXd scores = VectorXd::Zero(unknowns);
     MatrixXcd columns(answer.rows(), 4);
     for (Index bin = 1; bin < answer.cols(); ++bin) {
-      if (!counts(record, bin)) continue;
+      if (!counts_between_lines(data_, bin, record.periods)) continue;
       const Index below = bin / periods, upper = bin % periods, lower = periods - upper;
       // The place's mean is not among the lines.
       const Complex up = below > 0 ? 0.5 * motion(below) : Complex(0.0);

@@ -83,11 +83,9 @@ class Clearing {
 
  private:
   static bool is_line(const FreePlant& plant, Index bin) { return bin % plant.periods == 0; }
-  static Index nearest_line(const FreePlant& plant, Index bin) {
-    return (bin + (plant.periods - 1) / 2) / plant.periods;
-  }
   [[nodiscard]] const MatrixXcd& weight(const FreePlant& plant, Index bin) const {
-    const Index line = std::clamp(nearest_line(plant, bin), data_.first_line, data_.last_line);
+    const Index line =
+        std::clamp(nearest_line(bin, plant.periods), data_.first_line, data_.last_line);
     return data_.whitening[plant.group][at(line)];
   }
 
@@ -362,9 +360,8 @@ class Clearing {
       if (free.record->group != group) continue;
       const FreePlant& plant = plants_[free.plant];
       for (Index bin = 1; bin <= plant.bins; ++bin) {
-        const Index line = nearest_line(plant, bin);
-        if (is_line(plant, bin) || line < data_.first_line || line > data_.last_line) continue;
-        LineScatter& sum = scatter[at(line - data_.first_line)];
+        if (!counts_between_lines(data_, bin, plant.periods)) continue;
+        LineScatter& sum = scatter[at(nearest_line(bin, plant.periods) - data_.first_line)];
         sum.scatter += free.rest.col(bin) * free.rest.col(bin).adjoint();
         sum.degrees_of_freedom += std::max(0.0, 1.0 - plant.leverage(bin));
       }
@@ -425,8 +422,7 @@ class Clearing {
     const FreePlant& plant = plants_[free.plant];
     double power = 0.0;
     for (Index bin = 1; bin <= plant.bins; ++bin) {
-      const Index line = nearest_line(plant, bin);
-      if (is_line(plant, bin) || line < data_.first_line || line > data_.last_line) continue;
+      if (!counts_between_lines(data_, bin, plant.periods)) continue;
       power += (weight(plant, bin) * (free.excess.col(bin) - free.rest.col(bin))).squaredNorm();
     }
     return power;

@@ -57,6 +57,17 @@ struct SampledPlant {
 };
 [[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
 
+// The line of the period that a bin of P periods is nearest to.
+[[nodiscard]] inline Eigen::Index nearest_line(Eigen::Index bin, Eigen::Index periods) {
+  return (bin + (periods - 1) / 2) / periods;
+}
+// Whether a bin is no line itself and lies beside one that counts.
+[[nodiscard]] inline bool counts_between_lines(const PeriodicData& data, Eigen::Index bin,
+                                               Eigen::Index periods) {
+  const Eigen::Index line = nearest_line(bin, periods);
+  return bin % periods != 0 && line >= data.first_line && line <= data.last_line;
+}
+
 // Takes free motion and feedback out of the lines of all records, states what error that leaves
 // (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the lines.
 // Records of a single period stay as they are. Results do not depend on the threads.
