@@ -269,20 +269,28 @@ MatrixXd NoiseDraws::products(const MatrixXcd& whitened) const {
   return as_real(whitened).transpose() * as_real(noise_);
 }
 
-// By (nu - 2) / chi^2_nu in variance, which has the mean one: nu = 2 (q - n_y + 1). Chi-square by the cube
-// of a normal number (Wilson and Hilferty 1931).
+// The variance of J^H W e over what it is taken for, J^H W J, with W = (q - n) S^-1 as estimated from q samples of n
+// outputs (noise_whitening.hpp): (J^H W W J) / (J^H W J) is, whatever J,
+//   (q - n) / g_(q-n+1) (1 + g_(n-1) / g_(q-n+2)),   g_m independent, of the gamma distribution with mean m,
+// by S^-1's partition into J and the rest: the first factor, of mean one, is what is left of S along J, the second the
+// squared slope of J on the other outputs. Gamma variables by the cube of a normal number (Wilson and Hilferty 1931).
 void NoiseDraws::scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
-  const double freedom = 2.0 * (pool.samples - static_cast<double>(outputs_) + 1.0);
-  if (!(freedom > 4.0)) return;
+  const auto n = static_cast<double>(outputs_);
+  const double beyond = pool.samples - n;
+  if (!(beyond > 1.0)) return;
   Random random(seed);
+  const auto gamma = [&random](double mean) {
+    const double spread = 1.0 / (9.0 * mean);
+    const double root = 1.0 - spread + std::sqrt(spread) * random.normal();
+    return mean * std::max(root * root * root, 1e-3);
+  };
   const auto width = std::max<Index>(1, static_cast<Index>(pool.lines));
-  const double spread = 2.0 / (9.0 * freedom);
   for (Index d = 0; d < noise_.cols(); ++d) {
     for (Index k = data.first_line; k < lines_; k += width) {
-      const double root = 1.0 - spread + std::sqrt(spread) * random.normal();
-      const double chi_square = freedom * std::max(root * root * root, 1e-3);
+      double ratio = beyond / gamma(beyond + 1.0);
+      if (outputs_ > 1) ratio *= 1.0 + gamma(n - 1.0) / gamma(beyond + 2.0);
       const Index count = std::min(width, lines_ - k) * outputs_;
-      noise_.col(d).segment(k * outputs_, count) *= std::sqrt((freedom - 2.0) / chi_square);
+      noise_.col(d).segment(k * outputs_, count) *= std::sqrt(ratio);
     }
   }
 }

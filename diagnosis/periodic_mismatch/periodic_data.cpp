@@ -369,12 +369,10 @@ class Reader {
         scatter[at].degrees_of_freedom += static_cast<double>(noise.cols());
         scatter[at].bins = read.bins[line];
       }
-      data_.noise_degrees_of_freedom +=
-          2.0 * static_cast<double>(outputs) * scatter[at].degrees_of_freedom;
     }
     const auto pooled =
         pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs));
-    data_.noise_pools.push_back(pool_of(pooled));
+    data_.noise_pools.push_back(pool_of(scatter, pooled));
     return interpolated(pooled, lines, frequencies, output_level(data_, group));
   }
 

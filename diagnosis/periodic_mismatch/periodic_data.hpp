@@ -68,6 +68,7 @@ struct MeasuredRecord {
 struct NoisePool {
   double samples = 0.0;  // q, complex degrees of freedom
   double lines = 1.0;    // that share them
+  double own = 0.0;      // complex degrees of freedom of all lines together, each counted once
 };
 
 struct PeriodicData {
@@ -85,7 +86,6 @@ struct PeriodicData {
   // [group][line]: L with E |(L V)_c|^2 = 2, so that real and imaginary parts have variance one.
   std::vector<std::vector<Eigen::MatrixXcd>> whitening;
   std::vector<NoisePool> noise_pools;                // by group; empty: stated noise
-  double noise_degrees_of_freedom = 0.0;             // real, of all covariances together; 0: stated
   std::vector<FrequencyResponseEstimate> responses;  // of the estimation records, where complete
 
   // Index of a position given in degrees; the number of positions if it is none of them.

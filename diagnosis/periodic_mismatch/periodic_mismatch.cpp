@@ -20,6 +20,7 @@
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
 #include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
+#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
@@ -433,18 +434,12 @@ class Problem : public MismatchProblem {
     }
   }
 
-  // Scaled so that the chi-square test holds although the noise is an estimate itself: chi^2/dof then
-  // is Fisher's F with the noise's degrees of freedom, which is about a chi-square over its degrees
-  // of freedom with 1/dof = 1/dof_data + 1/dof_noise.
-  [[nodiscard]] Assessment judged(double chi_square, double degrees_of_freedom) const {
+  // Scaled so that the chi-square test holds although the noise is an estimate itself.
+  [[nodiscard]] Assessment judged(const std::vector<MeasuredRecord>& records, double chi_square,
+                                  double degrees_of_freedom) const {
     Assessment result;
-    result.chi_square = chi_square;
-    result.degrees_of_freedom = degrees_of_freedom;
-    if (data_.noise_degrees_of_freedom > 0.0) {
-      result.degrees_of_freedom =
-          1.0 / (1.0 / degrees_of_freedom + 1.0 / data_.noise_degrees_of_freedom);
-      result.chi_square *= result.degrees_of_freedom / degrees_of_freedom;
-    }
+    result.degrees_of_freedom = effective_degrees_of_freedom(data_, records, degrees_of_freedom);
+    result.chi_square = chi_square * result.degrees_of_freedom / degrees_of_freedom;
     return result;
   }
 
@@ -469,7 +464,8 @@ class Problem : public MismatchProblem {
       errors += error[i];
       signals += signal[i];
     }
-    Assessment result = judged(sum, data_.numbers_in(records) - static_cast<double>(parameters));
+    Assessment result =
+        judged(records, sum, data_.numbers_in(records) - static_cast<double>(parameters));
     const double share = errors.cwiseQuotient(signals).mean();
     result.nrmse = 100.0 * std::sqrt(share);
     result.variance_accounted_for = 100.0 * (1.0 - share);

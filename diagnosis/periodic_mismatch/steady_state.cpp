@@ -2,7 +2,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include <mutex>
 #include <tuple>
 
+#include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
@@ -372,44 +372,21 @@ double SteadyStateSolver::renew_own_force(const MeasuredRecord& record) {
 }
 
 // Without laws, or with the laws' forces held: substitution, and where that is slow or runs away, near a
-// mode that is hardly damped, Anderson's mixing of the last passes (Anderson 1965; Walker and Ni 2011),
-// which takes the least change of the outputs in noise units.
+// mode that is hardly damped, Anderson's mixing of the last passes by the change of the outputs in noise units.
 void SteadyStateSolver::settle_own_force(const MeasuredRecord& record) {
   constexpr int kPlainPasses = 4;
-  constexpr Index kRemembered = 6;
-  std::vector<MatrixXcd> reached;  // by substitution, coordinates of the last passes
-  std::vector<VectorXcd> changes;  // what each pass changed at the outputs
+  AndersonMixing passes(6);
   for (int pass = 0; pass < options_.iteration_limit; ++pass) {
     MatrixXcd change = state_.coordinates;
     state_.unsettled = renew_own_force(record);
     if (!(state_.unsettled > options_.tolerance)) return;
     change = state_.coordinates - change;
-    reached.push_back(state_.coordinates);
-    changes.push_back(seen_motion(record, change));
-    if (static_cast<Index>(reached.size()) > kRemembered) {
-      reached.erase(reached.begin());
-      changes.erase(changes.begin());
-    }
+    passes.add(state_.coordinates, seen_motion(record, change));
     if (pass < kPlainPasses) continue;
-    const MatrixXcd mixture = mixed(reached, changes);
+    const MatrixXcd mixture = passes.mixed();
     own_ += mixture - state_.coordinates;
     state_.coordinates = mixture;
   }
-}
-
-// The combination of points, with weights of sum one, whose changes cancel best.
-MatrixXcd SteadyStateSolver::mixed(const std::vector<MatrixXcd>& reached,
-                                   const std::vector<VectorXcd>& changes) {
-  const auto older = static_cast<Index>(changes.size()) - 1;
-  MatrixXd differences(2 * changes.back().size(), older);
-  for (Index i = 0; i < older; ++i) {
-    differences.col(i) = as_real(VectorXcd(changes.back() - changes[at(i)]));
-  }
-  const VectorXd weights =
-      differences.completeOrthogonalDecomposition().solve(as_real(changes.back()));
-  MatrixXcd result = reached.back();
-  for (Index i = 0; i < older; ++i) result -= weights(i) * (reached.back() - reached[at(i)]);
-  return result;
 }
 
 // What coordinates do to the whitened outputs.

@@ -185,8 +185,6 @@ class SteadyStateSolver {
   void find_own_forces(const ModelState& model, std::size_t position);
   double renew_own_force(const MeasuredRecord& record);
   void settle_own_force(const MeasuredRecord& record);
-  [[nodiscard]] static Eigen::MatrixXcd mixed(const std::vector<Eigen::MatrixXcd>& reached,
-                                              const std::vector<Eigen::VectorXcd>& changes);
   [[nodiscard]] Eigen::VectorXcd seen_motion(const MeasuredRecord& record,
                                              const Eigen::MatrixXcd& coordinates) const;
   [[nodiscard]] double size_of_motion(const MeasuredRecord& record,

@@ -5,12 +5,14 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
@@ -26,6 +28,12 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr int kRounds = 3;  // of weights and noise
+// Free motion and what own forces make of it are then brought to agree, record by record: until a step changes the
+// decorrelated lines by no more than this (the square of it in chi-square), or so many steps.
+constexpr double kSettled = 0.1;
+constexpr int kSteps = 30;
+constexpr int kPlainSteps = 3;  // by substitution, then by Anderson's mixing
+constexpr std::size_t kRemembered = 6;
 // Rms in standard deviations up to which a residual may be nothing but noise.
 constexpr double kNoiseAtMost = 2.0;
 
@@ -75,6 +83,7 @@ class Clearing {
       }
       whiten();
     }
+    settle();
     for (FreeRecord& free : records_) take_out(free);
     find_common_errors();
     keep_between_lines();
@@ -285,8 +294,17 @@ class Clearing {
     for (Index bin = 1; bin <= plant.bins; ++bin) {
       const double w = frequency(plant, bin);
       free.own.col(bin) = receptance(plant.plant, w) * force.col(bin);
+    }
+    if (!free.own.allFinite()) free.own.setZero();  // a motion far beyond the model
+    see_own_motion(free);
+  }
+
+  void see_own_motion(FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      const Complex rate(0.0, frequency(plant, bin));
       free.own_seen.col(bin) = plant.plant.position_output * free.own.col(bin) +
-                               Complex(0.0, w) * (plant.plant.velocity_output * free.own.col(bin));
+                               rate * (plant.plant.velocity_output * free.own.col(bin));
     }
   }
 
@@ -329,7 +347,6 @@ class Clearing {
   }
 
   void whiten() {
-    data_.noise_degrees_of_freedom = 0.0;
     std::vector<double> frequencies(data_.frequencies.begin() + data_.first_line,
                                     data_.frequencies.end());
     for (std::size_t group = 0; group < data_.whitening.size(); ++group) {
@@ -337,18 +354,66 @@ class Clearing {
       const Index outputs = static_cast<Index>(data_.outputs.size());
       const double wanted = wanted_noise_samples(options_, outputs);
       const auto pooled = pool_covariances(scatter, frequencies, wanted);
-      data_.noise_pools[group] = pool_of(pooled);
+      data_.noise_pools[group] = pool_of(scatter, pooled);
       const MatrixXd level = output_level(data_, group);
       for (Index k = data_.first_line; k <= data_.last_line; ++k) {
         const std::size_t i = at(k - data_.first_line);
-        data_.noise_degrees_of_freedom +=
-            2.0 * static_cast<double>(outputs) * scatter[i].degrees_of_freedom;
         const double inflation = inverse_bias(pooled[i].degrees_of_freedom, outputs);
         const auto whitening =
             whitening_of(inflation * pooled[i].covariance, level.col(k), options_.model_accuracy);
         if (whitening) data_.whitening[group][at(k)] = *whitening;
       }
     }
+  }
+
+  // Near a resonance a small change of the own forces is a large one of the motion, and a few rounds are not enough.
+  void settle() {
+    if (std::ranges::all_of(records_, [](const FreeRecord& f) { return f.own.size() == 0; }))
+      return;
+    find_common_errors();
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+    for (std::size_t i = 0; i < records_.size(); ++i) settle(records_[i]);
+    whiten();
+  }
+
+  void settle(FreeRecord& free) const {
+    if (free.own.size() == 0) return;
+    AndersonMixing steps(kRemembered);
+    MatrixXcd best = free.own;
+    double least = std::numeric_limits<double>::infinity();
+    for (int step = 0; step < kSteps; ++step) {
+      const MatrixXcd before = free.rest;
+      add_own_forces(free);
+      separate(free);
+      const VectorXcd change = lines_of(free, free.rest - before);
+      const double size = change.norm();
+      if (size < kSettled) return;
+      if (!std::isfinite(size)) break;
+      if (size < least) best = free.own;
+      least = std::min(least, size);
+      steps.add(free.own, change);
+      if (step >= kPlainSteps) separate_with(free, steps.mixed());
+    }
+    separate_with(free, best);
+  }
+
+  void separate_with(FreeRecord& free, MatrixXcd own) const {
+    free.own = std::move(own);
+    see_own_motion(free);
+    separate(free);
+  }
+
+  // Whitened and decorrelated.
+  [[nodiscard]] VectorXcd lines_of(const FreeRecord& free, const MatrixXcd& bins) const {
+    const FreePlant& plant = plants_[free.plant];
+    MatrixXcd lines = MatrixXcd::Zero(bins.rows(), data_.last_line + 1);
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      const Index bin = k * plant.periods;
+      lines.col(k) = weight(plant, bin) * bins.col(bin);
+    }
+    VectorXcd column = lines.reshaped();
+    free.record->decorrelate(column);
+    return column;
   }
 
   // Of each line from the first that counts.
