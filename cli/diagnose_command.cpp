@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -69,12 +70,31 @@ void require_known_laws(const std::vector<std::string>& laws,
   }
 }
 
-// Checked before the work, which may take minutes.
-void prepare_folder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(std::filesystem::path(folder) / "figures", error);
-  if (error) throw InputError(fmt::format("{}: can't be made: {}", folder, error.message()));
-}
+// Made before the work, which may take minutes; where that ends without a report, folders that are new go again.
+class ReportFolder {
+ public:
+  explicit ReportFolder(const std::filesystem::path& folder) {
+    for (const auto& made : {folder, folder / "figures"}) {
+      if (!std::filesystem::exists(made)) made_.push_back(made);
+    }
+    std::error_code error;
+    std::filesystem::create_directories(folder / "figures", error);
+    if (error) {
+      throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
+    }
+  }
+  ReportFolder(const ReportFolder&) = delete;
+  ReportFolder& operator=(const ReportFolder&) = delete;
+  ~ReportFolder() {
+    std::error_code ignored;  // not empty: it stays
+    for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
+      std::filesystem::remove(*made, ignored);
+    }
+  }
+
+ private:
+  std::vector<std::filesystem::path> made_;
+};
 
 // A report of an earlier run with more figures and plans must not lend them to this one.
 void remove_old(const std::filesystem::path& folder) {
@@ -146,7 +166,8 @@ int exit_code_of(const Diagnosis& diagnosis) {
 int execute(Arguments& arguments) {
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
-  if (!arguments.output.empty()) prepare_folder(arguments.output);
+  std::optional<ReportFolder> folder;
+  if (!arguments.output.empty()) folder.emplace(arguments.output);
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
       arguments.model, campaign,

@@ -136,7 +136,7 @@ TEST(HeldOut, AllowsForTheErrorsOfTheFittedParameters) {
     const ExtendedFit fit = problem->fit({}, nullptr);
     ASSERT_TRUE(fit.usable) << fit.trouble;
     raw += problem->validate(fit)->chi_square_per_dof() / kCampaigns;
-    within += problem->validate_within_errors(fit)->chi_square_per_dof() / kCampaigns;
+    within += problem->predict_held_out(fit)->within_errors.chi_square_per_dof() / kCampaigns;
   }
   EXPECT_GT(raw, 1.5);
   EXPECT_NEAR(within, 1.0, 0.1);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -199,7 +200,7 @@ class RegressionProblem : public MismatchProblem {
                   static_cast<double>(kSamples));
   }
   // r^T (1 + J C J^T)^-1 r, C the covariance of what was fitted.
-  [[nodiscard]] std::optional<Assessment> validate_within_errors(
+  [[nodiscard]] std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const override {
     std::vector<std::size_t> present;
     for (const FittedLaw& law : fit.laws) present.push_back(law.hypothesis);
@@ -211,7 +212,7 @@ class RegressionProblem : public MismatchProblem {
         Eigen::MatrixXd::Identity(kSamples, kSamples) + seen * covariance * seen.transpose();
     Assessment result = assess(error, static_cast<double>(kSamples));
     result.chi_square = error.dot(all.llt().solve(error));
-    return result;
+    return HeldOutPrediction{result, result.chi_square + std::log(all.determinant())};
   }
   // A law that does so many times as much on recordings kept out.
   void do_elsewhere(const std::string& law, double times) { elsewhere_[index_of(law)] = times; }
@@ -624,12 +625,49 @@ TEST(DiagnosisSearch, TakesNoLawThatRecordingsKeptOutContradict) {
   EXPECT_TRUE(slanted->is_contradicted);
   EXPECT_LT(slanted->bic_difference, 0.0);
   // Nor as a generalisation, which would else be a rival by its evidence.
-  problem.generalise("slanted_step", "step", -1.0);
+  problem.generalise("slanted_step", "step", -4.0);
   const Diagnosis richer = diagnose_effect(problem, effect, 11);
   ASSERT_EQ(richer.effects.size(), 1U);
   EXPECT_EQ(richer.effects[0].law.hypothesis, problem.index_of("step"));
   EXPECT_TRUE(richer.effects[0].rivals.empty());
   EXPECT_TRUE(richer.effects[0].generalisations.empty());
+}
+
+// Laws alike on the recordings of the fit that differ in what they make of those kept out.
+TEST(DiagnosisSearch, CountsWhatRecordingsKeptOutSayOfRivals) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "step", 12.0);
+  const auto slanted = [&](const std::vector<Rival>& rivals) {
+    return std::ranges::find_if(rivals, [&](const Rival& rival) {
+      return rival.law.hypothesis == problem.index_of("slanted_step");
+    });
+  };
+  const Diagnosis alike = diagnose_effect(problem, effect, 3);
+  ASSERT_EQ(alike.effects.size(), 1U);
+  EXPECT_EQ(alike.effects[0].law.hypothesis, problem.index_of("step"));
+  EXPECT_NE(slanted(alike.effects[0].rivals), alike.effects[0].rivals.end());
+  EXPECT_EQ(alike.verdict, Verdict::kAmbiguous);
+
+  problem.do_elsewhere("slanted_step", 2.0);
+  const Diagnosis told = diagnose_effect(problem, effect, 3);
+  ASSERT_EQ(told.effects.size(), 1U);
+  EXPECT_EQ(told.effects[0].law.hypothesis, problem.index_of("step"));
+  EXPECT_TRUE(told.effects[0].rivals.empty());
+  const auto excluded = slanted(told.effects[0].excluded);
+  ASSERT_NE(excluded, told.effects[0].excluded.end());
+  EXPECT_LT(excluded->bic_difference, SearchOptions{}.exclusion_margin);
+  EXPECT_GT(excluded->held_out_difference, 0.0);
+  EXPECT_GT(excluded->bic_difference + excluded->held_out_difference,
+            SearchOptions{}.exclusion_margin);
+  EXPECT_FALSE(excluded->is_contradicted);
+  EXPECT_EQ(told.verdict, Verdict::kExplained);
+
+  // The law that fits best is not the one found where those kept out speak against it.
+  problem.do_elsewhere("slanted_step", 1.0);
+  problem.do_elsewhere("step", 2.0);
+  const Diagnosis turned = diagnose_effect(problem, effect, 3);
+  ASSERT_EQ(turned.effects.size(), 1U);
+  EXPECT_EQ(turned.effects[0].law.hypothesis, problem.index_of("slanted_step"));
 }
 
 // Where no other predicts better, it stays, and is no explanation.
@@ -734,17 +772,19 @@ TEST(DiagnosisSearch, NamesATwinThatGeneralisesTheLawBesideIt) {
 // parameters, so that the effect may as well be one of it; it is named beside the law where they do not ask for
 // it; and it is left out where they speak against it.
 TEST(DiagnosisSearch, ALawThatGeneralisesTheBestIsARivalWhereItMayBeTheOne) {
-  for (const double information : {-2.0, 4.0, 40.0}) {
+  // Beside what the richer law gains by chance.
+  for (const double information : {-4.0, -0.5, 4.0, 40.0}) {
     RegressionProblem problem;
     problem.generalise("slanted_step", "step", information);
     const Diagnosis diagnosis =
         diagnose_effect(problem, scaled_effect(problem, "slanted_step", 12.0), 3);
     ASSERT_EQ(diagnosis.effects.size(), 1U);
     EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("step"));
-    const bool is_certain = information > 0.0;
+    const bool is_certain = information > -2.0;
     EXPECT_EQ(diagnosis.verdict, is_certain ? Verdict::kExplained : Verdict::kAmbiguous);
     EXPECT_EQ(diagnosis.effects[0].rivals.size(), is_certain ? 0U : 1U);
-    EXPECT_EQ(diagnosis.effects[0].generalisations.size(), information == 4.0 ? 1U : 0U);
+    const bool is_named = is_certain && information < 10.0;
+    EXPECT_EQ(diagnosis.effects[0].generalisations.size(), is_named ? 1U : 0U);
   }
 }
 

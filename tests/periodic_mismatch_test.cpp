@@ -573,6 +573,51 @@ TEST(PeriodicMismatch, FindsNothingMissingInARobotWithItsOwnNonLinearities) {
   EXPECT_NEAR(problem->validate(fit)->chi_square_per_dof(), 1.0, 0.1);
 }
 
+// In these positions the bearing of joint 2 hardly shows, and the fit has a valley for each of many stiffnesses: from
+// the model's values it ends in a wrong one, which another position tells at once.
+TEST(PeriodicMismatch, ChecksAFirstFitThatDoesNotPredict) {
+  const testing::TemporaryFolder folder;
+  const std::filesystem::path robot =
+      std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
+  std::filesystem::copy(robot.parent_path() / "three_axis.urdf", folder.file("three_axis.urdf"));
+  const std::string text = testing::read_text(robot.string());
+  std::string truth = text;
+  for (const auto& [nominal, changed] : {std::pair{"4.0e4", "4.567e4"},
+                                         {"5.0e4", "5.052e4"},
+                                         {"1.5e4", "1.559e4"},
+                                         {"8.0e4", "6.857e4"}}) {
+    truth.replace(truth.find(nominal), 5, changed);
+  }
+  testing::write_text(folder.file("truth.yaml"), truth);
+  testing::write_text(folder.file("model.yaml"), text);
+  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
+plant: robot
+levels: [2.0, 8.0]
+realisations: 1
+period: 500
+settling_periods: 4
+periods: 4
+frequencies: {from: 2, to: 62, count: 20, spacing: log}
+positions: [[-124, -3, -109], [-110, 2, -118], [69, 39, -103]]
+noise: 1e-5
+)");
+  const SimulatedSystem system = load_system(folder.file("truth.yaml"), std::nullopt);
+  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
+                    {});
+  Campaign campaign = read_campaign(folder.file("campaign"));
+  for (Experiment& experiment : campaign.experiments) {
+    const bool is_elsewhere = experiment.position.front() > 0.0;
+    experiment.role = is_elsewhere ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
+  }
+  const auto problem = periodic_mismatch_problem(folder.file("model.yaml"), campaign);
+  const ExtendedFit fit = problem->fit({}, nullptr);
+  ASSERT_TRUE(fit.usable) << fit.trouble;
+  EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
+  const LawParameterEstimate& bearing = fit.model_parameters.back();
+  EXPECT_NEAR(bearing.value, 6.857 / 8.0, 4.0 * bearing.standard_error);
+  EXPECT_LT(problem->predict_held_out(fit)->within_errors.chi_square_per_dof(), 1.1);
+}
+
 void expect_explained_by(const std::string& law, const std::string& place,
                          const MismatchProblem& problem, const Diagnosis& diagnosis) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);

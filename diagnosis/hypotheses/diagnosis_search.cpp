@@ -60,6 +60,13 @@ constexpr double kContradicted = 100.0;
 // And how much larger than another's it must be there, for that one to take its place.
 constexpr double kSpeaksForAnother = 10.0;
 
+// Of -2 log evidence: less in favour of a law that generalises another is "not worth more than a bare mention" (Kass and
+// Raftery, J. Am. Stat. Assoc. 90, 1995).
+constexpr double kAskedFor = 2.0;
+
+// Times the margin of exclusion: so far behind on its own recordings, what those kept out say changes nothing.
+constexpr double kDecided = 10.0;
+
 // Laws that may come together where none does by itself.
 constexpr std::size_t kGroup = 4;
 
@@ -624,18 +631,34 @@ class Search {
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
     if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
-    return (disadvantage(fit, reference) > options_.exclusion_margin &&
-            evidence(fit) - evidence(reference) > options_.exclusion_margin) ||
+    const double held_out = held_out_difference(fit, reference);
+    return (disadvantage(fit, reference) + held_out > options_.exclusion_margin &&
+            evidence(fit) - evidence(reference) + held_out > options_.exclusion_margin) ||
            contradicts(fit, reference);
+  }
+
+  // What recordings kept out add to how much worse `fit` is than `reference`; nothing where that is decided by far.
+  [[nodiscard]] double held_out_difference(const ExtendedFit& fit,
+                                           const ExtendedFit& reference) const {
+    if (!problem_->noise_is_known()) return 0.0;
+    if (disadvantage(fit, reference) > kDecided * options_.exclusion_margin) return 0.0;
+    const auto of_fit = problem_->predict_held_out(fit);
+    const auto of_reference = problem_->predict_held_out(reference);
+    if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return 0.0;
+    return *of_fit->cost - *of_reference->cost;
+  }
+
+  // Of the fit's recordings and those kept out, up to a constant.
+  [[nodiscard]] double evidence_of_all(const ExtendedFit& fit) const {
+    return evidence(fit) + held_out_difference(fit, result_.after);
   }
 
   // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters do there.
   [[nodiscard]] bool is_contradicted(const ExtendedFit& fit) const {
     const double limit = kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
-    const auto is_beyond = [limit](const std::optional<Assessment>& held_out) {
-      return held_out && held_out->chi_square_per_dof() > limit;
-    };
-    return is_beyond(problem_->validate(fit)) && is_beyond(problem_->validate_within_errors(fit));
+    const std::optional<Assessment> held_out = problem_->validate(fit);
+    return held_out && held_out->chi_square_per_dof() > limit &&
+           problem_->predict_held_out(fit)->within_errors.chi_square_per_dof() > limit;
   }
 
   // Whether they do, and speak for another.
@@ -963,7 +986,7 @@ class Search {
                                                const std::vector<Trial>& trials) const {
     if (!problem_->noise_is_known()) return nullptr;
     const auto speaks = std::ranges::find_if(
-        trials, [this](const Trial& trial) { return contradicts(result_.after, trial.fit); });
+        trials, [this](const Trial& trial) { return excludes(trial.fit, result_.after); });
     if (speaks != trials.end()) return &*speaks;
     if (result_.after.laws.size() < 2) return nullptr;
     const std::span<const Hypothesis> all = problem_->hypotheses();
@@ -1033,10 +1056,11 @@ class Search {
         if (least.has_value() != richer) continue;
         Rival rival{.law = trial.fit.laws.back(),
                     .bic_difference = disadvantage(trial.fit, result_.after),
-                    .evidence_difference = evidence(trial.fit) - evidence(result_.after)};
+                    .evidence_difference = evidence(trial.fit) - evidence(result_.after),
+                    .held_out_difference = held_out_difference(trial.fit, result_.after)};
         rival.is_contradicted = problem_->noise_is_known() && contradicts(trial.fit, result_.after);
         const bool is_rival = richer ? problem_->noise_is_known() && !rival.is_contradicted &&
-                                           evidence(trial.fit) < *least
+                                           evidence_of_all(trial.fit) < *least - kAskedFor
                                      : std::ranges::find(standing, &trial) != standing.end();
         if (is_rival) {
           if (std::vector<FittedLaw>* same = same_law_among(members, trial.fit, effect)) {
@@ -1048,7 +1072,7 @@ class Search {
         } else if (!richer || rival.is_contradicted) {
           effect.excluded.push_back(std::move(rival));
         } else if (!problem_->noise_is_known() ||
-                   evidence(trial.fit) <= *least + options_.exclusion_margin) {
+                   evidence_of_all(trial.fit) <= *least + options_.exclusion_margin) {
           effect.generalisations.push_back(std::move(rival));
         }
       }
@@ -1084,7 +1108,7 @@ class Search {
     std::optional<double> least;
     const auto consider = [&](std::size_t plain, const ExtendedFit& fit) {
       if (is_special_case(all[plain], richer)) {
-        least = std::min(least.value_or(evidence(fit)), evidence(fit));
+        least = std::min(least.value_or(evidence_of_all(fit)), evidence_of_all(fit));
       }
     };
     consider(effect.law.hypothesis, result_.after);
@@ -1154,7 +1178,9 @@ class Search {
 
   // Where the noise is known.
   bool rest_passes() {
-    result_.validation_within_errors = problem_->validate_within_errors(result_.after);
+    if (const auto prediction = problem_->predict_held_out(result_.after)) {
+      result_.validation_within_errors = prediction->within_errors;
+    }
     result_.rest_p_value = practical_size_p_value(
         result_.validation_within_errors.value_or(result_.after.estimation), options_.tolerance);
     result_.fit_p_value =

@@ -139,6 +139,7 @@ struct Rival {
   std::optional<NextExperiment> next =
       {};                            // that tells it from the law found; of the nearest alone
   double evidence_difference = 0.0;  // to the law found, where the noise is known
+  double held_out_difference = 0.0;  // what recordings kept out add to both, likewise
   // The same law at other places, where it is the same to every experiment of this kind: one explanation.
   std::vector<FittedLaw> same_at = {};
   // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit

@@ -359,10 +359,12 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
 
 std::vector<std::string> special_cases_of(const LawEntry& entry) {
   const std::string& name = entry.name;
-  if (name == "asymmetric_coulomb" || name == "dahl" || name == "sublinear_friction") {
-    return {"coulomb"};
+  // Below its transition velocity dry friction is viscous.
+  if (name == "coulomb") return {"viscous"};
+  if (name == "stribeck" || name == "asymmetric_coulomb" || name == "sublinear_friction") {
+    return {"coulomb", "viscous"};
   }
-  if (name == "stribeck") return {"coulomb"};
+  if (name == "dahl") return {"coulomb"};
   if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};

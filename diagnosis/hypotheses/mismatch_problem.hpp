@@ -67,6 +67,16 @@ struct Assessment {
   [[nodiscard]] double chi_square_per_dof() const { return chi_square / degrees_of_freedom; }
 };
 
+// Of recordings kept out of a fit.
+struct HeldOutPrediction {
+  // What the errors of the fitted parameters do to these recordings counted as noise: recordings that see a
+  // parameter better than those of the fit do differ by it.
+  Assessment within_errors;
+  // -2 log of their density given the recordings of the fit, up to a constant that all fits of the problem share; none
+  // where the noise is not known.
+  std::optional<double> cost;
+};
+
 struct ExtendedFit {
   bool usable = false;  // converged
   std::string trouble;  // why not
@@ -194,11 +204,12 @@ class MismatchProblem {
   [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
   // On recordings kept out of the fit; none if there are none.
   [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
-  // The same where the noise is known, what the errors of the fitted parameters do to these recordings
-  // counted as noise: recordings that see a parameter better than those of the fit do differ by it.
-  [[nodiscard]] virtual std::optional<Assessment> validate_within_errors(
+  // What a fit makes of these recordings with the errors of its parameters; none if there are none.
+  [[nodiscard]] virtual std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const {
-    return validate(fit);
+    const std::optional<Assessment> assessment = validate(fit);
+    if (!assessment) return {};
+    return HeldOutPrediction{*assessment, {}};
   }
 
   // The place where something changes with time beside what the fit describes, if anything does: whether it does is

@@ -102,6 +102,7 @@ class Problem : public MismatchProblem {
     near.laws = model.laws;
     auto problem = std::make_unique<Problem>(*this);
     problem->freed_fits_.clear();
+    problem->predictions_.clear();
     problem->clear_with(near);
     return problem;
   }
@@ -119,7 +120,47 @@ class Problem : public MismatchProblem {
   [[nodiscard]] PeriodicFit first_fit(const std::vector<ActingLaw>& acting) const {
     std::vector<VectorXd> starts = response_starts(*family_, data_, options_.threads);
     starts.push_back(start_);
-    return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
+    PeriodicFit first = fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
+    if (!is_doubtful(first)) return first;
+    for (const VectorXd& start : across_the_least_determined(first)) {
+      PeriodicFit fit = fit_periodic(*family_, data_, {start}, first.laws, how_to_fit());
+      if (!fit.converged || fit.chi_square >= first.chi_square) continue;
+      fit.start = first.start;
+      first = std::move(fit);
+    }
+    return first;
+  }
+
+  // The fit with other values, from half to twice what the model says, of the parameter that is least determined.
+  [[nodiscard]] std::vector<VectorXd> across_the_least_determined(const PeriodicFit& fit) const {
+    constexpr int kValues = 13;
+    const Index count = fit.parameters.size();
+    const VectorXd errors = standard_errors(fit.information).head(count);
+    Index least = -1;
+    double largest = 0.0;
+    for (Index p = 0; p < count; ++p) {
+      const double error = errors(p) / std::abs(fit.parameters(p));
+      if (!family_->parameters()[at(p)].positive || !(error > largest)) continue;
+      least = p;
+      largest = error;
+    }
+    std::vector<VectorXd> starts;
+    for (int i = 0; least >= 0 && i < kValues; ++i) {
+      starts.push_back(fit.parameters);
+      starts.back()(least) = start_(least) * std::exp2(2.0 * i / (kValues - 1.0) - 1.0);
+    }
+    return starts;
+  }
+
+  // Far worse on recordings kept out than on its own: it may be in a valley that its recordings hardly tell from the
+  // right one, with a parameter far off. Whether another is better, its own recordings decide.
+  [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
+    constexpr double kDoubt = 3.0;
+    if (!fit.converged || data_.validation.empty()) return false;
+    const ModelState model =
+        evaluate_model(*family_, data_, fit.parameters, fit.laws, false, options_.threads);
+    const double own = assess(model, data_.estimation, 0).chi_square_per_dof();
+    return assess(model, data_.validation, 0).chi_square_per_dof() > kDoubt * std::max(1.0, own);
   }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
@@ -160,18 +201,28 @@ class Problem : public MismatchProblem {
   }
 
   // With C the parameters' covariance, residuals r with derivatives J have the covariance 1 + J C J^T:
-  // chi^2 = r^T r - b^T (C^-1 + J^T J)^-1 b, b = J^T r.
-  [[nodiscard]] std::optional<Assessment> validate_within_errors(
+  //   chi^2 = r^T r - b^T (C^-1 + J^T J)^-1 b,   b = J^T r,
+  //   log det(1 + J C J^T) = log det(C^-1 + J^T J) - log det C^-1.
+  [[nodiscard]] std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
+    std::vector<double> key = values_of(fit);
+    for (const auto& [known, prediction] : predictions_) {
+      if (known == key) return prediction;
+    }
     const ModelState model = state_of(fit);
-    Assessment result = assess(model, data_.validation, 0);
+    HeldOutPrediction prediction{assess(model, data_.validation, 0), {}};
+    const double scale =
+        prediction.within_errors.degrees_of_freedom / data_.numbers_in(data_.validation);
     const BlockSums fitted = linearised(model, data_.estimation);
     const BlockSums held_out = linearised(model, data_.validation);
-    const double explained = held_out.scores.dot(
-        solved(fitted.information + held_out.information, held_out.scores).col(0));
-    result.chi_square -= explained * result.degrees_of_freedom / data_.numbers_in(data_.validation);
-    return result;
+    const MatrixXd all = fitted.information + held_out.information;
+    prediction.within_errors.chi_square -=
+        scale * held_out.scores.dot(solved(all, held_out.scores).col(0));
+    prediction.cost = prediction.within_errors.chi_square / scale + log_determinant(all, fit) -
+                      log_determinant(fitted.information, fit);
+    predictions_.emplace_back(std::move(key), prediction);
+    return prediction;
   }
 
   // Laws that were not there when recordings were freed of their free motion change that: where a change is
@@ -494,6 +545,30 @@ class Problem : public MismatchProblem {
     return total;
   }
 
+  // Of the model, then of its laws, and which these are.
+  [[nodiscard]] static std::vector<double> values_of(const ExtendedFit& fit) {
+    std::vector<double> values;
+    for (const LawParameterEstimate& each : fit.model_parameters) values.push_back(each.value);
+    for (const FittedLaw& law : fit.laws) {
+      values.push_back(static_cast<double>(law.hypothesis));
+      for (const LawParameterEstimate& each : law.parameters) values.push_back(each.value);
+    }
+    return values;
+  }
+
+  // Of information, that of a prior as wide as the parameters' values included.
+  [[nodiscard]] static double log_determinant(const MatrixXd& information, const ExtendedFit& fit) {
+    VectorXd values(information.rows());
+    Index k = 0;
+    for (const LawParameterEstimate& each : fit.model_parameters) values(k++) = each.value;
+    for (const FittedLaw& law : fit.laws) {
+      for (const LawParameterEstimate& each : law.parameters) values(k++) = each.value;
+    }
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(
+        values.asDiagonal() * information * values.asDiagonal(), Eigen::EigenvaluesOnly);
+    return eigen.eigenvalues().array().max(0.0).log1p().sum();
+  }
+
   [[nodiscard]] ExtendedFit report(const PeriodicData& data, const PeriodicFit& fitted,
                                    std::span<const LawStart> laws) const {
     ExtendedFit result;
@@ -594,6 +669,8 @@ class Problem : public MismatchProblem {
     PeriodicFit fit;
   };
   mutable std::deque<FreedFit> freed_fits_;
+  mutable std::deque<std::pair<std::vector<double>, HeldOutPrediction>>
+      predictions_;                        // by values_of()
   std::vector<std::size_t> telling_;       // telling_recordings() at the start
   std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with

@@ -68,6 +68,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
                     {"bic_difference", number(rival.bic_difference)},
                     {"evidence_difference",
                      noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
+                    {"held_out_difference",
+                     noise_is_known ? number(rival.held_out_difference) : Json(nullptr)},
                     {"same_at", same_at_json(rival.same_at, hypotheses)},
                     {"on_few_recordings", rival.on_few_recordings},
                     {"with_free_motion", rival.on_other_noise},

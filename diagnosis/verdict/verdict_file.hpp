@@ -16,7 +16,7 @@
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
-//                 "evidence_difference", "same_at", "on_few_recordings",
+//                 "evidence_difference", "held_out_difference", "same_at", "on_few_recordings",
 //                 "with_free_motion", "contradicted"}],
 //                 "generalisations": [...], "excluded": [...]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},

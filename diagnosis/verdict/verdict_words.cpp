@@ -58,6 +58,14 @@ std::string evidence_words(double difference, bool noise_is_known) {
                      difference < 0.0 ? "better" : "worse", std::sqrt(std::abs(difference)));
 }
 
+std::string evidence_words(const Rival& rival, bool noise_is_known) {
+  std::string words = evidence_words(rival.bic_difference, noise_is_known);
+  if (std::abs(rival.held_out_difference) >= 0.5) {
+    words += fmt::format(", {:+.2g} by recordings kept out", rival.held_out_difference);
+  }
+  return words;
+}
+
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          bool noise_is_known) {
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
@@ -107,9 +115,8 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                          bool noise_is_known, std::vector<std::string>& lines) {
   std::string names;
   for (const Rival& law : effect.generalisations) {
-    const std::string reason = law.law.parameters.empty()
-                                   ? "the same in such recordings"
-                                   : evidence_words(law.bic_difference, noise_is_known);
+    const std::string reason = law.law.parameters.empty() ? "the same in such recordings"
+                                                          : evidence_words(law, noise_is_known);
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ",
                          hypothesis_words(hypotheses[law.law.hypothesis]), reason);
   }
@@ -129,7 +136,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     lines.push_back(fmt::format("Not excluded in its place: {}: {} ({}).",
                                 hypothesis_words(hypotheses[rival.law.hypothesis]),
                                 parameters_words(rival.law),
-                                evidence_words(rival.bic_difference, noise_is_known)));
+                                evidence_words(rival, noise_is_known)));
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
   }
@@ -142,7 +149,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
         rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
                             hypothesis_words(hypotheses[rival.law.hypothesis]),
-                            evidence_words(rival.bic_difference, noise_is_known),
+                            evidence_words(rival, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"
                                                     : "",
