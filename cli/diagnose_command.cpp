@@ -74,11 +74,13 @@ void require_known_laws(const std::vector<std::string>& laws,
 class ReportFolder {
  public:
   explicit ReportFolder(const std::filesystem::path& folder) {
-    for (const auto& made : {folder, folder / "figures"}) {
-      if (!std::filesystem::exists(made)) made_.push_back(made);
-    }
+    const std::filesystem::path figures = folder / "figures";
     std::error_code error;
-    std::filesystem::create_directories(folder / "figures", error);
+    for (auto made = figures; !made.empty() && !std::filesystem::exists(made, error);
+         made = made.parent_path()) {
+      if (made.has_filename()) made_.push_back(made);
+    }
+    std::filesystem::create_directories(figures, error);
     if (error) {
       throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
     }
@@ -87,13 +89,11 @@ class ReportFolder {
   ReportFolder& operator=(const ReportFolder&) = delete;
   ~ReportFolder() {
     std::error_code ignored;  // not empty: it stays
-    for (auto made = made_.rbegin(); made != made_.rend(); ++made) {
-      std::filesystem::remove(*made, ignored);
-    }
+    for (const std::filesystem::path& made : made_) std::filesystem::remove(made, ignored);
   }
 
  private:
-  std::vector<std::filesystem::path> made_;
+  std::vector<std::filesystem::path> made_;  // the innermost first
 };
 
 // A report of an earlier run with more figures and plans must not lend them to this one.

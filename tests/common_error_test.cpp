@@ -125,7 +125,7 @@ TEST(CommonError, HasTheCovarianceThatIsStated) {
 // Little is known from weak recordings; strong ones see how wrong it is, which is no missing physics.
 TEST(HeldOut, AllowsForTheErrorsOfTheFittedParameters) {
   const testing::TemporaryFolder folder;
-  double raw = 0.0, within = 0.0;
+  double raw = 0.0, within = 0.0, joint = 0.0;
   constexpr int kCampaigns = 4;
   for (int seed = 1; seed <= kCampaigns; ++seed) {
     Campaign campaign = drive_from_rest(folder, "[0.02, 0.6]", 100 + seed);
@@ -137,9 +137,19 @@ TEST(HeldOut, AllowsForTheErrorsOfTheFittedParameters) {
     ASSERT_TRUE(fit.usable) << fit.trouble;
     raw += problem->validate(fit)->chi_square_per_dof() / kCampaigns;
     within += problem->predict_held_out(fit)->within_errors.chi_square_per_dof() / kCampaigns;
+    // What chi-square of all recordings, fitted together, is above that of the weak ones.
+    double numbers = 0.0;
+    for (Experiment& experiment : campaign.experiments) {
+      numbers += experiment.role == ExperimentRole::kValidation ? 1.0 : 0.0;
+      experiment.role = ExperimentRole::kEstimation;
+    }
+    const auto all = periodic_mismatch_problem(folder.file("model.yaml"), campaign);
+    numbers *= all->sample_count() / static_cast<double>(campaign.experiments.size());
+    joint += (all->fit({}, nullptr).deviance - fit.deviance) / numbers / kCampaigns;
   }
   EXPECT_GT(raw, 1.5);
   EXPECT_NEAR(within, 1.0, 0.1);
+  EXPECT_NEAR(joint, within, 0.03);
 }
 
 }  // namespace

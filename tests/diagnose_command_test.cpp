@@ -309,8 +309,11 @@ TEST_F(Diagnose, RefusesBadInput) {
   simulate();
   expect_refused("diagnose model.yaml nowhere", "nowhere");
   expect_refused("diagnose nothing.yaml campaign", "nothing.yaml");
-  expect_refused("diagnose nothing.yaml campaign -o report", "nothing.yaml");
-  EXPECT_FALSE(std::filesystem::exists(folder_.file("report")));
+  expect_refused("diagnose nothing.yaml campaign -o reports/first/", "nothing.yaml");
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("reports")));
+  std::filesystem::create_directory(folder_.file("kept"));
+  expect_refused("diagnose nothing.yaml campaign -o kept", "nothing.yaml");
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.file("kept")));
   expect_refused("diagnose model.yaml campaign --without glue", "glue");
   expect_refused("diagnose model.yaml campaign --laws model.yaml", "format");
   expect_refused("diagnose model.yaml campaign --level 2", "level");

@@ -656,8 +656,9 @@ TEST(DiagnosisSearch, CountsWhatRecordingsKeptOutSayOfRivals) {
   const auto excluded = slanted(told.effects[0].excluded);
   ASSERT_NE(excluded, told.effects[0].excluded.end());
   EXPECT_LT(excluded->bic_difference, SearchOptions{}.exclusion_margin);
-  EXPECT_GT(excluded->held_out_difference, 0.0);
-  EXPECT_GT(excluded->bic_difference + excluded->held_out_difference,
+  ASSERT_TRUE(excluded->held_out_difference);
+  EXPECT_GT(*excluded->held_out_difference, 0.0);
+  EXPECT_GT(excluded->bic_difference + *excluded->held_out_difference,
             SearchOptions{}.exclusion_margin);
   EXPECT_FALSE(excluded->is_contradicted);
   EXPECT_EQ(told.verdict, Verdict::kExplained);
@@ -725,6 +726,7 @@ TEST(DiagnosisSearch, SaysUnknownWhereSomethingChangesWithTime) {
     const Diagnosis steady = diagnose_effect(problem, effect, 8);
     EXPECT_EQ(steady.verdict, amplitude > 0.0 ? Verdict::kExplained : Verdict::kNone);
     EXPECT_FALSE(steady.time_variation);
+    EXPECT_TRUE(steady.time_variation_was_tested);
     problem.change_with_time(1e-9);
     const Diagnosis changing = diagnose_effect(problem, effect, 8);
     EXPECT_EQ(changing.verdict, Verdict::kUnknown);

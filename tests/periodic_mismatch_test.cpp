@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
@@ -571,6 +572,21 @@ TEST(PeriodicMismatch, FindsNothingMissingInARobotWithItsOwnNonLinearities) {
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
   EXPECT_NEAR(fit.model_parameters[0].value, 4.0 / 3.5, 1e-4);
   EXPECT_NEAR(problem->validate(fit)->chi_square_per_dof(), 1.0, 0.1);
+}
+
+// Where its transition velocity is never reached, dry friction is viscous: one that the recordings do not tell from
+// viscous friction is no rival of it. Of force balances frictions that never slide are no candidates.
+TEST(PeriodicMismatch, KnowsThatSlowDryFrictionIsViscous) {
+  const auto has = [](const std::string& law, bool may_creep, const std::string& special) {
+    const std::vector<std::string> cases = special_cases_of(*find_law(law, false), may_creep);
+    return std::ranges::find(cases, special) != cases.end();
+  };
+  for (const std::string law : {"coulomb", "stribeck", "asymmetric_coulomb", "sublinear_friction"}) {
+    EXPECT_TRUE(has(law, true, "viscous")) << law;
+    EXPECT_FALSE(has(law, false, "viscous")) << law;
+    EXPECT_EQ(has(law, false, "coulomb"), law != "coulomb") << law;
+  }
+  EXPECT_FALSE(has("dahl", true, "viscous"));
 }
 
 // In these positions the bearing of joint 2 hardly shows, and the fit has a valley for each of many stiffnesses: from

@@ -193,7 +193,7 @@ class ForceBalanceProblem : public MismatchProblem {
       scales_.push_back(motion_scale(place, data_.estimation));
       for (const LawEntry* entry : force_balance_laws(place)) {
         hypotheses_.push_back({place.location.name, place.yaml, entry->name,
-                               special_cases_of(*entry), place.is_compound,
+                               special_cases_of(*entry, false), place.is_compound,
                                entry->name == "ripple"});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);

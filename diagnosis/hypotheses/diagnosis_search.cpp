@@ -631,26 +631,28 @@ class Search {
   }
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
     if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
-    const double held_out = held_out_difference(fit, reference);
+    const double held_out = held_out_difference(fit, reference).value_or(0.0);
     return (disadvantage(fit, reference) + held_out > options_.exclusion_margin &&
             evidence(fit) - evidence(reference) + held_out > options_.exclusion_margin) ||
            contradicts(fit, reference);
   }
 
-  // What recordings kept out add to how much worse `fit` is than `reference`; nothing where that is decided by far.
-  [[nodiscard]] double held_out_difference(const ExtendedFit& fit,
-                                           const ExtendedFit& reference) const {
-    if (!problem_->noise_is_known()) return 0.0;
-    if (disadvantage(fit, reference) > kDecided * options_.exclusion_margin) return 0.0;
+  // What recordings kept out add to how much worse `fit` is than `reference`; none where there are none, or where that
+  // is decided by far without them.
+  [[nodiscard]] std::optional<double> held_out_difference(const ExtendedFit& fit,
+                                                          const ExtendedFit& reference) const {
+    if (!problem_->noise_is_known()) return {};
+    if (std::abs(disadvantage(fit, reference)) > kDecided * options_.exclusion_margin) return {};
     const auto of_fit = problem_->predict_held_out(fit);
     const auto of_reference = problem_->predict_held_out(reference);
-    if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return 0.0;
+    if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return {};
+    if (*of_fit->cost == *of_reference->cost) return 0.0;  // infinite, both
     return *of_fit->cost - *of_reference->cost;
   }
 
   // Of the fit's recordings and those kept out, up to a constant.
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit) const {
-    return evidence(fit) + held_out_difference(fit, result_.after);
+    return evidence(fit) + held_out_difference(fit, result_.after).value_or(0.0);
   }
 
   // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters do there.
@@ -980,8 +982,8 @@ class Search {
     }
   }
 
-  // Of another law than the one found: for which recordings kept out speak; else, of several, one that does not merely
-  // generalise it, by BIC.
+  // Of another law than the one found: which excludes that, with recordings kept out; else, of several, one that does
+  // not merely generalise it, by BIC.
   [[nodiscard]] const Trial* better_than_found(const FoundEffect& effect,
                                                const std::vector<Trial>& trials) const {
     if (!problem_->noise_is_known()) return nullptr;
@@ -1032,7 +1034,8 @@ class Search {
     std::ranges::move(on_few, std::back_inserter(outpaced));
     std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
-      std::ranges::stable_sort(trials, {}, [](const Trial& trial) { return evidence(trial.fit); });
+      std::ranges::stable_sort(trials, {},
+                               [this](const Trial& trial) { return evidence_of_all(trial.fit); });
     }
     return trials;
   }
@@ -1139,7 +1142,8 @@ class Search {
         if (is_excluded(all[twin])) continue;
         Rival rival{.law = {twin, {}},
                     .bic_difference = member.bic_difference,
-                    .evidence_difference = member.evidence_difference};
+                    .evidence_difference = member.evidence_difference,
+                    .held_out_difference = member.held_out_difference};
         if (is_special_case(all[member.law.hypothesis], all[twin])) {
           effect.generalisations.insert(effect.generalisations.begin(), std::move(rival));
         } else {
@@ -1204,6 +1208,7 @@ class Search {
     if (!proceed("looking for what changes with time")) return;
     std::optional<TimeVariation> variation =
         problem_->time_variation(result_.after, result_.before.deviance - result_.after.deviance);
+    result_.time_variation_was_tested = variation.has_value();
     if (variation && variation->p_value < options_.variation_level) {
       result_.time_variation = std::move(variation);
       result_.detection.detected = true;

@@ -42,18 +42,20 @@
 //          evidence = deviance + log det(1 + D S D)     (ExtendedFit::laws_information),
 //      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
-//      so that a small effect would exclude all laws of many parameters. A law that generalises another
-//      that stands is at least as good always: a rival where the noise is known and its evidence is better,
+//      so that a small effect would exclude all laws of many parameters. Where they do not decide by far (ten times
+//      the margin) what recordings kept out say is added to both (HeldOutPrediction::cost). A law that generalises another
+//      that stands is at least as good always: a rival where the noise is known and its evidence is better by 2,
 //      else no rival: the best of them are named beside the class (`generalisations`), where it has fewer
 //      than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise the law:
 //      then they are the first to be named beside it. Members of a class with one law at several places
 //      that no experiment of this kind would tell apart (a delay of the only actuator or of the only sensor
-//      of a linear system) are one explanation: `same_at`. Where the noise is known and one of several laws
-//      has a rival of lower BIC, that takes its place and all are weighed again. Where the search has as
+//      of a linear system) are one explanation: `same_at`. Where the noise is known and a law is excluded by its rival,
+//      or one of several laws has a rival of lower BIC, that takes its place and all are weighed again. Where the search has as
 //      many laws as may be and the rest is no noise, rivals are not weighed.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest must
 //      not be larger than noise by more than `tolerance` of its variance (a test of practical size:
 //      chi-square against the non-central distribution with noncentrality tolerance x degrees of freedom).
+//      (That step 5 asked them too favours the law by some 10 of chi-square in thousands.)
 //      On the fit's own recordings the same must hold with twice the tolerance: those kept out may not
 //      excite what is missing. Where the noise is not known there is no such test; then the error on
 //      recordings kept out must not be more than `generalisation` times that of the fit, and no more than
@@ -139,7 +141,8 @@ struct Rival {
   std::optional<NextExperiment> next =
       {};                            // that tells it from the law found; of the nearest alone
   double evidence_difference = 0.0;  // to the law found, where the noise is known
-  double held_out_difference = 0.0;  // what recordings kept out add to both, likewise
+  // What recordings kept out add to both; none where there are none or they were not asked.
+  std::optional<double> held_out_difference = {};
   // The same law at other places, where it is the same to every experiment of this kind: one explanation.
   std::vector<FittedLaw> same_at = {};
   // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
@@ -177,7 +180,8 @@ struct Diagnosis {
   std::optional<Assessment> validation_within_errors;
   // Where something changes while it is recorded: the verdict then is `unknown`, whatever laws fit.
   std::optional<TimeVariation> time_variation;
-  bool verified = false;  // the rest passed the test of step 6
+  bool time_variation_was_tested = false;  // else it can't be told from these recordings
+  bool verified = false;                   // the rest passed the test of step 6
   // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
   // errors of the fitted parameters do there.
   bool predicts = true;

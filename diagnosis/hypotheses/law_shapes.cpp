@@ -357,12 +357,15 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   return {single_amplitude({1.0}, 0, is_positive)};
 }
 
-std::vector<std::string> special_cases_of(const LawEntry& entry) {
+std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_friction_may_creep) {
   const std::string& name = entry.name;
-  // Below its transition velocity dry friction is viscous.
-  if (name == "coulomb") return {"viscous"};
-  if (name == "stribeck" || name == "asymmetric_coulomb" || name == "sublinear_friction") {
-    return {"coulomb", "viscous"};
+  const bool is_dry_friction = name == "stribeck" || name == "asymmetric_coulomb" ||
+                               name == "sublinear_friction" || name == "coulomb";
+  if (is_dry_friction) {
+    std::vector<std::string> cases;
+    if (name != "coulomb") cases.emplace_back("coulomb");
+    if (dry_friction_may_creep) cases.emplace_back("viscous");
+    return cases;
   }
   if (name == "dahl") return {"coulomb"};
   if (name == "asymmetric_viscous") return {"viscous"};

@@ -52,7 +52,9 @@ struct LawShape {
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                                const MotionScale& scale);
 
-// Laws that this one is for some of its parameters.
-[[nodiscard]] std::vector<std::string> special_cases_of(const LawEntry& entry);
+// Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition velocity may lie above all
+// velocities that were recorded, so that it is viscous.
+[[nodiscard]] std::vector<std::string> special_cases_of(const LawEntry& entry,
+                                                        bool dry_friction_may_creep);
 
 }  // namespace graybox

@@ -17,6 +17,7 @@ void AndersonMixing::add(Eigen::MatrixXcd reached, Eigen::VectorXcd change) {
 
 Eigen::MatrixXcd AndersonMixing::mixed() const {
   const std::size_t older = changes_.size() - 1;
+  if (older == 0) return reached_.back();
   Eigen::MatrixXd differences(2 * changes_.back().size(), static_cast<Eigen::Index>(older));
   for (std::size_t i = 0; i < older; ++i) {
     differences.col(static_cast<Eigen::Index>(i)) =

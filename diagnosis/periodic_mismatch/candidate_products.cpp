@@ -276,8 +276,7 @@ MatrixXd NoiseDraws::products(const MatrixXcd& whitened) const {
 // squared slope of J on the other outputs. Gamma variables by the cube of a normal number (Wilson and Hilferty 1931).
 void NoiseDraws::scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
   const auto n = static_cast<double>(outputs_);
-  const double beyond = pool.samples - n;
-  if (!(beyond > 1.0)) return;
+  const double beyond = std::max(pool.samples - n, 2.0);  // no mean below one
   Random random(seed);
   const auto gamma = [&random](double mean) {
     const double spread = 1.0 / (9.0 * mean);

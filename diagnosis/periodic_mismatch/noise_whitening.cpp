@@ -91,7 +91,7 @@ std::vector<std::vector<Eigen::MatrixXcd>> whitening_with_errors(const PeriodicD
 NoisePool pool_of(const std::vector<LineScatter>& lines,
                   const std::vector<OutputCovariance>& pooled) {
   NoisePool result{std::numeric_limits<double>::infinity(), 0.0, 0.0};
-  for (const LineScatter& line : lines) result.own += line.degrees_of_freedom;
+  result.own = independent_samples(lines);
   for (const OutputCovariance& one : pooled) {
     result.samples = std::min(result.samples, one.degrees_of_freedom);
     result.lines += static_cast<double>(one.pooled_lines) / static_cast<double>(pooled.size());
@@ -108,24 +108,21 @@ double effective_degrees_of_freedom(const PeriodicData& data,
                                     const std::vector<MeasuredRecord>& records,
                                     double degrees_of_freedom) {
   const auto n = static_cast<double>(data.outputs.size());
-  std::vector<double> numbers(data.noise_pools.size(), 0.0);  // of each group
+  std::vector<double> counts(data.noise_pools.size(), 0.0);  // records of each group
   for (const MeasuredRecord& record : records) {
-    if (record.group >= numbers.size() || !(data.noise_pools[record.group].own > 0.0)) {
+    if (record.group >= counts.size() || !(data.noise_pools[record.group].own > 0.0)) {
       return degrees_of_freedom;
     }
-    numbers[record.group] += data.numbers_in({record});
+    counts[record.group] += 1.0;
   }
-  const double all = data.numbers_in(records);
   double variance = 0.0;  // half of it
-  for (std::size_t group = 0; group < numbers.size(); ++group) {
-    if (numbers[group] == 0.0) continue;
+  for (std::size_t group = 0; group < counts.size(); ++group) {
+    if (counts[group] == 0.0) continue;
     const NoisePool& pool = data.noise_pools[group];
     const double q = std::max(pool.samples, n + 2.0);  // no moments below n + 1
-    const double beyond = q - n;
-    const double of_trace = q / (beyond - 1.0) + q * (n - 1.0) / (beyond * beyond - 1.0);
-    const double counted = degrees_of_freedom / all * numbers[group];
-    variance += counted * weights_widening(q, static_cast<Eigen::Index>(n)) +
-                counted * counted * of_trace / (2.0 * n * pool.own);
+    const double numbers = degrees_of_freedom * counts[group] / static_cast<double>(records.size());
+    const double a = weights_widening(q, static_cast<Eigen::Index>(n)), b = a * q / (q - n);
+    variance += numbers * a + numbers * numbers * b / (2.0 * n * pool.own);
   }
   return degrees_of_freedom * degrees_of_freedom / variance;
 }

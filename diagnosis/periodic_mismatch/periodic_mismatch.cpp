@@ -87,7 +87,9 @@ class Problem : public MismatchProblem {
   void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
     first_ = first_fit(base_laws_);
-    if (first_->converged && can_clear_with(report(data_, *first_, {}))) clear_with(*first_);
+    if (!first_->converged || !can_clear_with(report(data_, *first_, {}))) return;
+    if (is_doubtful(*first_)) look_across_the_least_determined(*first_);
+    clear_with(*first_);
   }
 
   // Where clear_transients() could not.
@@ -120,47 +122,7 @@ class Problem : public MismatchProblem {
   [[nodiscard]] PeriodicFit first_fit(const std::vector<ActingLaw>& acting) const {
     std::vector<VectorXd> starts = response_starts(*family_, data_, options_.threads);
     starts.push_back(start_);
-    PeriodicFit first = fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
-    if (!is_doubtful(first)) return first;
-    for (const VectorXd& start : across_the_least_determined(first)) {
-      PeriodicFit fit = fit_periodic(*family_, data_, {start}, first.laws, how_to_fit());
-      if (!fit.converged || fit.chi_square >= first.chi_square) continue;
-      fit.start = first.start;
-      first = std::move(fit);
-    }
-    return first;
-  }
-
-  // The fit with other values, from half to twice what the model says, of the parameter that is least determined.
-  [[nodiscard]] std::vector<VectorXd> across_the_least_determined(const PeriodicFit& fit) const {
-    constexpr int kValues = 13;
-    const Index count = fit.parameters.size();
-    const VectorXd errors = standard_errors(fit.information).head(count);
-    Index least = -1;
-    double largest = 0.0;
-    for (Index p = 0; p < count; ++p) {
-      const double error = errors(p) / std::abs(fit.parameters(p));
-      if (!family_->parameters()[at(p)].positive || !(error > largest)) continue;
-      least = p;
-      largest = error;
-    }
-    std::vector<VectorXd> starts;
-    for (int i = 0; least >= 0 && i < kValues; ++i) {
-      starts.push_back(fit.parameters);
-      starts.back()(least) = start_(least) * std::exp2(2.0 * i / (kValues - 1.0) - 1.0);
-    }
-    return starts;
-  }
-
-  // Far worse on recordings kept out than on its own: it may be in a valley that its recordings hardly tell from the
-  // right one, with a parameter far off. Whether another is better, its own recordings decide.
-  [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
-    constexpr double kDoubt = 3.0;
-    if (!fit.converged || data_.validation.empty()) return false;
-    const ModelState model =
-        evaluate_model(*family_, data_, fit.parameters, fit.laws, false, options_.threads);
-    const double own = assess(model, data_.estimation, 0).chi_square_per_dof();
-    return assess(model, data_.validation, 0).chi_square_per_dof() > kDoubt * std::max(1.0, own);
+    return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
   }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
@@ -206,23 +168,14 @@ class Problem : public MismatchProblem {
   [[nodiscard]] std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
-    std::vector<double> key = values_of(fit);
-    for (const auto& [known, prediction] : predictions_) {
-      if (known == key) return prediction;
+    const VectorXd values = values_of(fit);
+    std::vector<std::size_t> laws;
+    for (const FittedLaw& law : fit.laws) laws.push_back(law.hypothesis);
+    for (const KnownPrediction& known : predictions_) {
+      if (known.laws == laws && known.values == values) return known.prediction;
     }
-    const ModelState model = state_of(fit);
-    HeldOutPrediction prediction{assess(model, data_.validation, 0), {}};
-    const double scale =
-        prediction.within_errors.degrees_of_freedom / data_.numbers_in(data_.validation);
-    const BlockSums fitted = linearised(model, data_.estimation);
-    const BlockSums held_out = linearised(model, data_.validation);
-    const MatrixXd all = fitted.information + held_out.information;
-    prediction.within_errors.chi_square -=
-        scale * held_out.scores.dot(solved(all, held_out.scores).col(0));
-    prediction.cost = prediction.within_errors.chi_square / scale + log_determinant(all, fit) -
-                      log_determinant(fitted.information, fit);
-    predictions_.emplace_back(std::move(key), prediction);
-    return prediction;
+    predictions_.push_back({laws, values, predict(state_of(fit), values)});
+    return predictions_.back().prediction;
   }
 
   // Laws that were not there when recordings were freed of their free motion change that: where a change is
@@ -253,6 +206,65 @@ class Problem : public MismatchProblem {
   }
 
  private:
+  // `values`: of all parameters.
+  [[nodiscard]] HeldOutPrediction predict(const ModelState& model, const VectorXd& values) const {
+    HeldOutPrediction prediction{assess(model, data_.validation, 0), {}};
+    const double scale =
+        prediction.within_errors.degrees_of_freedom / data_.numbers_in(data_.validation);
+    const BlockSums fitted = linearised(model, data_.estimation);
+    const BlockSums held_out = linearised(model, data_.validation);
+    const MatrixXd all = fitted.information + held_out.information;
+    prediction.within_errors.chi_square -=
+        scale * held_out.scores.dot(solved(all, held_out.scores).col(0));
+    prediction.cost = prediction.within_errors.chi_square / scale + log_determinant(all, values) -
+                      log_determinant(fitted.information, values);
+    // A force that no number describes where it was not fitted.
+    if (!std::isfinite(*prediction.cost)) {
+      prediction.cost = std::numeric_limits<double>::infinity();
+    }
+    return prediction;
+  }
+
+  // Far worse on recordings kept out than on its own, beyond what the errors of its parameters do: it may be in a
+  // valley that its recordings hardly tell from the right one, with a parameter far off.
+  [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
+    constexpr double kDoubt = 3.0;
+    if (data_.validation.empty()) return false;
+    const ExtendedFit reported = report(data_, fit, {});
+    const double own = reported.estimation.chi_square_per_dof();
+    return predict(state_of(reported), values_of(reported)).within_errors.chi_square_per_dof() >
+           kDoubt * std::max(1.0, own);
+  }
+
+  // Begins again with other values, from half to twice what the model says, of the parameter with the largest relative
+  // error (those of combinations that the data do not see have none). Whether one is better its own recordings decide.
+  void look_across_the_least_determined(PeriodicFit& fit) const {
+    constexpr int kValues = 13;
+    const std::optional<Index> least = least_determined(fit);
+    const VectorXd middle = fit.parameters;
+    for (int i = 0; least && i < kValues; ++i) {
+      VectorXd start = middle;
+      start(*least) = start_(*least) * std::exp2(2.0 * i / (kValues - 1.0) - 1.0);
+      PeriodicFit other = fit_periodic(*family_, data_, {start}, fit.laws, how_to_fit());
+      if (!other.converged || other.chi_square >= fit.chi_square) continue;
+      other.start = fit.start;
+      fit = std::move(other);
+    }
+  }
+
+  [[nodiscard]] std::optional<Index> least_determined(const PeriodicFit& fit) const {
+    const VectorXd errors = standard_errors(fit.information);
+    std::optional<Index> least;
+    double largest = 0.0;
+    for (Index p = 0; p < fit.parameters.size(); ++p) {
+      const double error = errors(p) / std::abs(fit.parameters(p));
+      if (!family_->parameters()[at(p)].positive || !(error > largest)) continue;
+      least = p;
+      largest = error;
+    }
+    return least;
+  }
+
   // From the parameters of the fit nearby and those that the ranking found for the law, the best of them.
   [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, const PeriodicFitOptions& how,
                                      std::span<const LawStart> laws,
@@ -436,7 +448,8 @@ class Problem : public MismatchProblem {
   }
 
   void add_hypothesis(const CandidatePlace& place, const LawEntry& entry) {
-    hypotheses_.push_back({place.location.name, place.yaml, entry.name, special_cases_of(entry)});
+    hypotheses_.push_back(
+        {place.location.name, place.yaml, entry.name, special_cases_of(entry, true)});
     places_.push_back(&place);
     entries_.push_back(&entry);
   }
@@ -545,27 +558,22 @@ class Problem : public MismatchProblem {
     return total;
   }
 
-  // Of the model, then of its laws, and which these are.
-  [[nodiscard]] static std::vector<double> values_of(const ExtendedFit& fit) {
+  // Of the model's parameters, then of the laws'.
+  [[nodiscard]] static VectorXd values_of(const ExtendedFit& fit) {
     std::vector<double> values;
     for (const LawParameterEstimate& each : fit.model_parameters) values.push_back(each.value);
     for (const FittedLaw& law : fit.laws) {
-      values.push_back(static_cast<double>(law.hypothesis));
       for (const LawParameterEstimate& each : law.parameters) values.push_back(each.value);
     }
-    return values;
+    return Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size()));
   }
 
-  // Of information, that of a prior as wide as the parameters' values included.
-  [[nodiscard]] static double log_determinant(const MatrixXd& information, const ExtendedFit& fit) {
-    VectorXd values(information.rows());
-    Index k = 0;
-    for (const LawParameterEstimate& each : fit.model_parameters) values(k++) = each.value;
-    for (const FittedLaw& law : fit.laws) {
-      for (const LawParameterEstimate& each : law.parameters) values(k++) = each.value;
-    }
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(
-        values.asDiagonal() * information * values.asDiagonal(), Eigen::EigenvaluesOnly);
+  // log det(1 + D S D), D the parameters' values: of information and a prior as wide as these, over the prior's.
+  [[nodiscard]] static double log_determinant(const MatrixXd& information, const VectorXd& values) {
+    if (values.size() == 0) return 0.0;
+    const MatrixXd whole = values.asDiagonal() * information * values.asDiagonal();
+    if (!whole.allFinite()) return std::numeric_limits<double>::infinity();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(whole, Eigen::EigenvaluesOnly);
     return eigen.eigenvalues().array().max(0.0).log1p().sum();
   }
 
@@ -629,9 +637,7 @@ class Problem : public MismatchProblem {
       const MatrixXd cross = fitted.information.topRightCorner(own, count);
       information -= cross.transpose() * solved(fitted.information.topLeftCorner(own, own), cross);
     }
-    const MatrixXd whole = values.asDiagonal() * information * values.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(whole, Eigen::EigenvaluesOnly);
-    return eigen.eigenvalues().array().max(0.0).log1p().sum();
+    return log_determinant(information, values);
   }
 
   // ---- scores --------------------------------------------------------------------------------------
@@ -669,8 +675,12 @@ class Problem : public MismatchProblem {
     PeriodicFit fit;
   };
   mutable std::deque<FreedFit> freed_fits_;
-  mutable std::deque<std::pair<std::vector<double>, HeldOutPrediction>>
-      predictions_;                        // by values_of()
+  struct KnownPrediction {
+    std::vector<std::size_t> laws;  // hypotheses
+    VectorXd values;
+    HeldOutPrediction prediction;
+  };
+  mutable std::deque<KnownPrediction> predictions_;
   std::vector<std::size_t> telling_;       // telling_recordings() at the start
   std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with

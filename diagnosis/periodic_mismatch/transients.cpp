@@ -58,6 +58,8 @@ struct FreeRecord {
   std::size_t plant = 0;  // of all FreePlants
   MatrixXcd periodic;     // q of the steady state, n x (K + 1)
   MatrixXcd excess;       // Y - G U, n_y x (B + 1)
+  MatrixXcd
+      periodic_force;  // own forces under the periodic motion, n x (B + 1); empty: not asked yet
   // Of the last round:
   VectorXd departure;  // d
   MatrixXcd own;       // q by what own forces add with the free motion, n x (B + 1); empty: nothing
@@ -288,8 +290,10 @@ class Clearing {
       if (!is_line(plant, bin)) cause += plant.sampled.input * free.record->input_bins.col(bin);
       both.col(bin) += plant.sampled.state(z, cause).head(both.rows());
     }
-    const MatrixXcd force =
-        force_of(*own, plant, both, transform) - force_of(*own, plant, periodic, transform);
+    if (free.periodic_force.size() == 0) {
+      free.periodic_force = force_of(*own, plant, periodic, transform);
+    }
+    const MatrixXcd force = force_of(*own, plant, both, transform) - free.periodic_force;
     free.own = MatrixXcd::Zero(both.rows(), plant.bins + 1);
     for (Index bin = 1; bin <= plant.bins; ++bin) {
       const double w = frequency(plant, bin);
@@ -378,6 +382,7 @@ class Clearing {
 
   void settle(FreeRecord& free) const {
     if (free.own.size() == 0) return;
+    separate(free);  // with the weights of the last round
     AndersonMixing steps(kRemembered);
     MatrixXcd best = free.own;
     double least = std::numeric_limits<double>::infinity();

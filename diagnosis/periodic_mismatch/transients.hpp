@@ -28,8 +28,12 @@
 // limited to what noise may be, for it may be physics that the model leaves out. F is that of the model;
 // nothing is done without one.
 //
+// Own forces and the free motion are brought to agree by substitution, then by Anderson's mixing of its steps: near a mode
+// that is hardly damped a small change of the one is a large one of the other. Where 30 steps are not enough, the one that
+// changed least stays; what is left then counts as misfit.
+//
 // Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y n^2) for
-// d, and some thousand evaluations of the own forces.
+// d, and some thousand evaluations of the own forces a step: four steps for most records.
 #pragma once
 
 #include <Eigen/Core>

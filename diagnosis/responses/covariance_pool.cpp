@@ -60,6 +60,10 @@ Window window_around(const std::vector<LineScatter>& lines, std::size_t line, do
 
 }  // namespace
 
+double independent_samples(const std::vector<LineScatter>& lines) {
+  return lines.empty() ? 0.0 : degrees_of_freedom(lines, {0, lines.size() - 1});
+}
+
 std::vector<OutputCovariance> pool_covariances(const std::vector<LineScatter>& lines,
                                                const std::vector<double>& frequencies,
                                                double wanted) {

@@ -20,6 +20,9 @@ struct LineScatter {
   std::vector<std::size_t> bins;    // it was taken from; neighbours may share some. Empty: its own
 };
 
+// Degrees of freedom of all lines together. Shared bins count once.
+[[nodiscard]] double independent_samples(const std::vector<LineScatter>& lines);
+
 // One covariance for each line. Shared bins count once for the degrees of freedom.
 [[nodiscard]] std::vector<OutputCovariance> pool_covariances(const std::vector<LineScatter>& lines,
                                                              const std::vector<double>& frequencies,

@@ -62,18 +62,19 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
   Json list = Json::array();
   for (const Rival& rival : rivals) {
     const Hypothesis& hypothesis = hypotheses[rival.law.hypothesis];
-    list.push_back({{"place", hypothesis.place},
-                    {"law", hypothesis.law},
-                    {"parameters", parameters_json(rival.law)},
-                    {"bic_difference", number(rival.bic_difference)},
-                    {"evidence_difference",
-                     noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
-                    {"held_out_difference",
-                     noise_is_known ? number(rival.held_out_difference) : Json(nullptr)},
-                    {"same_at", same_at_json(rival.same_at, hypotheses)},
-                    {"on_few_recordings", rival.on_few_recordings},
-                    {"with_free_motion", rival.on_other_noise},
-                    {"contradicted", rival.is_contradicted}});
+    list.push_back(
+        {{"place", hypothesis.place},
+         {"law", hypothesis.law},
+         {"parameters", parameters_json(rival.law)},
+         {"bic_difference", number(rival.bic_difference)},
+         {"evidence_difference",
+          noise_is_known ? number(rival.evidence_difference) : Json(nullptr)},
+         {"held_out_difference",
+          rival.held_out_difference ? number(*rival.held_out_difference) : Json(nullptr)},
+         {"same_at", same_at_json(rival.same_at, hypotheses)},
+         {"on_few_recordings", rival.on_few_recordings},
+         {"with_free_motion", rival.on_other_noise},
+         {"contradicted", rival.is_contradicted}});
   }
   return list;
 }
@@ -296,6 +297,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"recording_warnings", files.warnings},
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
       {"time_variation", time_variation_json(diagnosis.time_variation)},
+      {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
       {"fit",
        {{"before",

@@ -12,6 +12,7 @@
 //                 "amplitude", "unit"}, ...]},
 //    "time_variation": {"place", "coefficient", "deviation", "unit", "frequency_hz", "duration_s",
 //                       "p_value", "alternatives": ["damping at joint_2.motor"]},
+//    "time_variation_tested": true,
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
@@ -34,7 +35,8 @@
 // parameters only; `on_few_recordings` is true where few of many recordings excluded a law, `with_free_motion` where it
 // was so far behind that it was not fitted again to recordings freed of free motion, `contradicted` where recordings kept
 // out excluded it. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
-// `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp).
+// `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp); whether that could
+// be told says `time_variation_tested`.
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

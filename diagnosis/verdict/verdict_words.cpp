@@ -60,8 +60,8 @@ std::string evidence_words(double difference, bool noise_is_known) {
 
 std::string evidence_words(const Rival& rival, bool noise_is_known) {
   std::string words = evidence_words(rival.bic_difference, noise_is_known);
-  if (std::abs(rival.held_out_difference) >= 0.5) {
-    words += fmt::format(", {:+.2g} by recordings kept out", rival.held_out_difference);
+  if (std::abs(rival.held_out_difference.value_or(0.0)) >= 0.5) {
+    words += fmt::format(", {:+.2g} by recordings kept out", *rival.held_out_difference);
   }
   return words;
 }
