@@ -648,7 +648,7 @@ TEST(DiagnosisSearch, CountsWhatRecordingsKeptOutSayOfRivals) {
   EXPECT_NE(slanted(alike.effects[0].rivals), alike.effects[0].rivals.end());
   EXPECT_EQ(alike.verdict, Verdict::kAmbiguous);
 
-  problem.do_elsewhere("slanted_step", 2.0);
+  problem.do_elsewhere("slanted_step", 3.0);
   const Diagnosis told = diagnose_effect(problem, effect, 3);
   ASSERT_EQ(told.effects.size(), 1U);
   EXPECT_EQ(told.effects[0].law.hypothesis, problem.index_of("step"));
@@ -665,7 +665,7 @@ TEST(DiagnosisSearch, CountsWhatRecordingsKeptOutSayOfRivals) {
 
   // The law that fits best is not the one found where those kept out speak against it.
   problem.do_elsewhere("slanted_step", 1.0);
-  problem.do_elsewhere("step", 2.0);
+  problem.do_elsewhere("step", 3.0);
   const Diagnosis turned = diagnose_effect(problem, effect, 3);
   ASSERT_EQ(turned.effects.size(), 1U);
   EXPECT_EQ(turned.effects[0].law.hypothesis, problem.index_of("slanted_step"));

@@ -64,6 +64,13 @@ constexpr double kSpeaksForAnother = 10.0;
 // Raftery, J. Am. Stat. Assoc. 90, 1995).
 constexpr double kAskedFor = 2.0;
 
+// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
+// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
+constexpr double kHeldOutShare = 0.5;
+
+// Laws that generalise the one found, beside those that the ranking brings.
+constexpr int kMoreGeneral = 2;
+
 // Times the margin of exclusion: so far behind on its own recordings, what those kept out say changes nothing.
 constexpr double kDecided = 10.0;
 
@@ -647,7 +654,7 @@ class Search {
     const auto of_reference = problem_->predict_held_out(reference);
     if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return {};
     if (*of_fit->cost == *of_reference->cost) return 0.0;  // infinite, both
-    return *of_fit->cost - *of_reference->cost;
+    return kHeldOutShare * (*of_fit->cost - *of_reference->cost);
   }
 
   // Of the fit's recordings and those kept out, up to a constant.
@@ -1028,6 +1035,7 @@ class Search {
         candidates.push_back(start);
       }
     }
+    add_more_general(found, table, candidates);
     std::vector<Rival> on_few;
     std::vector<Trial> trials =
         refit_each(others, candidates, without.usable ? without : result_.after, &pace, &on_few);
@@ -1038,6 +1046,25 @@ class Search {
                                [this](const Trial& trial) { return evidence_of_all(trial.fit); });
     }
     return trials;
+  }
+
+  // Where the law found generalises another: laws that generalise it, if the ranking has not brought them: it ranks what a
+  // first step explains, in which they may have nothing over it.
+  void add_more_general(std::size_t found, const ScoreTable& table,
+                        std::vector<LawStart>& candidates) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    if (!problem_->noise_is_known() || all[found].special_cases.empty()) return;
+    int room = kMoreGeneral;
+    for (const HypothesisScore& score : table.scores) {
+      const std::size_t hypothesis = score.start.hypothesis;
+      if (room == 0) return;
+      if (!can_be_refitted(score) || !is_special_case(all[found], all[hypothesis])) continue;
+      if (std::ranges::find(candidates, hypothesis, &LawStart::hypothesis) != candidates.end()) {
+        continue;
+      }
+      candidates.push_back(score.start);
+      --room;
+    }
   }
 
   [[nodiscard]] bool is_repeatable(std::size_t hypothesis) const {

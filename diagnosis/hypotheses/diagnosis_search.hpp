@@ -43,7 +43,7 @@
 //      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
 //      so that a small effect would exclude all laws of many parameters. Where they do not decide by far (ten times
-//      the margin) what recordings kept out say is added to both (HeldOutPrediction::cost). A law that generalises another
+//      the margin) half of what recordings kept out say is added to both (HeldOutPrediction::cost). A law that generalises another
 //      that stands is at least as good always: a rival where the noise is known and its evidence is better by 2,
 //      else no rival: the best of them are named beside the class (`generalisations`), where it has fewer
 //      than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise the law:
