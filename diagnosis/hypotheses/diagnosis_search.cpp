@@ -71,7 +71,7 @@ constexpr double kHeldOutShare = 0.5;
 // Laws that generalise the one found, beside those that the ranking brings.
 constexpr int kMoreGeneral = 2;
 
-// Times the margin of exclusion: so far behind on its own recordings, what those kept out say changes nothing.
+// Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what they make of others.
 constexpr double kDecided = 10.0;
 
 // Laws that may come together where none does by itself.

@@ -225,15 +225,14 @@ class Problem : public MismatchProblem {
     return prediction;
   }
 
-  // Far worse on recordings kept out than on its own, beyond what the errors of its parameters do: it may be in a
-  // valley that its recordings hardly tell from the right one, with a parameter far off.
+  // Far worse on recordings kept out than on its own: it may be in a valley that its recordings hardly tell from the
+  // right one, with a parameter far off. Whatever the errors of its parameters do there: in such valleys they are large.
   [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
     constexpr double kDoubt = 3.0;
     if (data_.validation.empty()) return false;
     const ExtendedFit reported = report(data_, fit, {});
-    const double own = reported.estimation.chi_square_per_dof();
-    return predict(state_of(reported), values_of(reported)).within_errors.chi_square_per_dof() >
-           kDoubt * std::max(1.0, own);
+    return validate(reported)->chi_square_per_dof() >
+           kDoubt * std::max(1.0, reported.estimation.chi_square_per_dof());
   }
 
   // Begins again with other values, from half to twice what the model says, of the parameter with the largest relative
