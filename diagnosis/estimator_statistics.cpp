@@ -19,27 +19,13 @@ namespace {
 constexpr double kLowerTail = (1.0 - kConfidence) / 2.0;
 constexpr double kUpperTail = 1.0 - kLowerTail;
 
-// Chi-square by the gamma method of Marsaglia and Tsang (2000); at least two degrees of freedom.
-double chi_square_draw(double degrees_of_freedom, Random& random) {
-  const double d = degrees_of_freedom / 2.0 - 1.0 / 3.0;
-  const double c = 1.0 / std::sqrt(9.0 * d);
-  for (;;) {
-    const double x = random.normal();
-    const double root = 1.0 + c * x;
-    if (root <= 0.0) continue;
-    const double v = root * root * root;
-    const double u = 1.0 - random.uniform();
-    if (std::log(u) < 0.5 * x * x + d - d * v + d * std::log(v)) return 2.0 * d * v;
-  }
-}
-
 // The lower triangular A of S = A A^T ~ Wishart_d(freedom, I).
 void draw_bartlett(double freedom, Random& random, Eigen::MatrixXd& factor) {
   for (Eigen::Index i = 0; i < factor.rows(); ++i) {
     const double left = freedom - static_cast<double>(i);
     // One degree of freedom is the square of a normal number.
     factor(i, i) =
-        left < 2.0 ? std::abs(random.normal()) : std::sqrt(chi_square_draw(left, random));
+        left < 2.0 ? std::abs(random.normal()) : std::sqrt(2.0 * random.gamma(left / 2.0));
     for (Eigen::Index j = 0; j < i; ++j) factor(i, j) = random.normal();
   }
 }

@@ -58,6 +58,21 @@ class Random {
     return radius * std::cos(angle);
   }
 
+  // Of the gamma distribution with this mean, at least one, and unit scale (Marsaglia and Tsang 2000). Twice that is a
+  // chi-square of twice as many degrees of freedom.
+  double gamma(double mean) {
+    const double d = mean - 1.0 / 3.0;
+    const double c = 1.0 / std::sqrt(9.0 * d);
+    for (;;) {
+      const double x = normal();
+      const double root = 1.0 + c * x;
+      if (root <= 0.0) continue;
+      const double v = root * root * root;
+      const double u = 1.0 - uniform();
+      if (std::log(u) < 0.5 * x * x + d - d * v + d * std::log(v)) return d * v;
+    }
+  }
+
  private:
   static std::uint64_t split_mix(std::uint64_t& state) {
     state += 0x9e3779b97f4a7c15ULL;

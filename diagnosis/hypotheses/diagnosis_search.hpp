@@ -42,15 +42,17 @@
 //          evidence = deviance + log det(1 + D S D)     (ExtendedFit::laws_information),
 //      twice the negative logarithm of Laplace's approximation to the evidence for law parameters as wide
 //      before as their values: BIC charges ln n for a parameter also where the data say nothing about it,
-//      so that a small effect would exclude all laws of many parameters. Where they do not decide by far (ten times
-//      the margin) half of what recordings kept out say is added to both (HeldOutPrediction::cost). A law that generalises another
-//      that stands is at least as good always: a rival where the noise is known and its evidence is better by 2,
+//      so that a small effect would exclude all laws of many parameters. Where they do not decide by far
+//      (ten times the margin) half of what recordings kept out say is added to both
+//      (HeldOutPrediction::cost). A law that generalises another that stands is at least as good always:
+//      a rival where the noise is known and its evidence is better by 2,
 //      else no rival: the best of them are named beside the class (`generalisations`), where it has fewer
 //      than three names. Twins (mismatch_problem.hpp) are rivals always, unless they generalise the law:
 //      then they are the first to be named beside it. Members of a class with one law at several places
 //      that no experiment of this kind would tell apart (a delay of the only actuator or of the only sensor
-//      of a linear system) are one explanation: `same_at`. Where the noise is known and a law is excluded by its rival,
-//      or one of several laws has a rival of lower BIC, that takes its place and all are weighed again. Where the search has as
+//      of a linear system) are one explanation: `same_at`. Where the noise is known and a law is excluded
+//      by its rival, or one of several laws has a rival of lower BIC, that takes its place and all are
+//      weighed again. Where the search has as
 //      many laws as may be and the rest is no noise, rivals are not weighed.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest must
 //      not be larger than noise by more than `tolerance` of its variance (a test of practical size:

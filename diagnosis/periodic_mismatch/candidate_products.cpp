@@ -273,21 +273,16 @@ MatrixXd NoiseDraws::products(const MatrixXcd& whitened) const {
 // outputs (noise_whitening.hpp): (J^H W W J) / (J^H W J) is, whatever J,
 //   (q - n) / g_(q-n+1) (1 + g_(n-1) / g_(q-n+2)),   g_m independent, of the gamma distribution with mean m,
 // by S^-1's partition into J and the rest: the first factor, of mean one, is what is left of S along J, the second the
-// squared slope of J on the other outputs. Gamma variables by the cube of a normal number (Wilson and Hilferty 1931).
+// squared slope of J on the other outputs.
 void NoiseDraws::scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
   const auto n = static_cast<double>(outputs_);
   const double beyond = std::max(pool.samples - n, 2.0);  // no mean below one
   Random random(seed);
-  const auto gamma = [&random](double mean) {
-    const double spread = 1.0 / (9.0 * mean);
-    const double root = 1.0 - spread + std::sqrt(spread) * random.normal();
-    return mean * std::max(root * root * root, 1e-3);
-  };
   const auto width = std::max<Index>(1, static_cast<Index>(pool.lines));
   for (Index d = 0; d < noise_.cols(); ++d) {
     for (Index k = data.first_line; k < lines_; k += width) {
-      double ratio = beyond / gamma(beyond + 1.0);
-      if (outputs_ > 1) ratio *= 1.0 + gamma(n - 1.0) / gamma(beyond + 2.0);
+      double ratio = beyond / random.gamma(beyond + 1.0);
+      if (outputs_ > 1) ratio *= 1.0 + random.gamma(n - 1.0) / random.gamma(beyond + 2.0);
       const Index count = std::min(width, lines_ - k) * outputs_;
       noise_.col(d).segment(k * outputs_, count) *= std::sqrt(ratio);
     }

@@ -55,11 +55,10 @@ struct FreePlant {
 
 struct FreeRecord {
   MeasuredRecord* record = nullptr;
-  std::size_t plant = 0;  // of all FreePlants
-  MatrixXcd periodic;     // q of the steady state, n x (K + 1)
-  MatrixXcd excess;       // Y - G U, n_y x (B + 1)
-  MatrixXcd
-      periodic_force;  // own forces under the periodic motion, n x (B + 1); empty: not asked yet
+  std::size_t plant = 0;     // of all FreePlants
+  MatrixXcd periodic;        // q of the steady state, n x (K + 1)
+  MatrixXcd periodic_force;  // of the own forces under it, n x (B + 1); empty: not asked yet
+  MatrixXcd excess;          // Y - G U, n_y x (B + 1)
   // Of the last round:
   VectorXd departure;  // d
   MatrixXcd own;       // q by what own forces add with the free motion, n x (B + 1); empty: nothing

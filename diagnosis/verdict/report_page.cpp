@@ -248,6 +248,14 @@ std::string law_rows(const FittedLaw& law, std::span<const Hypothesis> hypothese
          number_cell(bic, "{:+.3g}") + "</tr>\n";
 }
 
+const char* reason_of_exclusion(const Rival& rival) {
+  if (rival.is_contradicted) return "contradicted by recordings kept out";
+  if (rival.on_few_recordings) return "excluded by few recordings";
+  const bool would_stand = rival.bic_difference <= SearchOptions{}.exclusion_margin;
+  return would_stand && rival.held_out_difference ? "excluded with recordings kept out"
+                                                  : "excluded";
+}
+
 std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          bool noise_is_known) {
   std::string rows =
@@ -266,10 +274,7 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "more general, not asked for");
   }
   for (const Rival& rival : effect.excluded) {
-    rows += law_rows(rival.law, hypotheses, rival.bic_difference,
-                     rival.is_contradicted     ? "contradicted by recordings kept out"
-                     : rival.on_few_recordings ? "excluded by few recordings"
-                                               : "excluded");
+    rows += law_rows(rival.law, hypotheses, rival.bic_difference, reason_of_exclusion(rival));
   }
   return rows + "</table>\n";
 }
