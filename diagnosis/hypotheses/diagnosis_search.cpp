@@ -140,6 +140,7 @@ class Search {
       weigh_rivals();
     }
     verify();
+    look_for_departures();
     look_for_change();
     conclude();
     return std::move(result_);
@@ -804,6 +805,10 @@ class Search {
     return std::max(options_.exclusion_margin, kImperfection * before);
   }
 
+  [[nodiscard]] const std::string& place_of(const FittedLaw& law) const {
+    return problem_->hypotheses()[law.hypothesis].place;
+  }
+
   [[nodiscard]] const std::string& place_of(const Trial& trial) const {
     return problem_->hypotheses()[trial.hypothesis].place;
   }
@@ -958,6 +963,8 @@ class Search {
   // Where one of several laws found one after another has a better rival now that the others are there,
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
+    result_.effects.clear();
+    rival_fits_.clear();
     // As many laws as may be, and what they leave is no noise: rivals are no likelier physics.
     result_.rivals_weighed =
         !problem_->noise_is_known() || result_.after.laws.size() < effect_limit() || rest_passes();
@@ -970,6 +977,7 @@ class Search {
         effect.bic_difference = disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
       }
+      std::vector<ExtendedFit> rival_fits;
       if (result_.rivals_weighed) {
         std::vector<Rival> outpaced;
         const std::vector<Trial> trials = rivals_of(law, without, outpaced);
@@ -977,15 +985,17 @@ class Search {
         if (better != nullptr && exchanges++ < kExchanges) {
           result_.after = better->fit;
           result_.effects.clear();
+          rival_fits_.clear();
           law = static_cast<std::size_t>(-1);
           continue;
         }
-        divide_rivals(effect, trials);
+        rival_fits = divide_rivals(effect, trials);
         std::ranges::move(outpaced, std::back_inserter(effect.excluded));
       }
       add_twins(effect);
       keep_best_generalisations(effect);
       result_.effects.push_back(std::move(effect));
+      rival_fits_.push_back(std::move(rival_fits));
     }
   }
 
@@ -1026,7 +1036,7 @@ class Search {
     if (without.usable && !without.laws.empty()) table = rank(without, 0);
     std::vector<LawStart> candidates;
     LawStart pace = starts_of(result_.after)[law];
-    for (const LawStart& start : shortlist(table)) {
+    for (const LawStart& start : candidates_for(found, table)) {
       if (start.hypothesis == found) pace = start;
       if (others.empty() && was_far_behind(start.hypothesis, found, outpaced)) continue;
       const bool is_there =
@@ -1046,6 +1056,21 @@ class Search {
                                [this](const Trial& trial) { return evidence_of_all(trial.fit); });
     }
     return trials;
+  }
+
+  // All laws at a place where none of those found there is quite right.
+  [[nodiscard]] std::vector<LawStart> candidates_for(std::size_t found,
+                                                     const ScoreTable& table) const {
+    std::vector<LawStart> candidates = shortlist(table);
+    const std::string& place = problem_->hypotheses()[found].place;
+    if (departed_places_.count(place) == 0) return candidates;
+    for (const HypothesisScore& score : table.scores) {
+      if (place_of(score) == place && can_be_refitted(score) &&
+          std::ranges::find(candidates, score.start) == candidates.end()) {
+        candidates.push_back(score.start);
+      }
+    }
+    return candidates;
   }
 
   // Where the law found generalises another: laws that generalise it, if the ranking has not brought them: it ranks what a
@@ -1071,8 +1096,8 @@ class Search {
     return problem_->hypotheses()[hypothesis].repeatable;
   }
 
-  // Into those that are not excluded, and the others.
-  void divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
+  // Into those that are not excluded, and the others. Fits with the first.
+  std::vector<ExtendedFit> divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
     std::vector<const Trial*> standing;
     for (const Trial& trial : trials) {
       if (!excludes(result_.after, trial.fit)) standing.push_back(&trial);
@@ -1108,6 +1133,9 @@ class Search {
       }
     }
     if (!effect.rivals.empty()) effect.rivals.front().next = experiment_against(*members[1]);
+    std::vector<ExtendedFit> fits;
+    for (std::size_t m = 1; m < members.size(); ++m) fits.push_back(*members[m]);
+    return fits;
   }
 
   // Where the last law of this fit is that of a member of the class, at a place that no experiment of this
@@ -1230,6 +1258,65 @@ class Search {
                        looks_like_noise(result_.remaining_structure, result_.autocorrelated_error);
   }
 
+  // A law that only resembles what is there may leave no more than noise by the chi-square of all residuals.
+  void look_for_departures() {
+    if (!problem_->noise_is_known() || !result_.verified || !result_.rivals_weighed) return;
+    if (!note_departures()) return;
+    for (const FoundEffect& effect : result_.effects) {
+      if (effect.only_resembles()) departed_places_.insert(place_of(effect.law));
+    }
+    weigh_rivals();
+    verify();
+    (void)note_departures();
+  }
+
+  [[nodiscard]] std::optional<std::size_t> sharing_with(const FoundEffect& effect) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    const Hypothesis& own = all[effect.law.hypothesis];
+    if (own.characteristic == Characteristic::kNone) return {};
+    for (const FoundEffect& other : result_.effects) {
+      const Hypothesis& another = all[other.law.hypothesis];
+      if (&other != &effect && another.place == own.place &&
+          another.characteristic == own.characteristic) {
+        return other.law.hypothesis;
+      }
+    }
+    return {};
+  }
+
+  // Whether there are any.
+  bool note_departures() {
+    bool any = false;
+    for (std::size_t i = 0; i < result_.effects.size(); ++i) {
+      FoundEffect& effect = result_.effects[i];
+      if (!proceed("comparing the shape of " + name_of(effect.law.hypothesis))) return false;
+      effect.departure = departure_of(effect.law.hypothesis, result_.after);
+      for (const ExtendedFit& rival : rival_fits_[i]) {
+        if (!effect.departure) break;
+        if (!departure_of(rival.laws.back().hypothesis, rival)) effect.departure.reset();
+      }
+      effect.shares_with = sharing_with(effect);
+      any = any || effect.only_resembles();
+    }
+    return any;
+  }
+
+  // Of this law of a fit.
+  [[nodiscard]] std::optional<Departure> departure_of(std::size_t law,
+                                                      const ExtendedFit& fit) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    std::vector<std::size_t> there = open_hypotheses(fit);
+    std::erase_if(there, [&](std::size_t other) { return all[other].place != all[law].place; });
+    const std::vector<Departure> found =
+        departures(*problem_, fit, there,
+                   {.level = options_.verification_level,
+                    .imperfection = kImperfection,
+                    .explained = result_.before.deviance - fit.deviance,
+                    .seed = options_.seed});
+    if (found.empty()) return {};
+    return found.front();
+  }
+
   // Whatever was found, models that do not depend on time do not describe what does.
   void look_for_change() {
     if (!proceed("looking for what changes with time")) return;
@@ -1245,7 +1332,8 @@ class Search {
   void conclude() {
     if (!result_.detection.detected) {
       result_.verdict = Verdict::kNone;
-    } else if (result_.effects.empty() || !result_.verified || result_.time_variation) {
+    } else if (result_.effects.empty() || !result_.verified || result_.time_variation ||
+               std::ranges::any_of(result_.effects, &FoundEffect::only_resembles)) {
       result_.verdict = Verdict::kUnknown;
     } else {
       const auto has_rivals = [](const FoundEffect& effect) {
@@ -1268,8 +1356,10 @@ class Search {
   // Before recordings were freed of more: the single law found, and rivals far behind it.
   std::optional<std::size_t> ahead_;
   std::vector<Rival> far_behind_;
-  int first_fits_ = 0;           // after the first
-  bool tried_to_renew_ = false;  // with laws
+  std::vector<std::vector<ExtendedFit>> rival_fits_;  // of each effect
+  std::set<std::string> departed_places_;             // of laws that are not quite what is there
+  int first_fits_ = 0;                                // after the first
+  bool tried_to_renew_ = false;                       // with laws
 };
 
 }  // namespace

@@ -65,6 +65,11 @@
 //      (MismatchProblem::remaining_structure), and what of the rest follows from its own past may be no
 //      more than `autocorrelation_tolerance` of the signal (MismatchProblem::autocorrelated_error).
 //
+//      Where the noise is known, and what is left is no more than it: is it these laws, or others like them? What
+//      each leaves at its place (law_departure.hpp, at `verification_level`), of the class of which no member
+//      leaves nothing. Two laws for one characteristic (Hypothesis::characteristic) are that, too. Before a law is said to be none of the catalogue, all that the catalogue has at its place are
+//      weighed as rivals.
+//
 //      Last, where the problem can tell: does something change while it is recorded
 //      (MismatchProblem::time_variation)? By a test of its own at `variation_level`, because no law describes it.
 //
@@ -75,8 +80,8 @@
 // `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept
 // out are more than noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
 // the catalogue may hide behind those. `unknown`:
-// something is missing that no hypothesis explains down to the noise, or changes with time; the laws found so far
-// are reported with it.
+// something is missing that no hypothesis explains down to the noise, or whose place shows that the law found only
+// resembles it, or that changes with time; the laws found so far are reported with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.
@@ -91,6 +96,7 @@
 #include <string_view>
 #include <vector>
 
+#include "graybox/diagnosis/hypotheses/law_departure.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 
 namespace graybox {
@@ -166,6 +172,13 @@ struct FoundEffect {
   std::vector<Rival> generalisations;  // of those, as rich as the data do not ask for; the best few
   std::vector<Rival> excluded;         // the best of those that are, by their distance
   std::vector<FittedLaw> same_at = {};  // as in Rival
+  // What the law leaves at its place, where no rival of the class leaves nothing.
+  std::optional<Departure> departure = {};
+  // Another law found at its place that describes the same characteristic.
+  std::optional<std::size_t> shares_with = {};
+
+  // Whether what is there may be a law that the catalogue lacks.
+  [[nodiscard]] bool only_resembles() const { return departure || shares_with; }
 };
 
 struct Diagnosis {

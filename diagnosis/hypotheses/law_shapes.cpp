@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "graybox/problems/quantile.hpp"
@@ -355,6 +356,18 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (entry.parameters.size() > 1) return {};
   const bool is_positive = entry.parameters.front().range != ParameterRange::kAny;
   return {single_amplitude({1.0}, 0, is_positive)};
+}
+
+Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place) {
+  static const std::set<std::string> kSprings = {"cubic_spring", "backlash", "dead_zone", "ripple"};
+  static const std::set<std::string> kFrictions = {
+      "coulomb",        "asymmetric_coulomb", "stribeck",           "sublinear_friction",
+      "quadratic_drag", "asymmetric_viscous", "deflection_damping", "dahl",
+      "lugre",          "bouc_wen",           "play_and_slip"};
+  if (kFrictions.count(entry.name) > 0) return Characteristic::kFriction;
+  // What turns without a spring may cog and be balanced, too.
+  const bool is_spring = place.spring_stiffness > 0.0 && kSprings.count(entry.name) > 0;
+  return is_spring ? Characteristic::kSpring : Characteristic::kNone;
 }
 
 std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_friction_may_creep) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {
@@ -51,6 +52,8 @@ struct LawShape {
 // laws of several parameters that have no shapes.
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                                const MotionScale& scale);
+
+[[nodiscard]] Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place);
 
 // Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition velocity may lie above all
 // velocities that were recorded, so that it is viscous.

@@ -25,6 +25,9 @@
 
 namespace graybox {
 
+// What a law that is not linear describes as a whole: the curve of the spring at its place, or the friction there.
+enum class Characteristic : std::int8_t { kNone, kSpring, kFriction };
+
 struct Hypothesis {
   std::string place;     // "joint_2.gearbox", as Location::name
   std::string location;  // the value of `location` in physics.yaml, in YAML's flow style
@@ -40,6 +43,8 @@ struct Hypothesis {
   // model's own take up the difference. Each is `only_named`: never fitted, but named with this one.
   std::vector<std::size_t> twins{};
   bool only_named = false;
+  // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
+  Characteristic characteristic = Characteristic::kNone;
 };
 
 struct LawParameterEstimate {

@@ -449,6 +449,7 @@ class Problem : public MismatchProblem {
   void add_hypothesis(const CandidatePlace& place, const LawEntry& entry) {
     hypotheses_.push_back(
         {place.location.name, place.yaml, entry.name, special_cases_of(entry, true)});
+    hypotheses_.back().characteristic = characteristic_of(entry, place);
     places_.push_back(&place);
     entries_.push_back(&entry);
   }

@@ -79,20 +79,34 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
   return list;
 }
 
+Json departure_json(const std::optional<Departure>& departure,
+                    std::span<const Hypothesis> hypotheses) {
+  if (!departure) return nullptr;
+  return {{"law", hypotheses[departure->hypothesis].law},
+          {"chi_square", number(departure->statistic)},
+          {"degrees_of_freedom", number(departure->degrees_of_freedom)},
+          {"p_value", number(departure->p_value)},
+          {"share", number(departure->share)}};
+}
+
 Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                  bool noise_is_known) {
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  return {{"name", element_name(effect, hypotheses)},
-          {"place", hypothesis.place},
-          {"location", json_of(YAML::Load(hypothesis.location))},
-          {"law", hypothesis.law},
-          {"parameters", parameters_json(effect.law)},
-          {"explained_share", number(effect.explained_share)},
-          {"bic_difference", number(effect.bic_difference)},
-          {"same_at", same_at_json(effect.same_at, hypotheses)},
-          {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
-          {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
-          {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
+  return {
+      {"name", element_name(effect, hypotheses)},
+      {"place", hypothesis.place},
+      {"location", json_of(YAML::Load(hypothesis.location))},
+      {"law", hypothesis.law},
+      {"parameters", parameters_json(effect.law)},
+      {"explained_share", number(effect.explained_share)},
+      {"bic_difference", number(effect.bic_difference)},
+      {"same_at", same_at_json(effect.same_at, hypotheses)},
+      {"departure", departure_json(effect.departure, hypotheses)},
+      {"shares_with", effect.shares_with ? Json(hypothesis_words(hypotheses[*effect.shares_with]))
+                                         : Json(nullptr)},
+      {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
+      {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
+      {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
 }
 
 Json assessment_json(const Assessment& assessment, bool noise_is_known) {

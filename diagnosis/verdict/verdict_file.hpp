@@ -16,6 +16,8 @@
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
+//                 "departure": {"law", "chi_square", "degrees_of_freedom", "p_value", "share"},
+//                 "shares_with": "ripple at joint_3.gearbox",
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
 //                 "evidence_difference", "held_out_difference", "same_at", "on_few_recordings",
 //                 "with_free_motion", "contradicted"}],
@@ -37,6 +39,8 @@
 // out excluded it. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
 // `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp); whether that could
 // be told says `time_variation_tested`.
+// `departure` (law_departure.hpp): what the law leaves at its place, and another there would explain; null where none is seen.
+// `shares_with`: another law found for the same spring curve or the same friction; null where there is none.
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

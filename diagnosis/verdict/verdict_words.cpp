@@ -39,6 +39,9 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   if (diagnosis.effects.empty())
     return "Physics is missing, and no law of the catalogue explains it.";
+  if (diagnosis.verified) {
+    return "Physics is missing; what was found comes close to it, but is not quite what is there.";
+  }
   return "Physics is missing; what was found explains only part of it.";
 }
 
@@ -80,6 +83,27 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
   return fmt::format(
       "{} It explains {:.1f} % of what was too much; without it BIC is {:.3g} higher.", found,
       100.0 * effect.explained_share, effect.bic_difference);
+}
+
+std::string departure_words(const Departure& departure, std::span<const Hypothesis> hypotheses) {
+  return fmt::format(
+      "That is not quite what is there: {} would explain {:.3g} of chi-square more, {:.2g} % of "
+      "what was "
+      "found (p = {:.1g}). Either it is there besides, or a law that the catalogue lacks is there "
+      "in "
+      "place of both.",
+      hypothesis_words(hypotheses[departure.hypothesis]), departure.statistic,
+      100.0 * departure.share, departure.p_value);
+}
+
+std::string sharing_words(std::size_t other, std::span<const Hypothesis> hypotheses) {
+  const Hypothesis& hypothesis = hypotheses[other];
+  return fmt::format(
+      "With {} these are two laws for {}: either both are there, or one that the catalogue lacks, "
+      "which the two draw together.",
+      hypothesis_words(hypothesis),
+      hypothesis.characteristic == Characteristic::kSpring ? "the curve of one spring"
+                                                           : "the friction at one place");
 }
 
 std::string next_words(const NextExperiment& next) {
@@ -255,6 +279,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
+    if (effect.departure) lines.push_back(departure_words(*effect.departure, hypotheses));
+    if (effect.shares_with) lines.push_back(sharing_words(*effect.shares_with, hypotheses));
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }

@@ -1,0 +1,46 @@
+// Is it this law, or only one like it? What a fit leaves at the places of its own laws.
+//
+// The chi-square of all residuals has power against everything, and so little against anything: among 8000 residuals the
+// force k z^5 passes as play, though the two differ by 220 in -2 log likelihood. Where a law of the catalogue is the true
+// one, nothing is left at its place that another law there would explain; where it only stands for one that the catalogue
+// lacks, something is, and the score tests (score_test.hpp) of the laws at that place see it. They are asked as a family:
+// the least p-value against those of draws of pure noise.
+//
+// No law of a catalogue is exact either: corners are rounder, dry friction has a little of everything. A departure is
+// only what explains more than a share `imperfection` of what the fit's laws explain, too.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+
+namespace graybox {
+
+// At the place of a law: the one that explains most of what that law leaves there.
+struct Departure {
+  std::size_t hypothesis = 0;
+  double statistic = 0.0;  // chi-square of its score test, of so many degrees of freedom
+  double degrees_of_freedom = 0.0;
+  double p_value = 1.0;  // of that test alone
+  double share = 0.0;    // statistic over what the fit's laws explain
+};
+
+struct DepartureTest {
+  double level = 0.01;         // family-wise, of all laws at all these places
+  double imperfection = 1e-3;  // share of `explained` that no law is asked to describe
+  double explained = 0.0;      // deviance that the fit's laws lower
+  std::uint64_t seed = 1;
+};
+
+// What of these hypotheses (each at the place of a law of the fit) departs: those that are significant and large enough,
+// the least p-value first. `fit`: noise known. Cost: one ranking of `hypotheses` with 4 / level draws.
+[[nodiscard]] std::vector<Departure> departures(const MismatchProblem& problem,
+                                                const ExtendedFit& fit,
+                                                std::span<const std::size_t> hypotheses,
+                                                const DepartureTest& test);
+
+}  // namespace graybox
