@@ -1073,12 +1073,14 @@ class Search {
     return candidates;
   }
 
-  // Where the law found generalises another: laws that generalise it, if the ranking has not brought them: it ranks what a
-  // first step explains, in which they may have nothing over it.
+  // Where the law found generalises another, and not only its own slow limit: laws that generalise it, if the ranking has
+  // not brought them. It ranks what a first step explains, in which they may have nothing over it.
   void add_more_general(std::size_t found, const ScoreTable& table,
                         std::vector<LawStart>& candidates) const {
     const std::span<const Hypothesis> all = problem_->hypotheses();
-    if (!problem_->noise_is_known() || all[found].special_cases.empty()) return;
+    const auto& plainer = all[found].special_cases;
+    const auto slow_limits = std::ranges::count(plainer, "viscous");
+    if (!problem_->noise_is_known() || std::ssize(plainer) == slow_limits) return;
     int room = kMoreGeneral;
     for (const HypothesisScore& score : table.scores) {
       const std::size_t hypothesis = score.start.hypothesis;
