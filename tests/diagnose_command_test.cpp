@@ -182,6 +182,13 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
     law: magnet
     parameters: {k: {value: 600, unit: N m/rad^5}}
 )");
+  // What the catalogue has draws the curve only together.
+  const Json nearest = verdict({}, 1);
+  EXPECT_EQ(nearest["verdict"], "unknown");
+  ASSERT_EQ(nearest["physics"].size(), 2U) << nearest["words"];
+  for (const Json& effect : nearest["physics"]) EXPECT_EQ(effect["place"], "motor");
+  EXPECT_TRUE(nearest["shapes_compared"].get<bool>());
+  EXPECT_FALSE(nearest["departures"].empty() && nearest["shared_characteristics"].empty());
   write_text(folder_.file("laws.yaml"), "format: graybox-laws/1\n" + magnet);
   const Json found = verdict("--laws laws.yaml -o report");
   ASSERT_EQ(found["physics"].size(), 1U) << found["words"];

@@ -1,11 +1,15 @@
 // CandidatePlace: a place of a model where physics may be missing.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "graybox/problems/elements/element.hpp"
 
 namespace graybox {
+
+// What a law that is not linear describes as a whole: the curve of the spring at its place, or the friction there.
+enum class Characteristic : std::int8_t { kNone, kSpring, kFriction };
 
 struct CandidatePlace {
   Location location;

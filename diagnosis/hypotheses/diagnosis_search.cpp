@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <set>
@@ -84,6 +85,9 @@ constexpr std::size_t kNames = 3;
 // is farther behind is not fitted to all.
 constexpr double kMarginsBehind = 3.0;
 constexpr double kShareBehind = 0.3;
+
+// Times that laws which only resemble what is there are weighed again: with all laws at their places, and with another besides.
+constexpr int kShapeRounds = 4;
 
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;
@@ -964,38 +968,45 @@ class Search {
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
     result_.effects.clear();
-    rival_fits_.clear();
+    class_fits_.clear();
     // As many laws as may be, and what they leave is no noise: rivals are no likelier physics.
     result_.rivals_weighed =
         !problem_->noise_is_known() || result_.after.laws.size() < effect_limit() || rest_passes();
     int exchanges = 0;
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
+      const auto weigh_again_with = [&](const ExtendedFit& fit) {
+        result_.after = fit;
+        result_.effects.clear();
+        class_fits_.clear();
+        law = static_cast<std::size_t>(-1);
+      };
       FoundEffect effect;
       effect.law = result_.after.laws[law];
       const ExtendedFit without = fit_without(result_.after, law);
+      // Beside what has taken another's place it may no longer be missed.
+      if (exchanges > 0 && result_.after.laws.size() > 1 && without.usable &&
+          is_superfluous(without)) {
+        weigh_again_with(without);
+        continue;
+      }
       if (without.usable) {
         effect.bic_difference = disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
       }
-      std::vector<ExtendedFit> rival_fits;
       if (result_.rivals_weighed) {
         std::vector<Rival> outpaced;
         const std::vector<Trial> trials = rivals_of(law, without, outpaced);
         const Trial* better = better_than_found(effect, trials);
         if (better != nullptr && exchanges++ < kExchanges) {
-          result_.after = better->fit;
-          result_.effects.clear();
-          rival_fits_.clear();
-          law = static_cast<std::size_t>(-1);
+          weigh_again_with(better->fit);
           continue;
         }
-        rival_fits = divide_rivals(effect, trials);
+        divide_rivals(effect, trials);
         std::ranges::move(outpaced, std::back_inserter(effect.excluded));
       }
       add_twins(effect);
       keep_best_generalisations(effect);
       result_.effects.push_back(std::move(effect));
-      rival_fits_.push_back(std::move(rival_fits));
     }
   }
 
@@ -1098,8 +1109,8 @@ class Search {
     return problem_->hypotheses()[hypothesis].repeatable;
   }
 
-  // Into those that are not excluded, and the others. Fits with the first.
-  std::vector<ExtendedFit> divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
+  // Into those that are not excluded, and the others.
+  void divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
     std::vector<const Trial*> standing;
     for (const Trial& trial : trials) {
       if (!excludes(result_.after, trial.fit)) standing.push_back(&trial);
@@ -1125,19 +1136,18 @@ class Search {
             continue;
           }
           members.push_back(&trial.fit);
+          class_fits_.push_back(trial.fit);
           effect.rivals.push_back(std::move(rival));
         } else if (!richer || rival.is_contradicted) {
           effect.excluded.push_back(std::move(rival));
         } else if (!problem_->noise_is_known() ||
                    evidence_of_all(trial.fit) <= *least + options_.exclusion_margin) {
+          class_fits_.push_back(trial.fit);
           effect.generalisations.push_back(std::move(rival));
         }
       }
     }
     if (!effect.rivals.empty()) effect.rivals.front().next = experiment_against(*members[1]);
-    std::vector<ExtendedFit> fits;
-    for (std::size_t m = 1; m < members.size(); ++m) fits.push_back(*members[m]);
-    return fits;
   }
 
   // Where the last law of this fit is that of a member of the class, at a place that no experiment of this
@@ -1260,63 +1270,107 @@ class Search {
                        looks_like_noise(result_.remaining_structure, result_.autocorrelated_error);
   }
 
-  // A law that only resembles what is there may leave no more than noise by the chi-square of all residuals.
+  // Laws that only resemble what is there may leave no more than noise by the chi-square of all residuals.
   void look_for_departures() {
-    if (!problem_->noise_is_known() || !result_.verified || !result_.rivals_weighed) return;
-    if (!note_departures()) return;
-    for (const FoundEffect& effect : result_.effects) {
-      if (effect.only_resembles()) departed_places_.insert(place_of(effect.law));
+    if (!problem_->noise_is_known()) return;
+    for (int round = 0; round < kShapeRounds; ++round) {
+      const bool may_be_all = result_.verified || rest_is_noise(result_.after);
+      if (!may_be_all || result_.effects.empty() || !result_.rivals_weighed) break;
+      if (!only_resemble()) return;
+      const bool is_last = round + 1 == kShapeRounds;
+      if (is_last || (!open_departed_places() && !add_departing_law())) break;
+      result_.departures.clear();
+      result_.shared_characteristics.clear();
+      weigh_rivals();
+      verify();
     }
-    weigh_rivals();
-    verify();
-    (void)note_departures();
+    // No use to tell apart what both are wrong.
+    if (result_.departures.empty()) return;
+    for (FoundEffect& effect : result_.effects) {
+      for (Rival& rival : effect.rivals) rival.next.reset();
+    }
   }
 
-  [[nodiscard]] std::optional<std::size_t> sharing_with(const FoundEffect& effect) const {
-    const std::span<const Hypothesis> all = problem_->hypotheses();
-    const Hypothesis& own = all[effect.law.hypothesis];
-    if (own.characteristic == Characteristic::kNone) return {};
-    for (const FoundEffect& other : result_.effects) {
-      const Hypothesis& another = all[other.law.hypothesis];
-      if (&other != &effect && another.place == own.place &&
-          another.characteristic == own.characteristic) {
-        return other.law.hypothesis;
-      }
+  bool only_resemble() {
+    if (!proceed("comparing the shapes of what was found")) return false;
+    note_shared_characteristics();
+    ShapeComparison shapes = shapes_left_by(result_.after);
+    result_.shapes_compared = shapes.could_tell;
+    for (const ExtendedFit& other : class_fits_) {
+      if (shapes.departures.empty()) break;
+      const ShapeComparison of_other = shapes_left_by(other);
+      if (of_other.could_tell && of_other.departures.empty()) shapes.departures.clear();
     }
-    return {};
+    result_.departures = std::move(shapes.departures);
+    return !result_.departures.empty() || !result_.shared_characteristics.empty();
   }
 
-  // Whether there are any.
-  bool note_departures() {
-    bool any = false;
-    for (std::size_t i = 0; i < result_.effects.size(); ++i) {
-      FoundEffect& effect = result_.effects[i];
-      if (!proceed("comparing the shape of " + name_of(effect.law.hypothesis))) return false;
-      effect.departure = departure_of(effect.law.hypothesis, result_.after);
-      for (const ExtendedFit& rival : rival_fits_[i]) {
-        if (!effect.departure) break;
-        if (!departure_of(rival.laws.back().hypothesis, rival)) effect.departure.reset();
-      }
-      effect.shares_with = sharing_with(effect);
-      any = any || effect.only_resembles();
-    }
-    return any;
-  }
-
-  // Of this law of a fit.
-  [[nodiscard]] std::optional<Departure> departure_of(std::size_t law,
-                                                      const ExtendedFit& fit) const {
-    const std::span<const Hypothesis> all = problem_->hypotheses();
+  // At the places of its own laws and of those found.
+  [[nodiscard]] ShapeComparison shapes_left_by(const ExtendedFit& fit) const {
+    std::set<std::string> places;
+    for (const FittedLaw& law : fit.laws) places.insert(place_of(law));
+    for (const FittedLaw& law : result_.after.laws) places.insert(place_of(law));
     std::vector<std::size_t> there = open_hypotheses(fit);
-    std::erase_if(there, [&](std::size_t other) { return all[other].place != all[law].place; });
-    const std::vector<Departure> found =
-        departures(*problem_, fit, there,
-                   {.level = options_.verification_level,
-                    .imperfection = kImperfection,
-                    .explained = result_.before.deviance - fit.deviance,
-                    .seed = options_.seed});
-    if (found.empty()) return {};
-    return found.front();
+    std::erase_if(there, [&](std::size_t other) {
+      return places.count(problem_->hypotheses()[other].place) == 0;
+    });
+    return compare_shapes(*problem_, fit, there,
+                          {.level = options_.verification_level,
+                           .imperfection = kImperfection,
+                           .explained = result_.before.deviance - fit.deviance,
+                           .seed = options_.seed});
+  }
+
+  void note_shared_characteristics() {
+    std::map<std::pair<std::string, Characteristic>, std::vector<std::size_t>> found;
+    for (const FoundEffect& effect : result_.effects) {
+      const Hypothesis& law = problem_->hypotheses()[effect.law.hypothesis];
+      if (law.characteristic != Characteristic::kNone) {
+        found[{law.place, law.characteristic}].push_back(effect.law.hypothesis);
+      }
+    }
+    result_.shared_characteristics.clear();
+    for (auto& [which, laws] : found) {
+      if (laws.size() < 2) continue;
+      result_.shared_characteristics.push_back({which.first, which.second, std::move(laws)});
+    }
+  }
+
+  // All that the catalogue has there is to be weighed now. Whether that is new.
+  bool open_departed_places() {
+    const std::size_t before = departed_places_.size();
+    for (const Departure& departure : result_.departures) {
+      departed_places_.insert(problem_->hypotheses()[departure.start.hypothesis].place);
+    }
+    for (const SharedCharacteristic& shared : result_.shared_characteristics) {
+      departed_places_.insert(shared.place);
+    }
+    return departed_places_.size() > before;
+  }
+
+  // Of another characteristic than the law that is there, it may be a second effect: if nothing departs from both.
+  bool add_departing_law() {
+    if (result_.departures.empty() || result_.after.laws.size() >= effect_limit()) return false;
+    const LawStart& besides = result_.departures.front().start;
+    if (besides.parameters.empty() || shares_a_characteristic(besides.hypothesis)) return false;
+    const std::vector<Trial> trials =
+        refit_to_all(each_beside(starts_of(result_.after), {besides}), result_.after);
+    if (trials.empty() || !stands_out(trials.front().fit) ||
+        !shapes_left_by(trials.front().fit).departures.empty()) {
+      return false;
+    }
+    result_.after = trials.front().fit;
+    return true;
+  }
+
+  // With a law found at its place.
+  [[nodiscard]] bool shares_a_characteristic(std::size_t hypothesis) const {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    return all[hypothesis].characteristic != Characteristic::kNone &&
+           std::ranges::any_of(result_.after.laws, [&](const FittedLaw& law) {
+             return all[law.hypothesis].place == all[hypothesis].place &&
+                    all[law.hypothesis].characteristic == all[hypothesis].characteristic;
+           });
   }
 
   // Whatever was found, models that do not depend on time do not describe what does.
@@ -1335,7 +1389,8 @@ class Search {
     if (!result_.detection.detected) {
       result_.verdict = Verdict::kNone;
     } else if (result_.effects.empty() || !result_.verified || result_.time_variation ||
-               std::ranges::any_of(result_.effects, &FoundEffect::only_resembles)) {
+               !result_.departures.empty() || !result_.shared_characteristics.empty() ||
+               result_.interrupted) {
       result_.verdict = Verdict::kUnknown;
     } else {
       const auto has_rivals = [](const FoundEffect& effect) {
@@ -1358,10 +1413,11 @@ class Search {
   // Before recordings were freed of more: the single law found, and rivals far behind it.
   std::optional<std::size_t> ahead_;
   std::vector<Rival> far_behind_;
-  std::vector<std::vector<ExtendedFit>> rival_fits_;  // of each effect
-  std::set<std::string> departed_places_;             // of laws that are not quite what is there
-  int first_fits_ = 0;                                // after the first
-  bool tried_to_renew_ = false;                       // with laws
+  std::vector<ExtendedFit>
+      class_fits_;  // with a rival or generalisation in the place of a law found
+  std::set<std::string> departed_places_;  // of laws that are not quite what is there
+  int first_fits_ = 0;                     // after the first
+  bool tried_to_renew_ = false;            // with laws
 };
 
 }  // namespace

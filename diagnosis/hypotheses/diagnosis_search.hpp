@@ -66,9 +66,10 @@
 //      more than `autocorrelation_tolerance` of the signal (MismatchProblem::autocorrelated_error).
 //
 //      Where the noise is known, and what is left is no more than it: is it these laws, or others like them? What
-//      each leaves at its place (law_departure.hpp, at `verification_level`), of the class of which no member
-//      leaves nothing. Two laws for one characteristic (Hypothesis::characteristic) are that, too. Before a law is said to be none of the catalogue, all that the catalogue has at its place are
-//      weighed as rivals.
+//      they leave at their places (law_departure.hpp, at `verification_level`); nothing, if a fit with one of their rivals or
+//      generalisations leaves nothing. Two laws for one characteristic (Hypothesis::characteristic) are as likely one
+//      that the catalogue lacks. Before that is said, all laws that can be fitted there are weighed as rivals, and a
+//      law of another characteristic is taken besides, if it stands out and both leave nothing.
 //
 //      Last, where the problem can tell: does something change while it is recorded
 //      (MismatchProblem::time_variation)? By a test of its own at `variation_level`, because no law describes it.
@@ -172,13 +173,13 @@ struct FoundEffect {
   std::vector<Rival> generalisations;  // of those, as rich as the data do not ask for; the best few
   std::vector<Rival> excluded;         // the best of those that are, by their distance
   std::vector<FittedLaw> same_at = {};  // as in Rival
-  // What the law leaves at its place, where no rival of the class leaves nothing.
-  std::optional<Departure> departure = {};
-  // Another law found at its place that describes the same characteristic.
-  std::optional<std::size_t> shares_with = {};
+};
 
-  // Whether what is there may be a law that the catalogue lacks.
-  [[nodiscard]] bool only_resembles() const { return departure || shares_with; }
+// Laws that were found at one place for one characteristic.
+struct SharedCharacteristic {
+  std::string place;
+  Characteristic characteristic = Characteristic::kNone;
+  std::vector<std::size_t> hypotheses;
 };
 
 struct Diagnosis {
@@ -197,6 +198,11 @@ struct Diagnosis {
   std::optional<TimeVariation> time_variation;
   bool time_variation_was_tested = false;  // else it can't be told from these recordings
   bool verified = false;                   // the rest passed the test of step 6
+  // Whether it could be asked if the laws found only resemble what is there; where they do, and no other fit of their
+  // classes does not. Then, and where laws share a characteristic, the verdict is `unknown`.
+  bool shapes_compared = false;
+  std::vector<Departure> departures;
+  std::vector<SharedCharacteristic> shared_characteristics;
   // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
   // errors of the fitted parameters do there.
   bool predicts = true;

@@ -7,13 +7,12 @@
 // the least p-value against those of draws of pure noise.
 //
 // No law of a catalogue is exact either: corners are rounder, dry friction has a little of everything. A departure is
-// only what explains more than a share `imperfection` of what the fit's laws explain, too.
+// significantly more than a share `imperfection` of what the fit's laws explain, too (of all of them: what a large effect
+// leaves is seen at the places of small ones).
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
@@ -22,25 +21,29 @@ namespace graybox {
 
 // At the place of a law: the one that explains most of what that law leaves there.
 struct Departure {
-  std::size_t hypothesis = 0;
+  LawStart start;
   double statistic = 0.0;  // chi-square of its score test, of so many degrees of freedom
   double degrees_of_freedom = 0.0;
   double p_value = 1.0;  // of that test alone
   double share = 0.0;    // statistic over what the fit's laws explain
 };
 
-struct DepartureTest {
-  double level = 0.01;         // family-wise, of all laws at all these places
+struct ShapeComparison {
+  bool could_tell = false;            // a law was there to ask
+  std::vector<Departure> departures;  // the best of each place, the least p-value first
+};
+
+struct ShapeTest {
+  double level = 0.01;  // family-wise, of all laws at all these places; and of `imperfection`
   double imperfection = 1e-3;  // share of `explained` that no law is asked to describe
   double explained = 0.0;      // deviance that the fit's laws lower
   std::uint64_t seed = 1;
 };
 
-// What of these hypotheses (each at the place of a law of the fit) departs: those that are significant and large enough,
-// the least p-value first. `fit`: noise known. Cost: one ranking of `hypotheses` with 4 / level draws.
-[[nodiscard]] std::vector<Departure> departures(const MismatchProblem& problem,
-                                                const ExtendedFit& fit,
-                                                std::span<const std::size_t> hypotheses,
-                                                const DepartureTest& test);
+// What of these hypotheses, each at the place of a law of the fit, departs. The noise must be known. Cost: a ranking of
+// them, and only where one may depart another with 10 / level draws.
+[[nodiscard]] ShapeComparison compare_shapes(const MismatchProblem& problem, const ExtendedFit& fit,
+                                             std::span<const std::size_t> hypotheses,
+                                             const ShapeTest& test);
 
 }  // namespace graybox

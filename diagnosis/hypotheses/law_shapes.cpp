@@ -360,12 +360,18 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
 
 Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place) {
   static const std::set<std::string> kSprings = {"cubic_spring", "backlash", "dead_zone", "ripple"};
-  static const std::set<std::string> kFrictions = {
-      "coulomb",        "asymmetric_coulomb", "stribeck",           "sublinear_friction",
-      "quadratic_drag", "asymmetric_viscous", "deflection_damping", "dahl",
-      "lugre",          "bouc_wen",           "play_and_slip"};
+  // Fluids drag besides.
+  static const std::set<std::string> kFrictions = {"coulomb",
+                                                   "asymmetric_coulomb",
+                                                   "stribeck",
+                                                   "sublinear_friction",
+                                                   "deflection_damping",
+                                                   "dahl",
+                                                   "lugre",
+                                                   "bouc_wen",
+                                                   "play_and_slip"};
   if (kFrictions.count(entry.name) > 0) return Characteristic::kFriction;
-  // What turns without a spring may cog and be balanced, too.
+  // Where there is no spring, what comes back with the position and what limits it are two things.
   const bool is_spring = place.spring_stiffness > 0.0 && kSprings.count(entry.name) > 0;
   return is_spring ? Characteristic::kSpring : Characteristic::kNone;
 }

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {

@@ -19,14 +19,12 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
 #include "graybox/diagnosis/hypotheses/channel_faults.hpp"
 #include "graybox/diagnosis/hypotheses/next_experiment.hpp"
 #include "graybox/diagnosis/hypotheses/score_test.hpp"
 
 namespace graybox {
-
-// What a law that is not linear describes as a whole: the curve of the spring at its place, or the friction there.
-enum class Characteristic : std::int8_t { kNone, kSpring, kFriction };
 
 struct Hypothesis {
   std::string place;     // "joint_2.gearbox", as Location::name

@@ -79,34 +79,20 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
   return list;
 }
 
-Json departure_json(const std::optional<Departure>& departure,
-                    std::span<const Hypothesis> hypotheses) {
-  if (!departure) return nullptr;
-  return {{"law", hypotheses[departure->hypothesis].law},
-          {"chi_square", number(departure->statistic)},
-          {"degrees_of_freedom", number(departure->degrees_of_freedom)},
-          {"p_value", number(departure->p_value)},
-          {"share", number(departure->share)}};
-}
-
 Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                  bool noise_is_known) {
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  return {
-      {"name", element_name(effect, hypotheses)},
-      {"place", hypothesis.place},
-      {"location", json_of(YAML::Load(hypothesis.location))},
-      {"law", hypothesis.law},
-      {"parameters", parameters_json(effect.law)},
-      {"explained_share", number(effect.explained_share)},
-      {"bic_difference", number(effect.bic_difference)},
-      {"same_at", same_at_json(effect.same_at, hypotheses)},
-      {"departure", departure_json(effect.departure, hypotheses)},
-      {"shares_with", effect.shares_with ? Json(hypothesis_words(hypotheses[*effect.shares_with]))
-                                         : Json(nullptr)},
-      {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
-      {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
-      {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
+  return {{"name", element_name(effect, hypotheses)},
+          {"place", hypothesis.place},
+          {"location", json_of(YAML::Load(hypothesis.location))},
+          {"law", hypothesis.law},
+          {"parameters", parameters_json(effect.law)},
+          {"explained_share", number(effect.explained_share)},
+          {"bic_difference", number(effect.bic_difference)},
+          {"same_at", same_at_json(effect.same_at, hypotheses)},
+          {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
+          {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
+          {"excluded", rivals_json(effect.excluded, hypotheses, noise_is_known)}};
 }
 
 Json assessment_json(const Assessment& assessment, bool noise_is_known) {
@@ -178,6 +164,34 @@ Json time_variation_json(const std::optional<TimeVariation>& variation) {
           {"duration_s", variation->duration},
           {"p_value", variation->p_value},
           {"alternatives", variation->alternatives}};
+}
+
+Json departures_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const Departure& departure : diagnosis.departures) {
+    const Hypothesis& hypothesis = hypotheses[departure.start.hypothesis];
+    list.push_back({{"place", hypothesis.place},
+                    {"law", hypothesis.law},
+                    {"chi_square", number(departure.statistic)},
+                    {"degrees_of_freedom", number(departure.degrees_of_freedom)},
+                    {"p_value", number(departure.p_value)},
+                    {"share", number(departure.share)}});
+  }
+  return list;
+}
+
+Json shared_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
+    Json laws = Json::array();
+    for (const std::size_t hypothesis : shared.hypotheses)
+      laws.push_back(hypotheses[hypothesis].law);
+    const bool is_spring = shared.characteristic == Characteristic::kSpring;
+    list.push_back({{"place", shared.place},
+                    {"characteristic", is_spring ? "spring" : "friction"},
+                    {"laws", std::move(laws)}});
+  }
+  return list;
 }
 
 Json channel_faults_json(const Diagnosis& diagnosis) {
@@ -313,6 +327,9 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"time_variation", time_variation_json(diagnosis.time_variation)},
       {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
+      {"shapes_compared", diagnosis.shapes_compared},
+      {"departures", departures_json(diagnosis, hypotheses)},
+      {"shared_characteristics", shared_json(diagnosis, hypotheses)},
       {"fit",
        {{"before",
          fit_json(diagnosis.before, diagnosis.validation_before, diagnosis.noise_is_known)},

@@ -16,12 +16,13 @@
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "same_at": [...],
-//                 "departure": {"law", "chi_square", "degrees_of_freedom", "p_value", "share"},
-//                 "shares_with": "ripple at joint_3.gearbox",
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
 //                 "evidence_difference", "held_out_difference", "same_at", "on_few_recordings",
 //                 "with_free_motion", "contradicted"}],
 //                 "generalisations": [...], "excluded": [...]}],
+//    "shapes_compared": true,
+//    "departures": [{"place", "law", "chi_square", "degrees_of_freedom", "p_value", "share"}],
+//    "shared_characteristics": [{"place", "characteristic": "spring", "laws": ["backlash", "ripple"]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
 //            "validation": {...}}, "after": {...}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
@@ -39,8 +40,9 @@
 // out excluded it. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
 // `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp); whether that could
 // be told says `time_variation_tested`.
-// `departure` (law_departure.hpp): what the law leaves at its place, and another there would explain; null where none is seen.
-// `shares_with`: another law found for the same spring curve or the same friction; null where there is none.
+// `departures` (law_departure.hpp): places where the laws found only resemble what is there, and the law that would explain
+// most of the rest; `shapes_compared` says whether that could be asked (noise known, the rest no more than that, another
+// law to ask for). `shared_characteristics`: places where several laws describe one spring or friction.
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

@@ -39,8 +39,12 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   if (diagnosis.effects.empty())
     return "Physics is missing, and no law of the catalogue explains it.";
-  if (diagnosis.verified) {
+  if (!diagnosis.departures.empty()) {
     return "Physics is missing; what was found comes close to it, but is not quite what is there.";
+  }
+  if (!diagnosis.shared_characteristics.empty()) {
+    return "Physics is missing; what was found draws it, but may stand for a law that was not "
+           "tried.";
   }
   return "Physics is missing; what was found explains only part of it.";
 }
@@ -87,23 +91,35 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
 
 std::string departure_words(const Departure& departure, std::span<const Hypothesis> hypotheses) {
   return fmt::format(
-      "That is not quite what is there: {} would explain {:.3g} of chi-square more, {:.2g} % of "
-      "what was "
-      "found (p = {:.1g}). Either it is there besides, or a law that the catalogue lacks is there "
-      "in "
-      "place of both.",
-      hypothesis_words(hypotheses[departure.hypothesis]), departure.statistic,
-      100.0 * departure.share, departure.p_value);
+      "The force at {} is not quite that: {} would lower chi-square by {:.3g} more, {:.2g} % of "
+      "what "
+      "the laws explain (p {}). Either that is there besides, or a law that was not tried is there "
+      "in place of both. The picture of the force shows its shape, and --laws tries laws of your "
+      "own.",
+      hypotheses[departure.start.hypothesis].place,
+      spaced(hypotheses[departure.start.hypothesis].law), departure.statistic,
+      100.0 * departure.share,
+      departure.p_value > 0.0 ? fmt::format("= {:.1g}", departure.p_value) : "< 1e-300");
 }
 
-std::string sharing_words(std::size_t other, std::span<const Hypothesis> hypotheses) {
-  const Hypothesis& hypothesis = hypotheses[other];
+std::string shared_words(const SharedCharacteristic& shared,
+                         std::span<const Hypothesis> hypotheses) {
+  std::string names;
+  for (std::size_t i = 0; i < shared.hypotheses.size(); ++i) {
+    const bool is_last = i + 1 == shared.hypotheses.size();
+    names += fmt::format("{}{}",
+                         i == 0    ? ""
+                         : is_last ? " and "
+                                   : ", ",
+                         spaced(hypotheses[shared.hypotheses[i]].law));
+  }
   return fmt::format(
-      "With {} these are two laws for {}: either both are there, or one that the catalogue lacks, "
-      "which the two draw together.",
-      hypothesis_words(hypothesis),
-      hypothesis.characteristic == Characteristic::kSpring ? "the curve of one spring"
-                                                           : "the friction at one place");
+      "At {} {} all describe {}: either each is there, or one law that was not tried, which they "
+      "draw "
+      "together.",
+      shared.place, names,
+      shared.characteristic == Characteristic::kSpring ? "the curve of one spring"
+                                                       : "the friction of one joint");
 }
 
 std::string next_words(const NextExperiment& next) {
@@ -279,10 +295,14 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
-    if (effect.departure) lines.push_back(departure_words(*effect.departure, hypotheses));
-    if (effect.shares_with) lines.push_back(sharing_words(*effect.shares_with, hypotheses));
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
+  }
+  for (const Departure& departure : diagnosis.departures) {
+    lines.push_back(departure_words(departure, hypotheses));
+  }
+  for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
+    lines.push_back(shared_words(shared, hypotheses));
   }
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
           diagnosis.noise_is_known, lines);
@@ -296,9 +316,11 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                   "freedom is {:.4g} with the errors of the fitted parameters counted",
                   diagnosis.validation_within_errors->chi_square_per_dof())
             : "; no recordings were kept out of the fit";
-    lines.push_back(fmt::format("What is left {} (p = {:.2g}{}).",
-                                diagnosis.verified ? "is no more than noise" : "is more than noise",
-                                diagnosis.rest_p_value, where));
+    lines.push_back(fmt::format(
+        "{} {} (p = {:.2g}{}).",
+        diagnosis.departures.empty() ? "What is left" : "By its chi-square what is left",
+        diagnosis.verified ? "is no more than noise" : "is more than noise", diagnosis.rest_p_value,
+        where));
     if (!diagnosis.verified && diagnosis.fit_p_value < diagnosis.rest_p_value) {
       lines.back() +=
           fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
