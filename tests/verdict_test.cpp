@@ -133,6 +133,39 @@ TEST(VerdictWords, SayWhatChangesWithTime) {
   EXPECT_NE(page.find("change of damping, N m s/rad"), std::string::npos);
 }
 
+TEST(VerdictWords, SayWhereALawOnlyResemblesWhatIsThere) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kUnknown;
+  diagnosis.shapes_compared = true;
+  diagnosis.departures = {{{2, {}}, 151.0, 1.0, 1e-34, 0.022}};
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_EQ(all.find("Physics is missing; what was found comes close"), 0U) << all;
+  EXPECT_NE(all.find("What was found is not quite the force at joint_3.gearbox: backlash would lower "
+                     "chi-square by 151 more, 2.2 % of what the laws explain (p = 1e-34)"),
+            std::string::npos)
+      << all;
+  EXPECT_NE(all.find("By its chi-square what is left is no more than noise"), std::string::npos);
+  auto json = verdict_json(diagnosis, kHypotheses, {"model.yaml", "campaign", {}});
+  EXPECT_TRUE(json.at("shapes_compared").get<bool>());
+  EXPECT_EQ(json.at("departures").at(0).at("law"), "backlash");
+  EXPECT_EQ(json.at("departures").at(0).at("place"), "joint_3.gearbox");
+
+  diagnosis.departures.clear();
+  diagnosis.shared_characteristics = {{"joint_3.gearbox", Characteristic::kSpring, {0, 2}}};
+  all.clear();
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_EQ(all.find("Physics is missing; several laws at one place"), 0U) << all;
+  EXPECT_NE(all.find("At joint_3.gearbox the curve of a spring is described by cubic spring and "
+                     "backlash together"),
+            std::string::npos)
+      << all;
+  json = verdict_json(diagnosis, kHypotheses, {"model.yaml", "campaign", {}});
+  EXPECT_EQ(json.at("shared_characteristics").at(0).at("laws").size(), 2U);
+  const std::string page = report_page(diagnosis, kHypotheses, {"model.yaml", "campaign", {}});
+  EXPECT_NE(page.find("is described by cubic spring and backlash together"), std::string::npos);
+}
+
 TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
   Diagnosis diagnosis = explained();
   diagnosis.noise_is_known = false;

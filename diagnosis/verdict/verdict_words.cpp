@@ -43,8 +43,8 @@ std::string headline(const Diagnosis& diagnosis) {
     return "Physics is missing; what was found comes close to it, but is not quite what is there.";
   }
   if (!diagnosis.shared_characteristics.empty()) {
-    return "Physics is missing; what was found draws it, but may stand for a law that was not "
-           "tried.";
+    return "Physics is missing; several laws at one place describe it together, and may stand for "
+           "one that was not tried.";
   }
   return "Physics is missing; what was found explains only part of it.";
 }
@@ -90,36 +90,27 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
 }
 
 std::string departure_words(const Departure& departure, std::span<const Hypothesis> hypotheses) {
+  const Hypothesis& hypothesis = hypotheses[departure.start.hypothesis];
   return fmt::format(
-      "The force at {} is not quite that: {} would lower chi-square by {:.3g} more, {:.2g} % of "
-      "what "
-      "the laws explain (p {}). Either that is there besides, or a law that was not tried is there "
-      "in place of both. The picture of the force shows its shape, and --laws tries laws of your "
-      "own.",
-      hypotheses[departure.start.hypothesis].place,
-      spaced(hypotheses[departure.start.hypothesis].law), departure.statistic,
-      100.0 * departure.share,
+      "What was found is not quite the force at {}: {} would lower chi-square by {:.3g} more, "
+      "{:.2g} % of what the laws explain (p {}). Either that is there besides, or a law that was "
+      "not tried is there in place of both; --laws tries laws of your own.",
+      hypothesis.place, spaced(hypothesis.law), departure.statistic, 100.0 * departure.share,
       departure.p_value > 0.0 ? fmt::format("= {:.1g}", departure.p_value) : "< 1e-300");
 }
 
 std::string shared_words(const SharedCharacteristic& shared,
                          std::span<const Hypothesis> hypotheses) {
-  std::string names;
-  for (std::size_t i = 0; i < shared.hypotheses.size(); ++i) {
-    const bool is_last = i + 1 == shared.hypotheses.size();
-    names += fmt::format("{}{}",
-                         i == 0    ? ""
-                         : is_last ? " and "
-                                   : ", ",
-                         spaced(hypotheses[shared.hypotheses[i]].law));
+  std::string names = spaced(hypotheses[shared.hypotheses.front()].law);
+  for (std::size_t i = 1; i < shared.hypotheses.size(); ++i) {
+    names += (i + 1 == shared.hypotheses.size() ? " and " : ", ") +
+             spaced(hypotheses[shared.hypotheses[i]].law);
   }
+  const bool is_spring = shared.characteristic == Characteristic::kSpring;
   return fmt::format(
-      "At {} {} all describe {}: either each is there, or one law that was not tried, which they "
-      "draw "
-      "together.",
-      shared.place, names,
-      shared.characteristic == Characteristic::kSpring ? "the curve of one spring"
-                                                       : "the friction of one joint");
+      "At {} the {} is described by {} together: either each of them is there, or one law that was "
+      "not tried.",
+      shared.place, is_spring ? "curve of a spring" : "friction", names);
 }
 
 std::string next_words(const NextExperiment& next) {
