@@ -68,9 +68,14 @@ TEST(VerdictWords, RoundTheValueToTheErrorsTwoDigits) {
   EXPECT_EQ(estimate_words({"x", "rad", 3.0, std::nan("")}), "3 rad (no standard error)");
 }
 
-TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
+std::string all_words(const Diagnosis& diagnosis) {
   std::string all;
-  for (const std::string& line : verdict_words(explained(), kHypotheses)) all += line + "\n";
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  return all;
+}
+
+TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
+  const std::string all = all_words(explained());
   EXPECT_NE(all.find("cubic spring at joint_3.gearbox"), std::string::npos) << all;
   EXPECT_NE(all.find("1.90e+09 ± 0.13e+09 N m/rad^3"), std::string::npos) << all;
   EXPECT_NE(all.find("Excluded: backlash at joint_3.gearbox (BIC +54)"), std::string::npos) << all;
@@ -84,8 +89,7 @@ TEST(VerdictWords, SayWhatCouldNotBeFittedAndWhatOnlyStandsIn) {
   diagnosis.fit_p_value = 1e-9;
   diagnosis.rivals_weighed = false;
   diagnosis.effects[0].bic_difference = std::nan("");
-  std::string all;
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  const std::string all = all_words(diagnosis);
   EXPECT_NE(all.find("Without it the model could not be fitted."), std::string::npos) << all;
   EXPECT_EQ(all.find("nan"), std::string::npos) << all;
   EXPECT_NE(all.find("only stand in"), std::string::npos) << all;
@@ -109,8 +113,7 @@ Diagnosis changing() {
 }
 
 TEST(VerdictWords, SayWhatChangesWithTime) {
-  std::string all;
-  for (const std::string& line : verdict_words(changing(), kHypotheses)) all += line + "\n";
+  const std::string all = all_words(changing());
   EXPECT_EQ(all.find("Something changes while it is recorded"), 0U) << all;
   EXPECT_NE(all.find("The damping at joint_3.motor changes with time, by 0.021 N m s/rad (rms) or "
                      "more, once in the 2 s of a recording or slower (p = 1e-09"),
@@ -138,12 +141,12 @@ TEST(VerdictWords, SayWhereALawOnlyResemblesWhatIsThere) {
   diagnosis.verdict = Verdict::kUnknown;
   diagnosis.shapes_compared = true;
   diagnosis.departures = {{{2, {}}, 151.0, 1.0, 1e-34, 0.022}};
-  std::string all;
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  std::string all = all_words(diagnosis);
   EXPECT_EQ(all.find("Physics is missing; what was found comes close"), 0U) << all;
-  EXPECT_NE(all.find("What was found is not quite the force at joint_3.gearbox: backlash would lower "
-                     "chi-square by 151 more, 2.2 % of what the laws explain (p = 1e-34)"),
-            std::string::npos)
+  EXPECT_NE(
+      all.find("What was found is not quite the force at joint_3.gearbox: backlash would lower "
+               "chi-square by 151 more, 2.2 % of what the laws explain (p = 1e-34)"),
+      std::string::npos)
       << all;
   EXPECT_NE(all.find("By its chi-square what is left is no more than noise"), std::string::npos);
   auto json = verdict_json(diagnosis, kHypotheses, {"model.yaml", "campaign", {}});
@@ -153,8 +156,7 @@ TEST(VerdictWords, SayWhereALawOnlyResemblesWhatIsThere) {
 
   diagnosis.departures.clear();
   diagnosis.shared_characteristics = {{"joint_3.gearbox", Characteristic::kSpring, {0, 2}}};
-  all.clear();
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  all = all_words(diagnosis);
   EXPECT_EQ(all.find("Physics is missing; several laws at one place"), 0U) << all;
   EXPECT_NE(all.find("At joint_3.gearbox the curve of a spring is described by cubic spring and "
                      "backlash together"),
@@ -170,8 +172,7 @@ TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
   Diagnosis diagnosis = explained();
   diagnosis.noise_is_known = false;
   diagnosis.effects[0].excluded[0].bic_difference = 25.0;
-  std::string all;
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  const std::string all = all_words(diagnosis);
   EXPECT_EQ(all.find("BIC"), std::string::npos) << all;
   EXPECT_NE(all.find("backlash at joint_3.gearbox (prediction worse by 5 standard errors)"),
             std::string::npos)
@@ -208,8 +209,7 @@ TEST(VerdictWords, NameAllPlacesThatMakeOneSystem) {
   diagnosis.effects[0].same_at = {{2, {{"half_gap", "rad", 1e-3, 1e-4}}}};
   diagnosis.effects[0].rivals = {{{1, {{"level", "N m", 0.5, 0.1}}}, 1.5}};
   diagnosis.effects[0].rivals[0].same_at = {{2, {{"half_gap", "rad", 2e-3, 1e-4}}}};
-  std::string all;
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  const std::string all = all_words(diagnosis);
   for (const char* words : {"The same, or at joint_3.gearbox: half gap 0.00100",
                             "The same, or at joint_3.gearbox: half gap 0.00200"}) {
     EXPECT_NE(all.find(words), std::string::npos) << all;
@@ -232,8 +232,7 @@ TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
   next.recordings = 12.0;
   next.recordings_needed = 7.0;
   diagnosis.effects[0].rivals = {{{2, {{"half_gap", "rad", 1e-3, 1e-4}}}, 1.5, next}};
-  std::string all;
-  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  const std::string all = all_words(diagnosis);
   EXPECT_NE(all.find("7 more recordings, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
             std::string::npos)
       << all;

@@ -967,8 +967,7 @@ class Search {
   // Where one of several laws found one after another has a better rival now that the others are there,
   // the rival takes its place, and all are weighed again.
   void weigh_rivals() {
-    result_.effects.clear();
-    class_fits_.clear();
+    forget_effects();
     // As many laws as may be, and what they leave is no noise: rivals are no likelier physics.
     result_.rivals_weighed =
         !problem_->noise_is_known() || result_.after.laws.size() < effect_limit() || rest_passes();
@@ -976,8 +975,7 @@ class Search {
     for (std::size_t law = 0; law < result_.after.laws.size(); ++law) {
       const auto weigh_again_with = [&](const ExtendedFit& fit) {
         result_.after = fit;
-        result_.effects.clear();
-        class_fits_.clear();
+        forget_effects();
         law = static_cast<std::size_t>(-1);
       };
       FoundEffect effect;
@@ -1008,6 +1006,11 @@ class Search {
       keep_best_generalisations(effect);
       result_.effects.push_back(std::move(effect));
     }
+  }
+
+  void forget_effects() {
+    result_.effects.clear();
+    class_fits_.clear();
   }
 
   // Of another law than the one found: which excludes that, with recordings kept out; else, of several, one that does

@@ -52,6 +52,7 @@ struct LawShape {
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                                const MotionScale& scale);
 
+// kNone of linear laws, of drag, of what follows the position where the model has no spring, and of users' laws.
 [[nodiscard]] Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place);
 
 // Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition velocity may lie above all
