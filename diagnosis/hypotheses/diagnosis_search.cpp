@@ -1061,8 +1061,9 @@ class Search {
     }
     add_more_general(found, table, candidates);
     std::vector<Rival> on_few;
-    std::vector<Trial> trials =
-        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &on_few);
+    const ExtendedFit& nearby = without.usable ? without : result_.after;
+    std::vector<Trial> trials = refit_each(others, candidates, nearby, &pace, &on_few);
+    if (!problem_->has_few()) generalise(law, others, candidates, nearby, trials);
     std::ranges::move(on_few, std::back_inserter(outpaced));
     std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
@@ -1106,6 +1107,46 @@ class Search {
       candidates.push_back(score.start);
       --room;
     }
+  }
+
+  // A law that generalises the one found can't fit worse: one that does began in another valley, and begins again from
+  // the law found, its further parameters as they were ranked.
+  void generalise(std::size_t law, const std::vector<LawStart>& others,
+                  const std::vector<LawStart>& candidates, const ExtendedFit& nearby,
+                  std::vector<Trial>& trials) {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
+    const FittedLaw found = result_.after.laws[law];
+    std::vector<LawStart> beside = starts_of(result_.after);
+    beside.erase(beside.begin() + static_cast<std::ptrdiff_t>(law));
+    for (const LawStart& candidate : candidates) {
+      if (!is_special_case(all[found.hypothesis], all[candidate.hypothesis])) continue;
+      const ExtendedFit tried = refit(each_beside(others, {candidate}).front(), nearby);
+      const bool is_as_good =
+          tried.usable && tried.deviance <= result_.after.deviance + kShortOfOptimum;
+      if (is_as_good || tried.laws.empty()) continue;
+      if (!proceed("refitting with " + name_of(candidate.hypothesis) + " from what was found")) {
+        return;
+      }
+      const LawStart start{candidate.hypothesis,
+                           with_values_of(found, tried.laws.back(), candidate.parameters)};
+      const ExtendedFit again = refit(each_beside(beside, {start}).front(), result_.after);
+      if (!is_better(again, tried)) continue;
+      std::erase_if(trials,
+                    [&](const Trial& trial) { return trial.hypothesis == candidate.hypothesis; });
+      trials.push_back({candidate.hypothesis, again});
+    }
+  }
+
+  // Parameters of a law, those that another has, too, by their names, with the other's values.
+  [[nodiscard]] static std::vector<double> with_values_of(const FittedLaw& other,
+                                                          const FittedLaw& law,
+                                                          std::vector<double> values) {
+    for (std::size_t p = 0; p < values.size(); ++p) {
+      const auto same =
+          std::ranges::find(other.parameters, law.parameters[p].name, &LawParameterEstimate::name);
+      if (same != other.parameters.end()) values[p] = same->value;
+    }
+    return values;
   }
 
   [[nodiscard]] bool is_repeatable(std::size_t hypothesis) const {
@@ -1207,6 +1248,7 @@ class Search {
     const std::span<const Hypothesis> all = problem_->hypotheses();
     std::vector<Rival> members{{.law = effect.law}};
     members.insert(members.end(), effect.rivals.begin(), effect.rivals.end());
+    std::vector<Rival> generalisations;  // in the order of the members
     for (const Rival& member : members) {
       for (const std::size_t twin : all[member.law.hypothesis].twins) {
         if (is_excluded(all[twin])) continue;
@@ -1215,12 +1257,14 @@ class Search {
                     .evidence_difference = member.evidence_difference,
                     .held_out_difference = member.held_out_difference};
         if (is_special_case(all[member.law.hypothesis], all[twin])) {
-          effect.generalisations.insert(effect.generalisations.begin(), std::move(rival));
+          generalisations.push_back(std::move(rival));
         } else {
           effect.rivals.push_back(std::move(rival));
         }
       }
     }
+    effect.generalisations.insert(effect.generalisations.begin(), generalisations.begin(),
+                                  generalisations.end());
   }
 
   static void keep_best_generalisations(FoundEffect& effect) {

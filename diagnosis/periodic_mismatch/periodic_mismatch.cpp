@@ -92,13 +92,15 @@ class Problem : public MismatchProblem {
     clear_with(*first_);
   }
 
-  // Where clear_transients() could not.
+  // Where clear_transients() could not; and where a model without laws of which springs, say, are not what they are for
+  // small motions may have left as much of the free motion as the fit leaves.
   [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
-    if (data_.estimation.front().output_bins.size() == 0 || cleared_start_ ||
-        !can_clear_with(fit)) {
+    if (data_.estimation.front().output_bins.size() == 0 || !can_clear_with(fit)) return nullptr;
+    const ModelState model = state_of(fit);
+    if (cleared_start_ &&
+        !(leaves_more_than_noise(fit) && std::ranges::any_of(model.laws, meets_free_motion))) {
       return nullptr;
     }
-    const ModelState model = state_of(fit);
     PeriodicFit near;
     near.parameters = model.parameters;
     near.laws = model.laws;
@@ -184,9 +186,8 @@ class Problem : public MismatchProblem {
                                                             double gain) const override {
     const ModelState model = state_of(fit);
     const Assessment& rest = fit.estimation;
-    constexpr double kNoNoise = 0.01;
-    const bool leaves_more = chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
-    const double left = leaves_more ? rest.chi_square - rest.degrees_of_freedom : 0.0;
+    const double left =
+        leaves_more_than_noise(fit) ? rest.chi_square - rest.degrees_of_freedom : 0.0;
     std::optional<TimeVariation> found = time_variation_in(data_, model, gain, left);
     if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
     PeriodicData again = data_;
@@ -339,6 +340,18 @@ class Problem : public MismatchProblem {
     return fit.estimation.chi_square_per_dof() <= kMisfit;
   }
 
+  [[nodiscard]] static bool leaves_more_than_noise(const ExtendedFit& fit) {
+    constexpr double kNoNoise = 0.01;
+    const Assessment& rest = fit.estimation;
+    return chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
+  }
+
+  // Forces with slopes that vary, or with motion of their own.
+  [[nodiscard]] static bool meets_free_motion(const ActingLaw& law) {
+    if (is_body(*law.place, *law.entry) || law.entry->name == "offset") return false;
+    return law.entry->name == "mode" || !PeriodicLaw(*law.entry, law.parameters).is_linear();
+  }
+
   void clear_with(const PeriodicFit& fit) {
     constexpr double kAtRest = 0.1;  // standard errors
     cleared_start_ = fit_and_clear_transients(*family_, fit, reading_, how_to_fit(), kAtRest, data_)
@@ -383,12 +396,9 @@ class Problem : public MismatchProblem {
   // laws nothing is known.
   [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power, double gain,
                                            double left) const {
-    const auto meets = [](const ActingLaw& law) {
-      if (is_body(*law.place, *law.entry) || law.entry->name == "offset") return false;
-      return law.entry->name == "mode" || !PeriodicLaw(*law.entry, law.parameters).is_linear();
-    };
-    if (std::ranges::any_of(base_laws_, meets)) return kShareOfFree * free_power;
-    const double of_laws = std::ranges::any_of(model.laws, meets) ? std::max(gain, 0.0) : 0.0;
+    if (std::ranges::any_of(base_laws_, meets_free_motion)) return kShareOfFree * free_power;
+    const double of_laws =
+        std::ranges::any_of(model.laws, meets_free_motion) ? std::max(gain, 0.0) : 0.0;
     return kShareOfFree * std::min(free_power, of_laws + left);
   }
 

@@ -39,11 +39,26 @@ constexpr double kNoiseAtMost = 2.0;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
+// A law that is a force, about the motion of a record.
+struct MeanSlope {
+  double stiffness = 0.0, damping = 0.0;
+
+  friend bool operator==(const MeanSlope&, const MeanSlope&) = default;
+};
+
+// A law that depends on the present motion alone and not linearly.
+struct CurvedLaw {
+  const Location* place = nullptr;
+  PeriodicLaw law;
+  std::size_t slope = 0;  // of FreePlant::slopes
+};
+
 // How the plant of some records moves freely, at their bins 1 ... B.
 struct FreePlant {
   std::size_t position = 0, group = 0;
-  Index periods = 1, bins = 0;  // B
-  LinearPlant plant;            // with the laws' mean slopes
+  Index periods = 1, bins = 0;    // B
+  LinearPlant plant;              // with the laws' mean slopes,
+  std::vector<MeanSlope> slopes;  // which are these
   SampledPlant sampled;
   std::vector<MatrixXcd> motion;    // z C (z I - A)^-1, n_y x 2n each
   std::vector<MatrixXcd> response;  // G
@@ -57,11 +72,12 @@ struct FreeRecord {
   MeasuredRecord* record = nullptr;
   std::size_t plant = 0;     // of all FreePlants
   MatrixXcd periodic;        // q of the steady state, n x (K + 1)
-  MatrixXcd periodic_force;  // of the own forces under it, n x (B + 1); empty: not asked yet
+  MatrixXcd periodic_force;  // of own forces and laws under it, n x (B + 1); empty: not asked yet
   MatrixXcd excess;          // Y - G U, n_y x (B + 1)
   // Of the last round:
   VectorXd departure;  // d
-  MatrixXcd own;       // q by what own forces add with the free motion, n x (B + 1); empty: nothing
+  MatrixXcd
+      own;  // q by what own forces and laws add with the free motion, n x (B + 1); empty: nothing
   MatrixXcd own_seen;  // the same at the outputs, n_y x (B + 1)
   MatrixXcd rest;      // excess without all that
 };
@@ -70,7 +86,17 @@ class Clearing {
  public:
   Clearing(const PlantFamily& family, const ModelState& model, const PeriodicDataOptions& options,
            PeriodicData& data)
-      : family_(family), model_(model), options_(options), data_(data) {}
+      : family_(family), model_(model), options_(options), data_(data) {
+    std::size_t slope = 0;
+    for (const ActingLaw& law : model.laws) {
+      if (!is_force(law)) continue;
+      PeriodicLaw periodic(*law.entry, law.parameters);
+      if (!periodic.is_linear() && !periodic.has_states()) {
+        curved_laws_.push_back({&law.place->location, std::move(periodic), slope});
+      }
+      ++slope;
+    }
+  }
 
   void run() {
     collect();
@@ -79,7 +105,7 @@ class Clearing {
       for (std::size_t i = 0; i < plants_.size(); ++i) weigh(plants_[i]);
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
       for (std::size_t i = 0; i < records_.size(); ++i) {
-        if (round > 0) add_own_forces(records_[i]);
+        if (round > 0) add_forces(records_[i]);
         separate(records_[i]);
       }
       whiten();
@@ -92,6 +118,9 @@ class Clearing {
   }
 
  private:
+  static bool is_force(const ActingLaw& law) {
+    return law.place->location.kind == LocationKind::kElement && !is_body(*law.place, *law.entry);
+  }
   static bool is_line(const FreePlant& plant, Index bin) { return bin % plant.periods == 0; }
   [[nodiscard]] const MatrixXcd& weight(const FreePlant& plant, Index bin) const {
     const Index line =
@@ -105,16 +134,16 @@ class Clearing {
         if (record.output_bins.size() > 0) records_.emplace_back().record = &record;
       }
     }
-    std::vector<LinearPlant> plants(records_.size());
+    std::vector<std::vector<MeanSlope>> slopes(records_.size());
 #pragma omp parallel num_threads(options_.threads)
     {
       SteadyStateSolver solver(family_, data_, {});
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records_.size(); ++i) {
-        plants[i] = describe(solver, records_[i]);
+        slopes[i] = describe(solver, records_[i]);
       }
     }
-    for (std::size_t i = 0; i < records_.size(); ++i) share_plant(records_[i], plants[i]);
+    for (std::size_t i = 0; i < records_.size(); ++i) share_plant(records_[i], slopes[i]);
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t i = 0; i < plants_.size(); ++i) describe(plants_[i]);
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
@@ -130,26 +159,24 @@ class Clearing {
     return angle(plant, bin) / data_.sample_time;
   }
 
-  // The periodic motion; returns the plant of small motions about it.
-  LinearPlant describe(SteadyStateSolver& solver, FreeRecord& free) const {
+  // The periodic motion; returns the laws' slopes for small motions about it.
+  std::vector<MeanSlope> describe(SteadyStateSolver& solver, FreeRecord& free) const {
     MeasuredRecord& record = *free.record;
     for (Index k = 1; k <= data_.last_line; ++k) {
       record.input.col(k) = record.input_bins.col(k * record.periods);
     }
     const SteadyState& state = solver.solve(model_, record, nullptr);
     free.periodic = state.coordinates;
-    LinearPlant plant = model_.positions[record.position].plant;
-    add_mean_slopes(state, plant);
-    return plant;
+    return mean_slopes(state);
   }
 
   // Records of one position and level have a plant in common unless laws' slopes make them differ.
-  void share_plant(FreeRecord& free, const LinearPlant& plant) {
+  void share_plant(FreeRecord& free, const std::vector<MeanSlope>& slopes) {
     const MeasuredRecord& record = *free.record;
     const auto is_same = [&](const FreePlant& other) {
       return other.position == record.position && other.group == record.group &&
              other.periods == record.periods && other.bins == record.output_bins.cols() - 1 &&
-             other.plant.stiffness == plant.stiffness && other.plant.damping == plant.damping;
+             other.slopes == slopes;
     };
     const auto known = std::ranges::find_if(plants_, is_same);
     free.plant = static_cast<std::size_t>(known - plants_.begin());
@@ -159,8 +186,10 @@ class Clearing {
       added.group = record.group;
       added.periods = record.periods;
       added.bins = record.output_bins.cols() - 1;
-      added.plant = plant;
-      added.departure_size = VectorXd::Zero(2 * plant.mass.rows());
+      added.plant = model_.positions[record.position].plant;
+      added.slopes = slopes;
+      add_slopes(added);
+      added.departure_size = VectorXd::Zero(2 * added.plant.mass.rows());
     }
     FreePlant& shared = plants_[free.plant];
     shared.departure_size =
@@ -205,22 +234,29 @@ class Clearing {
            power.cwiseSqrt();
   }
 
-  // Springs and dampers that laws are for motions much smaller than those of the record.
-  void add_mean_slopes(const SteadyState& state, LinearPlant& plant) const {
-    Index column = 0;
-    for (const ActingLaw& law : model_.laws) {
-      const Location& place = law.place->location;
-      if (place.kind != LocationKind::kElement || is_body(*law.place, *law.entry)) continue;
-      double stiffness = 0.0, damping = 0.0;
+  [[nodiscard]] std::vector<MeanSlope> mean_slopes(const SteadyState& state) const {
+    std::vector<MeanSlope> slopes(at(state.slopes.cols()));
+    const auto lines = static_cast<double>(data_.excited.size());
+    for (Index column = 0; column < state.slopes.cols(); ++column) {
+      MeanSlope& mean = slopes[at(column)];
       for (const std::size_t line : data_.excited) {
         const Complex slope = state.slopes(static_cast<Index>(line), column);
-        stiffness += slope.real() / static_cast<double>(data_.excited.size());
-        damping +=
-            slope.imag() / data_.frequencies[line] / static_cast<double>(data_.excited.size());
+        mean.stiffness += slope.real() / lines;
+        mean.damping += slope.imag() / data_.frequencies[line] / lines;
       }
-      plant.stiffness += stiffness * place.output * place.input.transpose();
-      plant.damping += damping * place.output * place.input.transpose();
-      ++column;
+    }
+    return slopes;
+  }
+
+  // Springs and dampers that laws are for motions much smaller than those of the record.
+  void add_slopes(FreePlant& plant) const {
+    std::size_t slope = 0;
+    for (const ActingLaw& law : model_.laws) {
+      if (!is_force(law)) continue;
+      const Location& place = law.place->location;
+      const MeanSlope& mean = plant.slopes[slope++];
+      plant.plant.stiffness += mean.stiffness * place.output * place.input.transpose();
+      plant.plant.damping += mean.damping * place.output * place.input.transpose();
     }
   }
 
@@ -272,11 +308,12 @@ class Clearing {
     }
   }
 
-  // What own forces add where the free motion of the last round meets the periodic one.
-  void add_own_forces(FreeRecord& free) const {
+  // What own forces, and laws beyond their mean slopes, add where the free motion of the last round meets the periodic
+  // one.
+  void add_forces(FreeRecord& free) const {
     const FreePlant& plant = plants_[free.plant];
     const auto own = family_.own_force(plant.plant, model_.bodies);
-    if (own == nullptr) return;
+    if (own == nullptr && curved_laws_.empty()) return;
     const std::size_t samples = data_.period * static_cast<std::size_t>(plant.periods);
     PeriodTransform transform(samples, plant.bins, fast_grid(3 * at(plant.bins)));
     const MatrixXcd periodic = coordinates_at_bins(free);
@@ -290,9 +327,9 @@ class Clearing {
       both.col(bin) += plant.sampled.state(z, cause).head(both.rows());
     }
     if (free.periodic_force.size() == 0) {
-      free.periodic_force = force_of(*own, plant, periodic, transform);
+      free.periodic_force = force_of(own.get(), plant, periodic, transform);
     }
-    const MatrixXcd force = force_of(*own, plant, both, transform) - free.periodic_force;
+    const MatrixXcd force = force_of(own.get(), plant, both, transform) - free.periodic_force;
     free.own = MatrixXcd::Zero(both.rows(), plant.bins + 1);
     for (Index bin = 1; bin <= plant.bins; ++bin) {
       const double w = frequency(plant, bin);
@@ -320,13 +357,14 @@ class Clearing {
     return result;
   }
 
-  // Bins of the own force under a motion of these bins.
-  MatrixXcd force_of(OwnForce& own, const FreePlant& plant, const MatrixXcd& coordinates,
+  // Bins of the own force, if there is one, and the curved laws' under a motion of these bins.
+  MatrixXcd force_of(OwnForce* own, const FreePlant& plant, const MatrixXcd& coordinates,
                      PeriodTransform& transform) const {
     // Bins are scaled as lines of one period, the transform is of all.
     const double scale = std::sqrt(static_cast<double>(plant.periods));
     const Index n = coordinates.rows();
-    MatrixXd q(n, transform.grid()), velocity = q, acceleration = q, force;
+    MatrixXd q(n, transform.grid()), velocity = q, acceleration = q,
+                                     force = MatrixXd::Zero(n, transform.grid());
     VectorXd times(transform.grid());
     for (Index i = 0; i < n; ++i) {
       VectorXcd spectrum = scale * coordinates.row(i).transpose();
@@ -338,7 +376,8 @@ class Clearing {
         }
       }
     }
-    own.evaluate(q, velocity, acceleration, force);
+    if (own != nullptr) own->evaluate(q, velocity, acceleration, force);
+    for (const CurvedLaw& law : curved_laws_) add_curvature(law, plant, q, velocity, force);
     MatrixXcd result(n, plant.bins + 1);
     VectorXcd spectrum(plant.bins + 1);
     for (Index i = 0; i < n; ++i) {
@@ -347,6 +386,21 @@ class Clearing {
       result.row(i) = spectrum.transpose() / scale;
     }
     return result;
+  }
+
+  // The force of a law without that of its mean slopes.
+  static void add_curvature(const CurvedLaw& law, const FreePlant& plant, const MatrixXd& q,
+                            const MatrixXd& velocity, MatrixXd& force) {
+    const Location& place = *law.place;
+    const MeanSlope& slope = plant.slopes[law.slope];
+    PeriodicMotion motion;
+    motion.deflection = q.transpose() * place.input;
+    motion.rate = velocity.transpose() * place.input;
+    const VectorXd straight = slope.stiffness * motion.deflection + slope.damping * motion.rate;
+    motion.deflection.array() += place.input.dot(plant.plant.rest);
+    VectorXd of_law;
+    law.law.force(motion, of_law);
+    force.noalias() -= place.output * (of_law - straight).transpose();
   }
 
   void whiten() {
@@ -369,7 +423,7 @@ class Clearing {
     }
   }
 
-  // Near a resonance a small change of the own forces is a large one of the motion, and a few rounds are not enough.
+  // Near a resonance a small change of these forces is a large one of the motion, and a few rounds are not enough.
   void settle() {
     if (std::ranges::all_of(records_, [](const FreeRecord& f) { return f.own.size() == 0; }))
       return;
@@ -387,7 +441,7 @@ class Clearing {
     double least = std::numeric_limits<double>::infinity();
     for (int step = 0; step < kSteps; ++step) {
       const MatrixXcd before = free.rest;
-      add_own_forces(free);
+      add_forces(free);
       separate(free);
       const VectorXcd change = lines_of(free, free.rest - before);
       const double size = change.norm();
@@ -558,6 +612,7 @@ class Clearing {
   const ModelState& model_;
   const PeriodicDataOptions& options_;
   PeriodicData& data_;
+  std::vector<CurvedLaw> curved_laws_;
   std::vector<FreePlant> plants_;
   std::vector<FreeRecord> records_;
 };
