@@ -1,6 +1,7 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -1041,6 +1042,7 @@ class Search {
   // beside the other laws as they are.
   std::vector<Trial> rivals_of(std::size_t law, const ExtendedFit& without,
                                std::vector<Rival>& outpaced) {
+    const std::span<const Hypothesis> all = problem_->hypotheses();
     const std::size_t found = result_.after.laws[law].hypothesis;
     if (!proceed("weighing rivals of " + name_of(found))) return {};
     std::vector<LawStart> others = starts_of(without.usable ? without : result_.after);
@@ -1063,7 +1065,9 @@ class Search {
     std::vector<Rival> on_few;
     const ExtendedFit& nearby = without.usable ? without : result_.after;
     std::vector<Trial> trials = refit_each(others, candidates, nearby, &pace, &on_few);
-    if (!problem_->has_few()) generalise(law, others, candidates, nearby, trials);
+    if (departed_places_.count(all[found].place) > 0) {
+      generalise(law, others, candidates, nearby, trials);
+    }
     std::ranges::move(on_few, std::back_inserter(outpaced));
     std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
@@ -1326,6 +1330,7 @@ class Search {
       if (!only_resemble()) return;
       const bool is_last = round + 1 == kShapeRounds;
       if (is_last || (!open_departed_places() && !add_departing_law())) break;
+      begin_at_other_shapes();
       result_.departures.clear();
       result_.shared_characteristics.clear();
       weigh_rivals();
@@ -1393,6 +1398,31 @@ class Search {
       departed_places_.insert(shared.place);
     }
     return departed_places_.size() > before;
+  }
+
+  // A law that departs may be the right one, its fit in a wrong valley: of friction whose transition velocity went below all
+  // that the recordings tell apart, say.
+  void begin_at_other_shapes() {
+    for (const FittedLaw& law : std::vector(result_.after.laws)) {
+      const std::size_t found = law.hypothesis;
+      if (departed_places_.count(place_of(law)) == 0) continue;
+      const auto there = std::ranges::find(result_.after.laws, found, &FittedLaw::hypothesis);
+      const std::ptrdiff_t index = there - result_.after.laws.begin();
+      const ExtendedFit without = fit_without(result_.after, static_cast<std::size_t>(index));
+      if (!without.usable) continue;
+      const std::array asked{found};
+      const ScoreTable table = problem_->scores(without, asked, 0, options_.seed);
+      std::vector<LawStart> beside = starts_of(result_.after);
+      beside.erase(beside.begin() + index);
+      for (const std::vector<double>& shape : table.scores.front().others) {
+        if (!proceed("refitting with " + name_of(found) + " from another shape")) return;
+        const ExtendedFit& again =
+            refit(each_beside(beside, {LawStart{found, shape}}).front(), result_.after);
+        if (again.usable && again.deviance < result_.after.deviance - kShortOfOptimum) {
+          result_.after = again;
+        }
+      }
+    }
   }
 
   // Of another characteristic than the law that is there, it may be a second effect: if nothing departs from both.

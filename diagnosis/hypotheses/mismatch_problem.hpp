@@ -120,6 +120,8 @@ struct HypothesisScore {
   double amplitude = 0.0;
   double amplitude_deviation = 0.0;  // standard deviation of the estimate
   std::string amplitude_unit;
+  // Parameters at other shapes, the best first: where a fit may begin that from `start` ends in a wrong valley.
+  std::vector<std::vector<double>> others{};
 };
 
 struct ScoreTable {

@@ -43,10 +43,12 @@ Unknown unknown_of(ParameterRange range) {
   return {};
 }
 
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
 // Everything at one value of the unknowns.
 struct Evaluation {
   VectorXd values;
-  double chi_square = std::numeric_limits<double>::infinity();
+  double chi_square = kNever;
   MatrixXd information;
   VectorXd gradient;              // J^T r
   std::vector<bool> imitated;     // PeriodicFit::imitated
@@ -61,6 +63,10 @@ constexpr double kEnough = 0.1;
 // Or this share of what chi-square has beyond its expectation: laws that are not the right ones leave it so
 // large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
+
+// Of the rms of the residuals, noise or more: where the steady state under the laws is found to no better than this, it is
+// half what the recordings say (it was sought from there), and fits them better than any motion that the laws allow.
+constexpr double kUnsettled = 0.1;
 
 class PeriodicFitter {
  public:
@@ -85,7 +91,7 @@ class PeriodicFitter {
     Evaluation now;
     for (const VectorXd& start : starts) {
       Evaluation other = evaluate(start_values(start), nullptr, exact);
-      if (now.values.size() == 0 || other.chi_square < now.chi_square) now = std::move(other);
+      if (now.values.size() == 0 || is_better(other, now)) now = std::move(other);
     }
     PeriodicFit result;
     if (!std::isfinite(now.chi_square)) {
@@ -102,7 +108,8 @@ class PeriodicFitter {
       const VectorXd step = step_of(now, damping);
       const double worthwhile = worthwhile_gain(now.chi_square);
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
-      const double gain = now.chi_square - next.chi_square;
+      const bool may_go = is_settled(next) || !is_settled(now);
+      const double gain = may_go ? now.chi_square - next.chi_square : -kNever;
       const bool leads_on = gain > worthwhile;
       const bool promises = predicted_gain(now, step) > worthwhile && damping < 1e6;
       if (gain >= 0.0) {
@@ -121,6 +128,10 @@ class PeriodicFitter {
       }
     }
     if (!result.converged && result.trouble.empty()) result.trouble = "the fit did not settle";
+    if (result.converged && !is_settled(now)) {
+      result.converged = false;
+      result.trouble = "no steady state under the laws was found";
+    }
     store(now, result);
     return result;
   }
@@ -143,6 +154,15 @@ class PeriodicFitter {
       for (double& value : law.parameters) value = values(k++);
     }
     return laws;
+  }
+
+  [[nodiscard]] bool is_settled(const Evaluation& at) const {
+    return at.unsettled <= kUnsettled * std::sqrt(std::max(1.0, at.chi_square / expected_));
+  }
+
+  [[nodiscard]] bool is_better(const Evaluation& at, const Evaluation& than) const {
+    const bool is_there = is_settled(at);
+    return is_there == is_settled(than) ? at.chi_square < than.chi_square : is_there;
   }
 
   [[nodiscard]] double worthwhile_gain(double chi_square) const {
@@ -280,7 +300,7 @@ class PeriodicFitter {
     // A force may be finite where its derivatives no longer are.
     if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
         !result.gradient.allFinite()) {
-      result.chi_square = std::numeric_limits<double>::infinity();
+      result.chi_square = kNever;
     } else if (options_.freed != nullptr) {
       hold_unseen(sums, result);
     }

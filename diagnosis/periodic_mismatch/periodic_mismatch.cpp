@@ -918,7 +918,8 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
                                                       products.nuisance, score.amplitudes);
       }
     }
-    if (has_many_valleys(*candidate.entry)) best.start.others = other_starts(std::move(starts));
+    best.others = other_starts(std::move(starts));
+    if (has_many_valleys(*candidate.entry)) best.start.others = best.others;
     best.explained_share =
         fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
   }
