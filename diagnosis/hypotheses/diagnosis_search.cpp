@@ -1,7 +1,6 @@
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -1042,7 +1041,6 @@ class Search {
   // beside the other laws as they are.
   std::vector<Trial> rivals_of(std::size_t law, const ExtendedFit& without,
                                std::vector<Rival>& outpaced) {
-    const std::span<const Hypothesis> all = problem_->hypotheses();
     const std::size_t found = result_.after.laws[law].hypothesis;
     if (!proceed("weighing rivals of " + name_of(found))) return {};
     std::vector<LawStart> others = starts_of(without.usable ? without : result_.after);
@@ -1063,11 +1061,8 @@ class Search {
     }
     add_more_general(found, table, candidates);
     std::vector<Rival> on_few;
-    const ExtendedFit& nearby = without.usable ? without : result_.after;
-    std::vector<Trial> trials = refit_each(others, candidates, nearby, &pace, &on_few);
-    if (departed_places_.count(all[found].place) > 0) {
-      generalise(law, others, candidates, nearby, trials);
-    }
+    std::vector<Trial> trials =
+        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &on_few);
     std::ranges::move(on_few, std::back_inserter(outpaced));
     std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
@@ -1111,46 +1106,6 @@ class Search {
       candidates.push_back(score.start);
       --room;
     }
-  }
-
-  // A law that generalises the one found can't fit worse: one that does began in another valley, and begins again from
-  // the law found, its further parameters as they were ranked.
-  void generalise(std::size_t law, const std::vector<LawStart>& others,
-                  const std::vector<LawStart>& candidates, const ExtendedFit& nearby,
-                  std::vector<Trial>& trials) {
-    const std::span<const Hypothesis> all = problem_->hypotheses();
-    const FittedLaw found = result_.after.laws[law];
-    std::vector<LawStart> beside = starts_of(result_.after);
-    beside.erase(beside.begin() + static_cast<std::ptrdiff_t>(law));
-    for (const LawStart& candidate : candidates) {
-      if (!is_special_case(all[found.hypothesis], all[candidate.hypothesis])) continue;
-      const ExtendedFit tried = refit(each_beside(others, {candidate}).front(), nearby);
-      const bool is_as_good =
-          tried.usable && tried.deviance <= result_.after.deviance + kShortOfOptimum;
-      if (is_as_good || tried.laws.empty()) continue;
-      if (!proceed("refitting with " + name_of(candidate.hypothesis) + " from what was found")) {
-        return;
-      }
-      const LawStart start{candidate.hypothesis,
-                           with_values_of(found, tried.laws.back(), candidate.parameters)};
-      const ExtendedFit again = refit(each_beside(beside, {start}).front(), result_.after);
-      if (!is_better(again, tried)) continue;
-      std::erase_if(trials,
-                    [&](const Trial& trial) { return trial.hypothesis == candidate.hypothesis; });
-      trials.push_back({candidate.hypothesis, again});
-    }
-  }
-
-  // Parameters of a law, those that another has, too, by their names, with the other's values.
-  [[nodiscard]] static std::vector<double> with_values_of(const FittedLaw& other,
-                                                          const FittedLaw& law,
-                                                          std::vector<double> values) {
-    for (std::size_t p = 0; p < values.size(); ++p) {
-      const auto same =
-          std::ranges::find(other.parameters, law.parameters[p].name, &LawParameterEstimate::name);
-      if (same != other.parameters.end()) values[p] = same->value;
-    }
-    return values;
   }
 
   [[nodiscard]] bool is_repeatable(std::size_t hypothesis) const {
@@ -1330,7 +1285,6 @@ class Search {
       if (!only_resemble()) return;
       const bool is_last = round + 1 == kShapeRounds;
       if (is_last || (!open_departed_places() && !add_departing_law())) break;
-      begin_at_other_shapes();
       result_.departures.clear();
       result_.shared_characteristics.clear();
       weigh_rivals();
@@ -1398,31 +1352,6 @@ class Search {
       departed_places_.insert(shared.place);
     }
     return departed_places_.size() > before;
-  }
-
-  // A law that departs may be the right one, its fit in a wrong valley: of friction whose transition velocity went below all
-  // that the recordings tell apart, say.
-  void begin_at_other_shapes() {
-    for (const FittedLaw& law : std::vector(result_.after.laws)) {
-      const std::size_t found = law.hypothesis;
-      if (departed_places_.count(place_of(law)) == 0) continue;
-      const auto there = std::ranges::find(result_.after.laws, found, &FittedLaw::hypothesis);
-      const std::ptrdiff_t index = there - result_.after.laws.begin();
-      const ExtendedFit without = fit_without(result_.after, static_cast<std::size_t>(index));
-      if (!without.usable) continue;
-      const std::array asked{found};
-      const ScoreTable table = problem_->scores(without, asked, 0, options_.seed);
-      std::vector<LawStart> beside = starts_of(result_.after);
-      beside.erase(beside.begin() + index);
-      for (const std::vector<double>& shape : table.scores.front().others) {
-        if (!proceed("refitting with " + name_of(found) + " from another shape")) return;
-        const ExtendedFit& again =
-            refit(each_beside(beside, {LawStart{found, shape}}).front(), result_.after);
-        if (again.usable && again.deviance < result_.after.deviance - kShortOfOptimum) {
-          result_.after = again;
-        }
-      }
-    }
   }
 
   // Of another characteristic than the law that is there, it may be a second effect: if nothing departs from both.

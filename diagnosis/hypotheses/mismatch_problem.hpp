@@ -106,6 +106,8 @@ struct LawStart {
   std::vector<double> model_parameters{};
   // Other parameters of the law that a fit should start from as well: of a law whose valleys are many.
   std::vector<std::vector<double>> others{};
+  // The same where none of these leads to motions that the law allows, one after the other until one does.
+  std::vector<std::vector<double>> spares{};
 
   friend bool operator==(const LawStart&, const LawStart&) = default;
 };
@@ -120,8 +122,6 @@ struct HypothesisScore {
   double amplitude = 0.0;
   double amplitude_deviation = 0.0;  // standard deviation of the estimate
   std::string amplitude_unit;
-  // Parameters at other shapes, the best first: where a fit may begin that from `start` ends in a wrong valley.
-  std::vector<std::vector<double>> others{};
 };
 
 struct ScoreTable {

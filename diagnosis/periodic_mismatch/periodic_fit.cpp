@@ -128,7 +128,8 @@ class PeriodicFitter {
       }
     }
     if (!result.converged && result.trouble.empty()) result.trouble = "the fit did not settle";
-    if (result.converged && !is_settled(now)) {
+    result.has_steady_state = is_settled(now);
+    if (result.converged && !result.has_steady_state) {
       result.converged = false;
       result.trouble = "no steady state under the laws was found";
     }

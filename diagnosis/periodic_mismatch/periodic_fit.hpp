@@ -31,8 +31,9 @@ struct PeriodicFit {
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
   double chi_square = 0.0;
-  Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
-  double unsettled = 0.0;       // largest of all recordings (steady_state.hpp)
+  Eigen::MatrixXd information;   // J^T J by parameters, then those of the laws
+  double unsettled = 0.0;        // largest of all recordings (steady_state.hpp)
+  bool has_steady_state = true;  // else it is that by which they fit; such a fit has not converged
   int iterations = 0;
   // Of the model's parameters those that a force at the freed place imitates (springs and dampers beside it), which stay
   // as they were; empty if no place is freed.

@@ -287,6 +287,12 @@ class Problem : public MismatchProblem {
         if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
       }
     }
+    for (std::size_t i = 0; !laws.empty() && i < laws.back().spares.size(); ++i) {
+      if (best.has_steady_state) break;
+      acting.back().parameters = laws.back().spares[i];
+      PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
+      if (fit.has_steady_state) best = std::move(fit);
+    }
     ExtendedFit result = report(data, best, laws);
     // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
     if (laws.empty() || !first_ || can_clear_with(nearby) || can_clear_with(result)) return result;
@@ -918,8 +924,8 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
                                                       products.nuisance, score.amplitudes);
       }
     }
-    best.others = other_starts(std::move(starts));
-    if (has_many_valleys(*candidate.entry)) best.start.others = best.others;
+    (has_many_valleys(*candidate.entry) ? best.start.others : best.start.spares) =
+        other_starts(std::move(starts));
     best.explained_share =
         fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
   }
