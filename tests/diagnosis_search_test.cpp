@@ -70,6 +70,7 @@ class RegressionProblem : public MismatchProblem {
   void only_name(const std::string& twin, const std::string& law) {
     hypotheses_[index_of(law)].twins = {index_of(twin)};
     hypotheses_[index_of(twin)].only_named = true;
+    hypotheses_[index_of(twin)].place = hypotheses_[index_of(law)].place;
   }
   // The same law at another place, and how far the best experiment would tell the two apart.
   void repeat_elsewhere(const std::string& law, double distance) {
@@ -898,6 +899,24 @@ TEST(DiagnosisSearch, NamesATwinThatGeneralisesTheLawBesideIt) {
   EXPECT_TRUE(diagnosis.effects[0].rivals.empty());
   ASSERT_EQ(diagnosis.effects[0].generalisations.size(), 1U);
   EXPECT_EQ(diagnosis.effects[0].generalisations[0].law.hypothesis, problem.index_of("harmonic_8"));
+}
+
+// Before one of a rival's: where there is room for one name, it is that of the law found.
+TEST(DiagnosisSearch, NamesTheTwinOfTheLawFoundFirst) {
+  RegressionProblem problem;
+  problem.only_name("harmonic_7", "step");
+  problem.only_name("harmonic_8", "slanted_step");
+  problem.generalise("harmonic_7", "step", 0.0);
+  problem.generalise("harmonic_8", "slanted_step", 0.0);
+  for (const char* law : {"step", "slanted_step"}) {
+    const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, law, 12.0), 3);
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    const FoundEffect& effect = diagnosis.effects[0];
+    EXPECT_EQ(effect.rivals.size(), 1U);
+    ASSERT_EQ(effect.generalisations.size(), 1U);
+    EXPECT_EQ(problem.hypotheses()[effect.law.hypothesis].twins.front(),
+              effect.generalisations[0].law.hypothesis);
+  }
 }
 
 // A law that holds the one found fits as well always. It is a rival where the data do not know its further

@@ -23,6 +23,7 @@
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -93,6 +94,84 @@ TEST(FirstFits, EndInOneOptimumInWhateverOrderTheyBegin) {
   EXPECT_NEAR(fit.chi_square / arm.data.numbers_in(arm.data.estimation), 1.0, 0.2);
   const VectorXd errors = standard_errors(fit.information);
   EXPECT_LT(((fit.parameters - other.parameters).array() / errors.array()).abs().maxCoeff(), 0.1);
+}
+
+// Three masses on springs; the second, which no sensor sees, rubs.
+constexpr const char* kChain = R"(format: graybox-lumped/1
+sample_time: 0.001
+motion: translation
+masses: {first: 1.4, second: 1.1, third: 0.9}
+elements:
+  - {name: mount, location: {kind: element, mass: first}, law: stiffness,
+     parameters: {stiffness: {value: 5.1e3, unit: N/m}}}
+  - {name: first link, location: {kind: element, between: [first, second]}, law: stiffness,
+     parameters: {stiffness: {value: 5.1e3, unit: N/m}}}
+  - {name: second link, location: {kind: element, between: [second, third]}, law: stiffness,
+     parameters: {stiffness: {value: 4.9e3, unit: N/m}}}
+  - {name: mount damping, location: {kind: element, mass: first}, law: viscous,
+     parameters: {damping: {value: 9.6, unit: N s/m}}}
+  - {name: first link damping, location: {kind: element, between: [first, second]}, law: viscous,
+     parameters: {damping: {value: 7.1, unit: N s/m}}}
+  - {name: second link damping, location: {kind: element, between: [second, third]}, law: viscous,
+     parameters: {damping: {value: 8.0, unit: N s/m}}}
+inputs:
+  - {name: force_first, mass: first}
+  - {name: force_third, mass: third}
+outputs:
+  - {name: position_first, mass: first, quantity: position}
+  - {name: position_third, mass: third, quantity: position}
+noise: {position_first: 4.5e-5, position_third: 2.7e-5}
+)";
+constexpr const char* kRubbing =
+    R"(  - {name: rubbing, location: {kind: element, mass: second}, law: stribeck,
+     parameters: {level: {value: 0.0045, unit: N}, static_level: {value: 0.0094, unit: N},
+                  stribeck_velocity: {value: 0.063, unit: m/s}, transition_velocity: {value: 1e-3, unit: m/s}}}
+)";
+
+// With a transition velocity far below all that is reached friction jumps, and where no motion is found under it the
+// recordings are fitted by a force that was taken from them.
+TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
+  const testing::TemporaryFolder folder;
+  std::string truth = kChain;
+  truth.insert(truth.find("inputs:\n"), kRubbing);
+  testing::write_text(folder.file("model.yaml"), kChain);
+  testing::write_text(folder.file("truth.yaml"), truth);
+  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
+levels: [1.4, 3.0]
+realisations: 2
+period: 2000
+settling_periods: 4
+periods: 6
+frequencies: {from: 1.5, to: 40, count: 20, spacing: log}
+)");
+  const SimulatedSystem system = load_system(folder.file("truth.yaml"), std::nullopt);
+  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
+                    {});
+  const auto problem =
+      periodic_mismatch_problem(folder.file("model.yaml"), read_campaign(folder.file("campaign")));
+  const ExtendedFit alone = problem->fit({}, nullptr);
+  const std::span<const Hypothesis> all = problem->hypotheses();
+  const auto there = std::ranges::find_if(
+      all, [](const Hypothesis& h) { return h.law == "coulomb" && h.place == "second"; });
+  ASSERT_NE(there, all.end());
+  const auto coulomb = static_cast<std::size_t>(there - all.begin());
+  const std::vector<LawStart> smooth{{.hypothesis = coulomb, .parameters = {0.008, 1e-2}}};
+  const ExtendedFit optimum = problem->fit(smooth, &alone);
+  ASSERT_TRUE(optimum.usable) << optimum.trouble;
+  int without = 0;
+  for (const double transition : {1e-9, 1e-6, 2e-5, 3e-5, 4e-5, 6e-5, 1e-4, 1e-3}) {
+    std::vector<LawStart> start{{.hypothesis = coulomb, .parameters = {0.008, transition}}};
+    ExtendedFit fit = problem->fit(start, &alone);
+    if (!fit.usable) {
+      ++without;
+      EXPECT_EQ(fit.trouble, "no steady state under the laws was found");
+      start.front().spares = {{0.008, 1e-3}};
+      fit = problem->fit(start, &alone);
+    }
+    EXPECT_TRUE(fit.usable) << transition << ": " << fit.trouble;
+    EXPECT_NEAR(fit.deviance, optimum.deviance, 10.0) << transition;
+  }
+  EXPECT_GE(without, 1);
 }
 
 // Of five positions the three that have the most information of all choices of three, or nearly; of few all.

@@ -78,8 +78,9 @@ struct FreeRecord {
   VectorXd departure;  // d
   MatrixXcd
       own;  // q by what own forces and laws add with the free motion, n x (B + 1); empty: nothing
-  MatrixXcd own_seen;  // the same at the outputs, n_y x (B + 1)
-  MatrixXcd rest;      // excess without all that
+  MatrixXcd own_seen;      // the same at the outputs, n_y x (B + 1)
+  MatrixXcd rest;          // excess without all that
+  bool runs_away = false;  // substitution does
 };
 
 class Clearing {
@@ -107,6 +108,7 @@ class Clearing {
       for (std::size_t i = 0; i < records_.size(); ++i) {
         if (round > 0) add_forces(records_[i]);
         separate(records_[i]);
+        if (round > 0) give_up_if_worse(records_[i]);
       }
       whiten();
     }
@@ -429,7 +431,10 @@ class Clearing {
       return;
     find_common_errors();
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < records_.size(); ++i) settle(records_[i]);
+    for (std::size_t i = 0; i < records_.size(); ++i) {
+      settle(records_[i]);
+      give_up_if_worse(records_[i]);
+    }
     whiten();
   }
 
@@ -450,9 +455,29 @@ class Clearing {
       if (size < least) best = free.own;
       least = std::min(least, size);
       steps.add(free.own, change);
-      if (step >= kPlainSteps) separate_with(free, steps.mixed());
+      if (step >= kPlainSteps || free.runs_away) separate_with(free, steps.mixed());
     }
     separate_with(free, best);
+  }
+
+  // Laws that are far from straight may not be brought to agree with the free motion: then they count by their mean slopes.
+  void give_up_if_worse(FreeRecord& free) const {
+    if (curved_laws_.empty() || free.own.size() == 0) return;
+    const double with = left_between_lines(free);
+    FreeRecord tried = free;
+    separate_with(free, MatrixXcd::Zero(free.own.rows(), free.own.cols()));
+    free.runs_away = !(with <= left_between_lines(free));
+    if (!free.runs_away) free = std::move(tried);
+  }
+
+  // Chi-square.
+  [[nodiscard]] double left_between_lines(const FreeRecord& free) const {
+    const FreePlant& plant = plants_[free.plant];
+    double sum = 0.0;
+    for (Index bin = 1; bin <= plant.bins; ++bin) {
+      if (!is_line(plant, bin)) sum += (weight(plant, bin) * free.rest.col(bin)).squaredNorm();
+    }
+    return sum;
   }
 
   void separate_with(FreeRecord& free, MatrixXcd own) const {
