@@ -78,9 +78,10 @@ struct FreeRecord {
   VectorXd departure;  // d
   MatrixXcd
       own;  // q by what own forces and laws add with the free motion, n x (B + 1); empty: nothing
-  MatrixXcd own_seen;      // the same at the outputs, n_y x (B + 1)
-  MatrixXcd rest;          // excess without all that
-  bool runs_away = false;  // substitution does
+  MatrixXcd own_seen;         // the same at the outputs, n_y x (B + 1)
+  MatrixXcd rest;             // excess without all that
+  bool runs_away = false;     // substitution does
+  bool without_laws = false;  // beyond their mean slopes
 };
 
 class Clearing {
@@ -108,7 +109,7 @@ class Clearing {
       for (std::size_t i = 0; i < records_.size(); ++i) {
         if (round > 0) add_forces(records_[i]);
         separate(records_[i]);
-        if (round > 0) give_up_if_worse(records_[i]);
+        if (round > 0 && is_worse_with_laws(records_[i])) records_[i].runs_away = true;
       }
       whiten();
     }
@@ -315,7 +316,8 @@ class Clearing {
   void add_forces(FreeRecord& free) const {
     const FreePlant& plant = plants_[free.plant];
     const auto own = family_.own_force(plant.plant, model_.bodies);
-    if (own == nullptr && curved_laws_.empty()) return;
+    const bool with_laws = !curved_laws_.empty() && !free.without_laws;
+    if (own == nullptr && !with_laws) return;
     const std::size_t samples = data_.period * static_cast<std::size_t>(plant.periods);
     PeriodTransform transform(samples, plant.bins, fast_grid(3 * at(plant.bins)));
     const MatrixXcd periodic = coordinates_at_bins(free);
@@ -329,9 +331,10 @@ class Clearing {
       both.col(bin) += plant.sampled.state(z, cause).head(both.rows());
     }
     if (free.periodic_force.size() == 0) {
-      free.periodic_force = force_of(own.get(), plant, periodic, transform);
+      free.periodic_force = force_of(own.get(), with_laws, plant, periodic, transform);
     }
-    const MatrixXcd force = force_of(own.get(), plant, both, transform) - free.periodic_force;
+    const MatrixXcd force =
+        force_of(own.get(), with_laws, plant, both, transform) - free.periodic_force;
     free.own = MatrixXcd::Zero(both.rows(), plant.bins + 1);
     for (Index bin = 1; bin <= plant.bins; ++bin) {
       const double w = frequency(plant, bin);
@@ -360,8 +363,8 @@ class Clearing {
   }
 
   // Bins of the own force, if there is one, and the curved laws' under a motion of these bins.
-  MatrixXcd force_of(OwnForce* own, const FreePlant& plant, const MatrixXcd& coordinates,
-                     PeriodTransform& transform) const {
+  MatrixXcd force_of(OwnForce* own, bool with_laws, const FreePlant& plant,
+                     const MatrixXcd& coordinates, PeriodTransform& transform) const {
     // Bins are scaled as lines of one period, the transform is of all.
     const double scale = std::sqrt(static_cast<double>(plant.periods));
     const Index n = coordinates.rows();
@@ -379,7 +382,9 @@ class Clearing {
       }
     }
     if (own != nullptr) own->evaluate(q, velocity, acceleration, force);
-    for (const CurvedLaw& law : curved_laws_) add_curvature(law, plant, q, velocity, force);
+    if (with_laws) {
+      for (const CurvedLaw& law : curved_laws_) add_curvature(law, plant, q, velocity, force);
+    }
     MatrixXcd result(n, plant.bins + 1);
     VectorXcd spectrum(plant.bins + 1);
     for (Index i = 0; i < n; ++i) {
@@ -433,13 +438,21 @@ class Clearing {
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t i = 0; i < records_.size(); ++i) {
       settle(records_[i]);
-      give_up_if_worse(records_[i]);
     }
     whiten();
   }
 
+  // Laws that are far from straight may not be brought to agree with the free motion: then they count by their mean slopes.
   void settle(FreeRecord& free) const {
     if (free.own.size() == 0) return;
+    bring_to_agree(free);
+    if (!is_worse_with_laws(free)) return;
+    free.without_laws = true;
+    free.periodic_force.resize(0, 0);
+    bring_to_agree(free);
+  }
+
+  void bring_to_agree(FreeRecord& free) const {
     separate(free);  // with the weights of the last round
     AndersonMixing steps(kRemembered);
     MatrixXcd best = free.own;
@@ -460,14 +473,15 @@ class Clearing {
     separate_with(free, best);
   }
 
-  // Laws that are far from straight may not be brought to agree with the free motion: then they count by their mean slopes.
-  void give_up_if_worse(FreeRecord& free) const {
-    if (curved_laws_.empty() || free.own.size() == 0) return;
+  // Where more is left between the lines than without these forces, which then are left out.
+  bool is_worse_with_laws(FreeRecord& free) const {
+    if (curved_laws_.empty() || free.own.size() == 0 || free.without_laws) return false;
     const double with = left_between_lines(free);
     FreeRecord tried = free;
     separate_with(free, MatrixXcd::Zero(free.own.rows(), free.own.cols()));
-    free.runs_away = !(with <= left_between_lines(free));
-    if (!free.runs_away) free = std::move(tried);
+    if (!(with <= left_between_lines(free))) return true;
+    free = std::move(tried);
+    return false;
   }
 
   // Chi-square.

@@ -14,8 +14,9 @@
 // independent and costs 2 n real numbers a record instead of a third of the noise's.
 //
 // Laws of the model that are forces act on these small motions by their mean slopes. The model's own
-// forces (PlantFamily::own_force) do not: f(q_periodic + q_free) - f(q_periodic) falls on the lines as
-// well where a free motion and a periodic one multiply, and is taken out with the free motion.
+// forces (PlantFamily::own_force), and laws without memory beyond their mean slopes, do not:
+// f(q_periodic + q_free) - f(q_periodic) falls on the lines as well where a free motion and a periodic
+// one multiply, and is taken out with the free motion.
 //
 // Under a controller, U = F (R - Y), noise and free motion come back in the inputs,
 //
@@ -28,9 +29,10 @@
 // limited to what noise may be, for it may be physics that the model leaves out. F is that of the model;
 // nothing is done without one.
 //
-// Own forces and the free motion are brought to agree by substitution, then by Anderson's mixing of its steps: near a mode
+// These forces and the free motion are brought to agree by substitution, then by Anderson's mixing of its steps: near a mode
 // that is hardly damped a small change of the one is a large one of the other. Where 30 steps are not enough, the one that
-// changed least stays; what is left then counts as misfit.
+// changed least stays; what is left then counts as misfit. With laws it stays only if less is left between the lines than
+// without these forces: a law may bend the motion so much that no substitution leads anywhere.
 //
 // Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y n^2) for
 // d, and some thousand evaluations of the own forces a step: four steps for most records.
