@@ -11,15 +11,13 @@
 #include <span>
 #include <utility>
 
+#include "graybox/diagnosis/hypotheses/candidate_refits.hpp"
+#include "graybox/diagnosis/hypotheses/fit_comparison.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
-
-// Standard errors of prediction that keep a law and exclude a rival, where the noise is not known: fewer
-// than bring a law in, so that no law comes and goes.
-constexpr double kExclusionErrors = 2.0;
 
 // Fits of the model as it is after the first, each from so many refits; what must come of it.
 constexpr int kFirstFits = 3;
@@ -55,25 +53,12 @@ constexpr double kShareOfAnMth = 0.5;
 // taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
-// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): a law that fits and
-// predicts so badly only describes the recordings that it saw.
-constexpr double kContradicted = 100.0;
-// And how much larger than another's it must be there, for that one to take its place.
-constexpr double kSpeaksForAnother = 10.0;
-
 // Of -2 log evidence: less in favour of a law that generalises another is "not worth more than a bare mention" (Kass and
 // Raftery, J. Am. Stat. Assoc. 90, 1995).
 constexpr double kAskedFor = 2.0;
 
-// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
-// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
-constexpr double kHeldOutShare = 0.5;
-
 // Laws that generalise the one found, beside those that the ranking brings.
 constexpr int kMoreGeneral = 2;
-
-// Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what they make of others.
-constexpr double kDecided = 10.0;
 
 // Laws that may come together where none does by itself.
 constexpr std::size_t kGroup = 4;
@@ -81,51 +66,19 @@ constexpr std::size_t kGroup = 4;
 // Names of an effect, up to which generalisations are among them: more names say less.
 constexpr std::size_t kNames = 3;
 
-// On few recordings, of BIC over the margin that excludes, and of what the best there leaves beyond noise: who
-// is farther behind is not fitted to all.
-constexpr double kMarginsBehind = 3.0;
-constexpr double kShareBehind = 0.3;
-
 // Times that laws which only resemble what is there are weighed again: with all laws at their places, and with another besides.
 constexpr int kShapeRounds = 4;
 
 // Exchanges of laws for better ones where the noise is known; each lowers BIC.
 constexpr int kExchanges = 4;
 
-// What was fitted, and where the laws started.
-struct Refit {
-  std::vector<LawStart> laws;
-  ExtendedFit fit;
-};
-
-// A refit with one more law, or with one law in the place of another.
-struct Trial {
-  std::size_t hypothesis = 0;
-  ExtendedFit fit;
-};
-
-// What a race on few recordings came to: the laws that go on, each from its fit there, and the others.
-struct Race {
-  std::vector<Refit> standing;
-  std::vector<Rival> outpaced;  // distances are of those recordings
-};
-
-std::vector<LawStart> starts_of(const ExtendedFit& fit) {
-  std::vector<LawStart> starts;
-  for (const FittedLaw& law : fit.laws) {
-    LawStart& start = starts.emplace_back();
-    start.hypothesis = law.hypothesis;
-    for (const LawParameterEstimate& parameter : law.parameters) {
-      start.parameters.push_back(parameter.value);
-    }
-  }
-  return starts;
-}
-
 class Search {
  public:
   Search(const MismatchProblem& problem, const SearchOptions& options)
-      : problem_(&problem), options_(options) {}
+      : problem_(&problem),
+        options_(options),
+        compare_(problem, options),
+        refits_(problem, options, [this](const std::string& step) { return proceed(step); }) {}
 
   Diagnosis run() {
     result_.noise_is_known = problem_->noise_is_known();
@@ -151,21 +104,6 @@ class Search {
   }
 
  private:
-  [[nodiscard]] double bic(const ExtendedFit& fit) const {
-    return fit.deviance +
-           static_cast<double>(fit.parameter_count) * std::log(problem_->sample_count());
-  }
-
-  [[nodiscard]] static double evidence(const ExtendedFit& fit) {
-    return fit.deviance + fit.laws_information;
-  }
-
-  // Less is better: BIC or, where the noise is not known, the error of blocks kept out relative to that
-  // of `common`.
-  [[nodiscard]] double criterion(const ExtendedFit& fit, const ExtendedFit& common) const {
-    return problem_->noise_is_known() ? bic(fit) : -held_out_gain(common, fit).mean;
-  }
-
   bool proceed(const std::string& step) {
     if (!result_.interrupted && options_.proceed && !options_.proceed(step)) {
       result_.interrupted = true;
@@ -174,8 +112,7 @@ class Search {
   }
 
   [[nodiscard]] std::string name_of(std::size_t hypothesis) const {
-    const Hypothesis& named = problem_->hypotheses()[hypothesis];
-    return named.law + " at " + named.place;
+    return graybox::name_of(problem_->hypotheses()[hypothesis]);
   }
 
   bool has_channel_faults() {
@@ -205,9 +142,9 @@ class Search {
     ++first_fits_;
     ScoreTable table;
     table.scores = result_.ranking;
-    const std::vector<Trial> trials = refit_each({}, shortlist(table), result_.before);
+    const std::vector<Trial> trials = refits_.refit_each({}, shortlist(table), result_.before);
     // The parameters of a law that explains all are the right ones, if any are.
-    const bool is_explained = !trials.empty() && rest_is_noise(trials.front().fit);
+    const bool is_explained = !trials.empty() && compare_.rest_is_noise(trials.front().fit);
     if (is_explained && stays_far_off_on_few(trials.front().fit)) return false;
     const std::size_t tried = is_explained ? 1 : std::min(kTriedTrials, trials.size());
     ExtendedFit best = result_.before;
@@ -219,8 +156,7 @@ class Search {
     if (best.deviance > result_.before.deviance - kShortOfOptimum) return false;
     if (is_explained && stays_far_off(result_.before, best)) return false;
     result_.before = std::move(best);
-    refits_.clear();
-    few_refits_.clear();
+    refits_.forget();
     renew();
     describe_fit_as_it_is();
     return true;
@@ -246,9 +182,15 @@ class Search {
     if (problem == nullptr) return;
     ExtendedFit fit = problem->fit({}, nullptr);
     if (!fit.usable) return;
-    renewed_ = std::move(problem);
-    problem_ = renewed_.get();
+    go_on_with(std::move(problem));
     result_.before = std::move(fit);
+  }
+
+  void go_on_with(std::unique_ptr<MismatchProblem> problem) {
+    compare_ = FitComparison(*problem, options_);
+    refits_.start_anew(*problem);
+    problem_ = problem.get();
+    renewed_ = std::move(problem);
   }
 
   // Where only laws come near enough to the recordings to free them of the plant's free motion, before more of them are
@@ -269,10 +211,7 @@ class Search {
       return false;
     }
     keep_far_behind();
-    renewed_ = std::move(problem);
-    problem_ = renewed_.get();
-    refits_.clear();
-    few_refits_.clear();
+    go_on_with(std::move(problem));
     result_.before = std::move(before);
     describe_fit_as_it_is();
     detect();
@@ -285,11 +224,11 @@ class Search {
   void keep_far_behind() {
     if (result_.after.laws.size() != 1) return;
     ahead_ = result_.after.laws.front().hypothesis;
-    for (const Refit& known : refits_) {
+    for (const Refit& known : refits_.known()) {
       const ExtendedFit& fit = known.fit;
       if (!fit.usable || fit.laws.size() != 1 || fit.laws.front().hypothesis == ahead_) continue;
       far_behind_.push_back({.law = fit.laws.front(),
-                             .bic_difference = bic(fit) - bic(result_.after),
+                             .bic_difference = compare_.bic(fit) - compare_.bic(result_.after),
                              .evidence_difference = evidence(fit) - evidence(result_.after),
                              .on_other_noise = true});
     }
@@ -477,225 +416,14 @@ class Search {
     return problem_->hypotheses()[score.start.hypothesis].place;
   }
 
-  // Rivals of an effect are often what was tried when it was found, and each law is left out more than once:
-  // to see whether it is missed, and to weigh its rivals.
-  const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby) {
-    const auto known = std::ranges::find(refits_, laws, &Refit::laws);
-    if (known != refits_.end()) return known->fit;
-    return refits_.emplace_back(Refit{laws, problem_->fit(laws, &nearby)}).fit;
-  }
-
-  void refit_all(const std::vector<std::vector<LawStart>>& asked, const ExtendedFit& nearby) {
-    std::vector<std::vector<LawStart>> unknown;
-    for (const std::vector<LawStart>& laws : asked) {
-      if (std::ranges::find(refits_, laws, &Refit::laws) == refits_.end()) unknown.push_back(laws);
-    }
-    std::vector<ExtendedFit> fits = problem_->fit_each(unknown, &nearby);
-    for (std::size_t i = 0; i < unknown.size(); ++i) {
-      refits_.push_back({std::move(unknown[i]), std::move(fits[i])});
-    }
-  }
-
-  // Each candidate beside the laws kept, the best first. Where recordings are many, few of them tell first which
-  // candidates are not worth all; `pace`: a law that takes part there only.
-  std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
-                                const std::vector<LawStart>& candidates, const ExtendedFit& nearby,
-                                const LawStart* pace = nullptr,
-                                std::vector<Rival>* outpaced = nullptr) {
-    const std::vector<std::vector<LawStart>> asked = each_beside(kept, candidates);
-    std::optional<Race> race = race_on_few(asked, nearby, pace);
-    if (!race) return refit_to_all(asked, nearby);
-    std::vector<Trial> trials;
-    for (const Refit& runner : race->standing) {
-      const std::size_t hypothesis = runner.laws.back().hypothesis;
-      if (!proceed("refitting with " + name_of(hypothesis) + " to all recordings")) break;
-      trials.push_back({hypothesis, refit(starts_of(runner.fit), runner.fit)});
-    }
-    if (outpaced != nullptr) *outpaced = std::move(race->outpaced);
-    keep_usable_in_order(trials, nearby);
-    return trials;
-  }
-
-  static std::vector<std::vector<LawStart>> each_beside(const std::vector<LawStart>& kept,
-                                                        const std::vector<LawStart>& candidates) {
-    std::vector<std::vector<LawStart>> asked(candidates.size(), kept);
-    for (std::size_t i = 0; i < candidates.size(); ++i) asked[i].push_back(candidates[i]);
-    return asked;
-  }
-
-  void keep_usable_in_order(std::vector<Trial>& trials, const ExtendedFit& nearby) const {
-    std::erase_if(trials, [](const Trial& trial) { return !trial.fit.usable; });
-    std::stable_sort(trials.begin(), trials.end(), [&](const Trial& a, const Trial& b) {
-      return criterion(a.fit, nearby) < criterion(b.fit, nearby);
-    });
-  }
-
-  std::vector<Trial> refit_to_all(std::vector<std::vector<LawStart>> asked,
-                                  const ExtendedFit& nearby) {
-    std::size_t begun = 0;
-    for (; begun < asked.size(); ++begun) {
-      if (!proceed("refitting with " + name_of(asked[begun].back().hypothesis))) break;
-      if (!problem_->fits_at_once()) (void)refit(asked[begun], nearby);
-    }
-    asked.resize(begun);
-    refit_all(asked, nearby);
-    std::vector<Trial> trials;
-    for (const std::vector<LawStart>& laws : asked) {
-      trials.push_back({laws.back().hypothesis, refit(laws, nearby)});
-    }
-    keep_usable_in_order(trials, nearby);
-    return trials;
-  }
-
-  // None where all recordings are few, or too few fits to them came to an end.
-  std::optional<Race> race_on_few(std::vector<std::vector<LawStart>> asked,
-                                  const ExtendedFit& nearby, const LawStart* pace) {
-    if (asked.empty() || !problem_->has_few() || !problem_->noise_is_known()) return {};
-    const std::size_t runners = asked.size();
-    if (pace != nullptr) {
-      asked.push_back(asked.front());
-      asked.back().back() = *pace;
-    }
-    std::vector<ExtendedFit> fits;
-    for (const std::vector<LawStart>& laws : asked) {
-      if (!proceed("refitting with " + name_of(laws.back().hypothesis))) return Race{};
-      std::optional<ExtendedFit> fit = fit_to_few(laws, nearby);
-      if (!fit) return {};
-      fits.push_back(*std::move(fit));
-    }
-    const auto best = std::ranges::min_element(fits, {}, [this](const ExtendedFit& fit) {
-      return fit.usable ? bic(fit) : std::numeric_limits<double>::infinity();
-    });
-    if (!best->usable) return {};
-    const double limit =
-        kMarginsBehind * options_.exclusion_margin + kShareBehind * std::max(0.0, excess(*best));
-    Race race;
-    for (std::size_t i = 0; i < runners; ++i) {
-      if (fits[i].laws.empty()) continue;  // no steady state
-      if (bic(fits[i]) - bic(*best) <= limit) {
-        race.standing.push_back({asked[i], fits[i]});  // also one that did not settle yet
-      } else if (fits[i].usable) {
-        race.outpaced.push_back({.law = fits[i].laws.back(),
-                                 .bic_difference = bic(fits[i]) - bic(*best),
-                                 .evidence_difference = evidence(fits[i]) - evidence(*best),
-                                 .on_few_recordings = true});
-      }
-    }
-    std::ranges::stable_sort(race.outpaced, {}, &Rival::bic_difference);
-    return race;
-  }
-
-  std::optional<ExtendedFit> fit_to_few(const std::vector<LawStart>& laws,
-                                        const ExtendedFit& nearby) {
-    const auto known = std::ranges::find(few_refits_, laws, &Refit::laws);
-    if (known != few_refits_.end()) return known->fit;
-    std::optional<ExtendedFit> fit = problem_->fit_to_few(laws, nearby);
-    if (fit) few_refits_.push_back({laws, *fit});
-    return fit;
-  }
-
-  // Whether a law that is the last of `with` has an effect: more than chance allows for the best of all
-  // hypotheses (Bonferroni).
-  [[nodiscard]] bool significant(const ExtendedFit& without, const ExtendedFit& with) const {
-    if (with.parameter_count <= without.parameter_count) return with.deviance < without.deviance;
-    const double added = static_cast<double>(with.parameter_count - without.parameter_count);
-    const double count = static_cast<double>(problem_->hypotheses().size());
-    if (problem_->noise_is_known()) {
-      return chi_square_tail(without.deviance - with.deviance, added) < options_.level / count;
-    }
-    return stands_by_itself(without, with, with.laws.size() - 1) &&
-           predicts_better(without, with, options_.held_out_errors);
-  }
-
-  // Where the noise is not known: whether this law of `with` is there by its Wald test, and all others
-  // still are.
-  [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,
-                                      std::size_t law) const {
-    if (with.parameter_count <= without.parameter_count) return false;
-    const double added = static_cast<double>(with.parameter_count - without.parameter_count);
-    const double count = static_cast<double>(problem_->hypotheses().size());
-    return chi_square_tail(with.laws[law].wald_statistic, added) < options_.level / count &&
-           every_law_stands(with);
-  }
-
-  // Laws that make up for each other have amplitudes that the data do not determine.
-  [[nodiscard]] bool every_law_stands(const ExtendedFit& fit) const {
-    return std::all_of(fit.laws.begin(), fit.laws.end(), [this](const FittedLaw& law) {
-      return chi_square_tail(law.wald_statistic, static_cast<double>(law.parameters.size())) <
-             options_.level;
-    });
-  }
-
-  // Where the noise is not known.
-  [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with,
-                                     double errors) const {
-    const HeldOutGain gain = held_out_gain(without, with);
-    return gain.mean >= options_.held_out_gain && gain.mean > errors * gain.standard_error;
-  }
-
-  // How much worse `fit` is than `reference`, so that `exclusion_margin` excludes it: by BIC or, where
-  // the noise is not known, by the squared standard errors of what it loses on blocks kept out.
-  [[nodiscard]] double disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {
-    if (problem_->noise_is_known()) return bic(fit) - bic(reference);
-    const HeldOutGain gain = held_out_gain(fit, reference);
-    const double errors = gain.mean / std::max(gain.standard_error, 1e-300);
-    return errors * std::abs(errors);
-  }
-  [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
-    if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
-    const double held_out = held_out_difference(fit, reference).value_or(0.0);
-    return (disadvantage(fit, reference) + held_out > options_.exclusion_margin &&
-            evidence(fit) - evidence(reference) + held_out > options_.exclusion_margin) ||
-           contradicts(fit, reference);
-  }
-
-  // What recordings kept out add to how much worse `fit` is than `reference`; none where there are none, or where that
-  // is decided by far without them.
-  [[nodiscard]] std::optional<double> held_out_difference(const ExtendedFit& fit,
-                                                          const ExtendedFit& reference) const {
-    if (!problem_->noise_is_known()) return {};
-    if (std::abs(disadvantage(fit, reference)) > kDecided * options_.exclusion_margin) return {};
-    const auto of_fit = problem_->predict_held_out(fit);
-    const auto of_reference = problem_->predict_held_out(reference);
-    if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return {};
-    if (*of_fit->cost == *of_reference->cost) return 0.0;  // infinite, both
-    return kHeldOutShare * (*of_fit->cost - *of_reference->cost);
-  }
-
   // Of the fit's recordings and those kept out, up to a constant.
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit) const {
-    return evidence(fit) + held_out_difference(fit, result_.after).value_or(0.0);
-  }
-
-  // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters do there.
-  [[nodiscard]] bool is_contradicted(const ExtendedFit& fit) const {
-    const double limit = kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
-    const std::optional<Assessment> held_out = problem_->validate(fit);
-    return held_out && held_out->chi_square_per_dof() > limit &&
-           problem_->predict_held_out(fit)->within_errors.chi_square_per_dof() > limit;
-  }
-
-  // Whether they do, and speak for another.
-  [[nodiscard]] bool contradicts(const ExtendedFit& fit, const ExtendedFit& other) const {
-    if (!is_contradicted(fit) || is_contradicted(other)) return false;
-    return problem_->validate(fit)->chi_square_per_dof() >
-           kSpeaksForAnother * problem_->validate(other)->chi_square_per_dof();
+    return evidence(fit) + compare_.held_out_difference(fit, result_.after).value_or(0.0);
   }
 
   [[nodiscard]] std::size_t effect_limit() const {
     if (options_.effect_limit > 0) return options_.effect_limit;
     return problem_->noise_is_known() ? 4 : 24;
-  }
-
-  // Of chi-square over its expectation.
-  [[nodiscard]] static double excess(const ExtendedFit& fit) {
-    return fit.estimation.chi_square - fit.estimation.degrees_of_freedom;
-  }
-
-  [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const {
-    return problem_->noise_is_known() &&
-           chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) >=
-               options_.verification_level;
   }
 
   void extend() {
@@ -712,19 +440,19 @@ class Search {
       if (!result_.after.laws.empty()) {
         if (!proceed("testing all hypotheses again")) return;
         table = rank(result_.after, 0);
-        is_small = rest_is_noise(result_.after);
+        is_small = compare_.rest_is_noise(result_.after);
         if (is_small && !points_elsewhere(table)) return;
         if (!(is_small && problem_->has_few()) && renew_with_laws()) continue;
       }
       const std::vector<LawStart> kept = starts_of(result_.after);
       std::vector<LawStart> candidates = is_small ? small_shortlist(table) : shortlist(table);
       // Few recordings can't tell small laws apart.
-      std::vector<Trial> trials = is_small
-                                      ? refit_to_all(each_beside(kept, candidates), result_.after)
-                                      : refit_each(kept, candidates, result_.after);
+      std::vector<Trial> trials =
+          is_small ? refits_.refit_to_all(each_beside(kept, candidates), result_.after)
+                   : refits_.refit_each(kept, candidates, result_.after);
       const Trial* best = choose(result_.after, trials);
       if (best == nullptr && !problem_->noise_is_known() && fill_up(table, candidates)) {
-        trials = refit_each(kept, candidates, result_.after);
+        trials = refits_.refit_each(kept, candidates, result_.after);
         best = choose(result_.after, trials);
       }
       if (best == nullptr && !problem_->noise_is_known()) {
@@ -755,18 +483,18 @@ class Search {
       }
       with = std::move(trials.front().fit);
       if (size > 1 && each_is_missed(with, result_.after.laws.size())) return with;
-      trials = refit_each(starts_of(with), shortlist(rank(with, 0)), with);
+      trials = refits_.refit_each(starts_of(with), shortlist(rank(with, 0)), with);
     }
     return {};
   }
 
   // Each law from this one on.
   [[nodiscard]] bool each_is_missed(const ExtendedFit& with, std::size_t first) {
-    if (!predicts_better(result_.after, with, options_.held_out_errors)) return false;
+    if (!compare_.predicts_better(result_.after, with, options_.held_out_errors)) return false;
     for (std::size_t law = first; law < with.laws.size(); ++law) {
       const ExtendedFit without = fit_without(with, law);
-      if (!without.usable || !stands_by_itself(without, with, law) ||
-          !predicts_better(without, with, options_.held_out_errors)) {
+      if (!without.usable || !compare_.stands_by_itself(without, with, law) ||
+          !compare_.predicts_better(without, with, options_.held_out_errors)) {
         return false;
       }
     }
@@ -800,12 +528,12 @@ class Search {
 
   // A law more than those found so far, though what these leave is no more than noise.
   [[nodiscard]] bool stands_out(const ExtendedFit& with) const {
-    return bic(result_.after) - bic(with) > enough_to_stand_out();
+    return compare_.bic(result_.after) - compare_.bic(with) > enough_to_stand_out();
   }
 
   // Of BIC.
   [[nodiscard]] double enough_to_stand_out() const {
-    const double before = bic(result_.before) - bic(result_.after);
+    const double before = compare_.bic(result_.before) - compare_.bic(result_.after);
     return std::max(options_.exclusion_margin, kImperfection * before);
   }
 
@@ -825,16 +553,16 @@ class Search {
     const Trial* best = nullptr;
     const ExtendedFit* top = nullptr;
     for (const Trial& trial : trials) {
-      if (!significant(without, trial.fit)) continue;
-      if (problem_->noise_is_known() && bic(trial.fit) >= bic(without)) continue;
+      if (!compare_.significant(without, trial.fit)) continue;
+      if (problem_->noise_is_known() && compare_.bic(trial.fit) >= compare_.bic(without)) continue;
       if (best == nullptr) {
         best = &trial;
         top = &trial.fit;
-        if (problem_->noise_is_known() && !is_contradicted(trial.fit)) break;
+        if (problem_->noise_is_known() && !compare_.is_contradicted(trial.fit)) break;
         continue;
       }
       if (problem_->noise_is_known()) {
-        if (!contradicts(best->fit, trial.fit)) continue;
+        if (!compare_.contradicts(best->fit, trial.fit)) continue;
         best = &trial;
         break;
       }
@@ -855,7 +583,7 @@ class Search {
     std::vector<LawStart> laws = starts_of(fit);
     laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(law));
     if (laws.empty()) return result_.before;
-    ExtendedFit best = refit(laws, fit);
+    ExtendedFit best = refits_.refit(laws, fit);
     if (!problem_->noise_is_known()) return best;
     for (LawStart& start : laws) {
       const auto ranked =
@@ -865,11 +593,11 @@ class Search {
         start = ranked->start;
       }
     }
-    const ExtendedFit other = refit(laws, result_.before);
+    const ExtendedFit other = refits_.refit(laws, result_.before);
     if (is_better(other, best)) best = other;
     // Laws can't make a fit worse than it is without any: that one began in another valley.
     if (!best.usable || best.deviance > result_.before.deviance) {
-      const ExtendedFit afresh = refit(laws, {});
+      const ExtendedFit afresh = refits_.refit(laws, {});
       if (is_better(afresh, best)) best = afresh;
     }
     return best;
@@ -896,10 +624,10 @@ class Search {
   // it is no more than noise.
   [[nodiscard]] bool is_superfluous(const ExtendedFit& without) const {
     if (!problem_->noise_is_known()) {
-      return !predicts_better(without, result_.after, kExclusionErrors);
+      return !compare_.predicts_better(without, result_.after, kExclusionErrors);
     }
-    const double margin = rest_is_noise(without) ? options_.exclusion_margin : 0.0;
-    return bic(without) <= bic(result_.after) + margin;
+    const double margin = compare_.rest_is_noise(without) ? options_.exclusion_margin : 0.0;
+    return compare_.bic(without) <= compare_.bic(result_.after) + margin;
   }
 
   // A law that only generalises another of fewer parameters gives way to it unless it is better beyond
@@ -917,9 +645,9 @@ class Search {
           plainer.push_back(score.start);
         }
       }
-      const std::vector<Trial> trials = refit_each(starts_of(without), plainer, without);
+      const std::vector<Trial> trials = refits_.refit_each(starts_of(without), plainer, without);
       if (!trials.empty() && trials.front().fit.parameter_count < result_.after.parameter_count &&
-          !excludes(result_.after, trials.front().fit)) {
+          !compare_.excludes(result_.after, trials.front().fit)) {
         result_.after = trials.front().fit;
         law = static_cast<std::size_t>(-1);  // the others stand in another order now
       }
@@ -953,9 +681,9 @@ class Search {
       for (const LawStart& start : shortlist(rank(without, 0))) {
         if (start.hypothesis != result_.after.laws[law].hypothesis) candidates.push_back(start);
       }
-      const std::vector<Trial> trials = refit_each(starts_of(without), candidates, without);
-      if (trials.empty() || !every_law_stands(trials.front().fit) ||
-          !predicts_better(result_.after, trials.front().fit, options_.held_out_errors)) {
+      const std::vector<Trial> trials = refits_.refit_each(starts_of(without), candidates, without);
+      if (trials.empty() || !compare_.every_law_stands(trials.front().fit) ||
+          !compare_.predicts_better(result_.after, trials.front().fit, options_.held_out_errors)) {
         continue;
       }
       result_.after = trials.front().fit;
@@ -988,7 +716,7 @@ class Search {
         continue;
       }
       if (without.usable) {
-        effect.bic_difference = disadvantage(without, result_.after);
+        effect.bic_difference = compare_.disadvantage(without, result_.after);
         effect.explained_share = share_explained(without, result_.after);
       }
       if (result_.rivals_weighed) {
@@ -1019,15 +747,17 @@ class Search {
                                                const std::vector<Trial>& trials) const {
     if (!problem_->noise_is_known()) return nullptr;
     const auto speaks = std::ranges::find_if(
-        trials, [this](const Trial& trial) { return excludes(trial.fit, result_.after); });
+        trials, [this](const Trial& trial) { return compare_.excludes(trial.fit, result_.after); });
     if (speaks != trials.end()) return &*speaks;
     if (result_.after.laws.size() < 2) return nullptr;
     const std::span<const Hypothesis> all = problem_->hypotheses();
     const Trial* best = nullptr;
     for (const Trial& trial : trials) {
       if (is_special_case(all[effect.law.hypothesis], all[trial.hypothesis])) continue;
-      if (contradicts(trial.fit, result_.after)) continue;
-      if (bic(trial.fit) < (best == nullptr ? bic(result_.after) : bic(best->fit))) best = &trial;
+      if (compare_.contradicts(trial.fit, result_.after)) continue;
+      if (compare_.bic(trial.fit) <
+          (best == nullptr ? compare_.bic(result_.after) : compare_.bic(best->fit)))
+        best = &trial;
     }
     return best;
   }
@@ -1061,8 +791,8 @@ class Search {
     }
     add_more_general(found, table, candidates);
     std::vector<Rival> on_few;
-    std::vector<Trial> trials =
-        refit_each(others, candidates, without.usable ? without : result_.after, &pace, &on_few);
+    std::vector<Trial> trials = refits_.refit_each(
+        others, candidates, without.usable ? without : result_.after, &pace, &on_few);
     std::ranges::move(on_few, std::back_inserter(outpaced));
     std::ranges::stable_sort(outpaced, {}, &Rival::bic_difference);
     if (problem_->noise_is_known()) {
@@ -1116,7 +846,7 @@ class Search {
   void divide_rivals(FoundEffect& effect, const std::vector<Trial>& trials) {
     std::vector<const Trial*> standing;
     for (const Trial& trial : trials) {
-      if (!excludes(result_.after, trial.fit)) standing.push_back(&trial);
+      if (!compare_.excludes(result_.after, trial.fit)) standing.push_back(&trial);
     }
     // Fits of the class, the law found first. Laws of which no other that stands is a special case come
     // before the others.
@@ -1126,10 +856,11 @@ class Search {
         const std::optional<double> least = evidence_of_special_cases(trial, effect, standing);
         if (least.has_value() != richer) continue;
         Rival rival{.law = trial.fit.laws.back(),
-                    .bic_difference = disadvantage(trial.fit, result_.after),
+                    .bic_difference = compare_.disadvantage(trial.fit, result_.after),
                     .evidence_difference = evidence(trial.fit) - evidence(result_.after),
-                    .held_out_difference = held_out_difference(trial.fit, result_.after)};
-        rival.is_contradicted = problem_->noise_is_known() && contradicts(trial.fit, result_.after);
+                    .held_out_difference = compare_.held_out_difference(trial.fit, result_.after)};
+        rival.is_contradicted =
+            problem_->noise_is_known() && compare_.contradicts(trial.fit, result_.after);
         const bool is_rival = richer ? problem_->noise_is_known() && !rival.is_contradicted &&
                                            evidence_of_all(trial.fit) < *least - kAskedFor
                                      : std::ranges::find(standing, &trial) != standing.end();
@@ -1280,7 +1011,7 @@ class Search {
   void look_for_departures() {
     if (!problem_->noise_is_known()) return;
     for (int round = 0; round < kShapeRounds; ++round) {
-      const bool may_be_all = result_.verified || rest_is_noise(result_.after);
+      const bool may_be_all = result_.verified || compare_.rest_is_noise(result_.after);
       if (!may_be_all || result_.effects.empty() || !result_.rivals_weighed) break;
       if (!only_resemble()) return;
       const bool is_last = round + 1 == kShapeRounds;
@@ -1360,7 +1091,7 @@ class Search {
     const LawStart& besides = result_.departures.front().start;
     if (besides.parameters.empty() || shares_a_characteristic(besides.hypothesis)) return false;
     const std::vector<Trial> trials =
-        refit_to_all(each_beside(starts_of(result_.after), {besides}), result_.after);
+        refits_.refit_to_all(each_beside(starts_of(result_.after), {besides}), result_.after);
     if (trials.empty() || !stands_out(trials.front().fit) ||
         !shapes_left_by(trials.front().fit).departures.empty()) {
       return false;
@@ -1414,8 +1145,8 @@ class Search {
   // Compound places are looked at when single ones explain no more.
   bool compounds_are_open_ = true;
   Diagnosis result_;
-  std::vector<Refit> refits_;
-  std::vector<Refit> few_refits_;  // to few of the recordings
+  FitComparison compare_;
+  CandidateRefits refits_;
   // Before recordings were freed of more: the single law found, and rivals far behind it.
   std::optional<std::size_t> ahead_;
   std::vector<Rival> far_behind_;

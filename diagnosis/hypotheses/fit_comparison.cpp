@@ -1,0 +1,119 @@
+#include "graybox/diagnosis/hypotheses/fit_comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "graybox/problems/distributions.hpp"
+
+namespace graybox {
+namespace {
+
+// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): a law that fits and
+// predicts so badly only describes the recordings that it saw.
+constexpr double kContradicted = 100.0;
+// And how much larger than another's it must be there, for that one to take its place.
+constexpr double kSpeaksForAnother = 10.0;
+
+// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
+// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
+constexpr double kHeldOutShare = 0.5;
+
+// Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what they make of others.
+constexpr double kDecided = 10.0;
+
+}  // namespace
+
+double evidence(const ExtendedFit& fit) { return fit.deviance + fit.laws_information; }
+
+double excess(const ExtendedFit& fit) {
+  return fit.estimation.chi_square - fit.estimation.degrees_of_freedom;
+}
+
+double FitComparison::bic(const ExtendedFit& fit) const {
+  return fit.deviance +
+         static_cast<double>(fit.parameter_count) * std::log(problem_->sample_count());
+}
+
+double FitComparison::criterion(const ExtendedFit& fit, const ExtendedFit& common) const {
+  return problem_->noise_is_known() ? bic(fit) : -held_out_gain(common, fit).mean;
+}
+
+bool FitComparison::rest_is_noise(const ExtendedFit& fit) const {
+  return problem_->noise_is_known() &&
+         chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) >=
+             options_->verification_level;
+}
+
+bool FitComparison::significant(const ExtendedFit& without, const ExtendedFit& with) const {
+  if (with.parameter_count <= without.parameter_count) return with.deviance < without.deviance;
+  const double added = static_cast<double>(with.parameter_count - without.parameter_count);
+  const double count = static_cast<double>(problem_->hypotheses().size());
+  if (problem_->noise_is_known()) {
+    return chi_square_tail(without.deviance - with.deviance, added) < options_->level / count;
+  }
+  return stands_by_itself(without, with, with.laws.size() - 1) &&
+         predicts_better(without, with, options_->held_out_errors);
+}
+
+bool FitComparison::stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,
+                                     std::size_t law) const {
+  if (with.parameter_count <= without.parameter_count) return false;
+  const double added = static_cast<double>(with.parameter_count - without.parameter_count);
+  const double count = static_cast<double>(problem_->hypotheses().size());
+  return chi_square_tail(with.laws[law].wald_statistic, added) < options_->level / count &&
+         every_law_stands(with);
+}
+
+bool FitComparison::every_law_stands(const ExtendedFit& fit) const {
+  return std::all_of(fit.laws.begin(), fit.laws.end(), [this](const FittedLaw& law) {
+    return chi_square_tail(law.wald_statistic, static_cast<double>(law.parameters.size())) <
+           options_->level;
+  });
+}
+
+bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFit& with,
+                                    double errors) const {
+  const HeldOutGain gain = held_out_gain(without, with);
+  return gain.mean >= options_->held_out_gain && gain.mean > errors * gain.standard_error;
+}
+
+double FitComparison::disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {
+  if (problem_->noise_is_known()) return bic(fit) - bic(reference);
+  const HeldOutGain gain = held_out_gain(fit, reference);
+  const double errors = gain.mean / std::max(gain.standard_error, 1e-300);
+  return errors * std::abs(errors);
+}
+
+std::optional<double> FitComparison::held_out_difference(const ExtendedFit& fit,
+                                                         const ExtendedFit& reference) const {
+  if (!problem_->noise_is_known()) return {};
+  if (std::abs(disadvantage(fit, reference)) > kDecided * options_->exclusion_margin) return {};
+  const auto of_fit = problem_->predict_held_out(fit);
+  const auto of_reference = problem_->predict_held_out(reference);
+  if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return {};
+  if (*of_fit->cost == *of_reference->cost) return 0.0;  // infinite, both
+  return kHeldOutShare * (*of_fit->cost - *of_reference->cost);
+}
+
+bool FitComparison::excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {
+  if (!problem_->noise_is_known()) return predicts_better(fit, reference, kExclusionErrors);
+  const double held_out = held_out_difference(fit, reference).value_or(0.0);
+  return (disadvantage(fit, reference) + held_out > options_->exclusion_margin &&
+          evidence(fit) - evidence(reference) + held_out > options_->exclusion_margin) ||
+         contradicts(fit, reference);
+}
+
+bool FitComparison::is_contradicted(const ExtendedFit& fit) const {
+  const double limit = kContradicted * std::max(1.0, fit.estimation.chi_square_per_dof());
+  const std::optional<Assessment> held_out = problem_->validate(fit);
+  return held_out && held_out->chi_square_per_dof() > limit &&
+         problem_->predict_held_out(fit)->within_errors.chi_square_per_dof() > limit;
+}
+
+bool FitComparison::contradicts(const ExtendedFit& fit, const ExtendedFit& other) const {
+  if (!is_contradicted(fit) || is_contradicted(other)) return false;
+  return problem_->validate(fit)->chi_square_per_dof() >
+         kSpeaksForAnother * problem_->validate(other)->chi_square_per_dof();
+}
+
+}  // namespace graybox
