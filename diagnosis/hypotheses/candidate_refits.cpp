@@ -81,7 +81,9 @@ std::vector<Trial> CandidateRefits::refit_each(const std::vector<LawStart>& kept
   std::vector<Trial> trials;
   for (const Refit& runner : race->standing) {
     if (!proceed_to("refitting with ", runner.laws.back(), " to all recordings")) break;
-    trials.push_back({runner.laws.back().hypothesis, refit(starts_of(runner.fit), runner.fit)});
+    std::vector<LawStart> laws = starts_of(runner.fit);
+    laws.back().spares = runner.laws.back().spares;
+    trials.push_back({laws.back().hypothesis, refit(laws, runner.fit)});
   }
   if (outpaced != nullptr) *outpaced = std::move(race->outpaced);
   keep_usable_in_order(trials, nearby);

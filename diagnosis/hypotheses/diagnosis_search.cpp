@@ -193,10 +193,11 @@ class Search {
     renewed_ = std::move(problem);
   }
 
-  // Where only laws come near enough to the recordings to free them of the plant's free motion, before more of them are
-  // looked for: what they leave may be free motion. Not where the fit becomes no better by that: laws may meet free
-  // motion in ways that its modes do not describe. Once; of many recordings, where that takes as long as all the rest,
-  // not where what is left is no more than noise.
+  // With laws that were found, before more of them are looked for: where the model alone did not come
+  // near enough to the recordings to free them of the plant's free motion, or the laws bend that, what
+  // they leave may be free motion. Not where the fit becomes no better by that: laws may meet free motion
+  // in ways that its modes do not describe. Once; of many recordings, where that takes as long as all the
+  // rest, not where what is left is no more than noise.
   bool renew_with_laws() {
     if (tried_to_renew_ || !problem_->noise_is_known()) return false;
     tried_to_renew_ = true;

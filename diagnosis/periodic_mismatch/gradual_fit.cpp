@@ -99,7 +99,7 @@ class Approach {
     }
     for (std::size_t l = 0; l < laws.size(); ++l) fit.laws[l].fixed = laws[l].fixed;
     fit.start = start;
-    fit.converged = fit.chi_square < kNear * count_;
+    fit.converged = fit.has_steady_state && fit.chi_square < kNear * count_;
     return fit;
   }
 

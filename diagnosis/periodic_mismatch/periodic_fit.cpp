@@ -108,8 +108,7 @@ class PeriodicFitter {
       const VectorXd step = step_of(now, damping);
       const double worthwhile = worthwhile_gain(now.chi_square);
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
-      const bool may_go = is_settled(next) || !is_settled(now);
-      const double gain = may_go ? now.chi_square - next.chi_square : -kNever;
+      const double gain = gain_of(now, next);
       const bool leads_on = gain > worthwhile;
       const bool promises = predicted_gain(now, step) > worthwhile && damping < 1e6;
       if (gain >= 0.0) {
@@ -157,8 +156,18 @@ class PeriodicFitter {
     return laws;
   }
 
+  // Of a model without laws the motion is its own, whatever that is worth.
   [[nodiscard]] bool is_settled(const Evaluation& at) const {
-    return at.unsettled <= kUnsettled * std::sqrt(std::max(1.0, at.chi_square / expected_));
+    if (!std::isfinite(at.chi_square)) return false;
+    return laws_.empty() ||
+           at.unsettled <= kUnsettled * std::sqrt(std::max(1.0, at.chi_square / expected_));
+  }
+
+  // In chi-square. Nothing makes up for a steady state.
+  [[nodiscard]] double gain_of(const Evaluation& from, const Evaluation& to) const {
+    const bool was_settled = is_settled(from), is_now = is_settled(to);
+    if (was_settled == is_now) return from.chi_square - to.chi_square;
+    return is_now ? kNever : -kNever;
   }
 
   [[nodiscard]] bool is_better(const Evaluation& at, const Evaluation& than) const {
@@ -293,11 +302,12 @@ class PeriodicFitter {
     result.gradient = VectorXd::Zero(size);
     for (RecordSums& record : sums) {
       result.chi_square += record.chi_square;
-      result.unsettled = std::max(result.unsettled, record.unsettled);
+      result.unsettled += record.unsettled * record.unsettled / static_cast<double>(sums.size());
       result.information += scales.asDiagonal() * record.information * scales.asDiagonal();
       result.gradient += scales.cwiseProduct(record.gradient);
       result.forces.push_back(std::move(record.forces));
     }
+    result.unsettled = std::sqrt(result.unsettled);
     // A force may be finite where its derivatives no longer are.
     if (!std::isfinite(result.chi_square) || !result.information.allFinite() ||
         !result.gradient.allFinite()) {

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -30,10 +31,10 @@ struct PeriodicFit {
   Eigen::VectorXd start;        // what it came from, of several
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
-  double chi_square = 0.0;
-  Eigen::MatrixXd information;   // J^T J by parameters, then those of the laws
-  double unsettled = 0.0;        // largest of all recordings (steady_state.hpp)
-  bool has_steady_state = true;  // else it is that by which they fit; such a fit has not converged
+  double chi_square = std::numeric_limits<double>::infinity();
+  Eigen::MatrixXd information;    // J^T J by parameters, then those of the laws
+  double unsettled = 0.0;         // rms over the recordings (steady_state.hpp)
+  bool has_steady_state = false;  // under the laws; a fit without one has not converged
   int iterations = 0;
   // Of the model's parameters those that a force at the freed place imitates (springs and dampers beside it), which stay
   // as they were; empty if no place is freed.

@@ -92,13 +92,14 @@ class Problem : public MismatchProblem {
     clear_with(*first_);
   }
 
-  // Where clear_transients() could not; and where a model without laws of which springs, say, are not what they are for
-  // small motions may have left as much of the free motion as the fit leaves.
+  // Where clear_transients() could not; and where the fit leaves more than noise, and has laws found that
+  // make of the free motion what the model without them could not take out.
   [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
     if (data_.estimation.front().output_bins.size() == 0 || !can_clear_with(fit)) return nullptr;
     const ModelState model = state_of(fit);
+    const std::span<const ActingLaw> found = std::span(model.laws).subspan(base_laws_.size());
     if (cleared_start_ &&
-        !(leaves_more_than_noise(fit) && std::ranges::any_of(model.laws, meets_free_motion))) {
+        !(leaves_more_than_noise(fit) && std::ranges::any_of(found, bends_free_motion))) {
       return nullptr;
     }
     PeriodicFit near;
@@ -108,7 +109,11 @@ class Problem : public MismatchProblem {
     problem->freed_fits_.clear();
     problem->predictions_.clear();
     problem->clear_with(near);
-    return problem;
+    // A law that is not there may leave more between the lines, and pass that for noise.
+    constexpr double kMoreNoise = 0.01;
+    const bool is_noisier =
+        cleared_start_ && noise_level(problem->data_) > noise_level(data_) + kMoreNoise;
+    return is_noisier ? nullptr : std::move(problem);
   }
 
   [[nodiscard]] PeriodicFitOptions how_to_fit() const {
@@ -291,17 +296,19 @@ class Problem : public MismatchProblem {
       if (best.has_steady_state) break;
       acting.back().parameters = laws.back().spares[i];
       PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
-      if (fit.has_steady_state) best = std::move(fit);
+      if (fit.converged) best = std::move(fit);
     }
     ExtendedFit result = report(data, best, laws);
     // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
-    if (laws.empty() || !first_ || can_clear_with(nearby) || can_clear_with(result)) return result;
+    const bool is_near = result.usable && can_clear_with(result);
+    if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
     std::vector<VectorXd> early{start_};
     if (first_->start.size() > 0) early.push_back(first_->start);
     const PeriodicFit afresh = can_free(data, given.back())
                                    ? fit_from_freed(data, how, early, given)
                                    : fit_periodic_if_near(*family_, data, early, given, how);
-    const bool is_better = afresh.converged && afresh.chi_square < best.chi_square;
+    const bool is_better =
+        afresh.converged && (!best.converged || afresh.chi_square < best.chi_square);
     return is_better ? report(data, afresh, laws) : result;
   }
 
@@ -350,6 +357,23 @@ class Problem : public MismatchProblem {
     constexpr double kNoNoise = 0.01;
     const Assessment& rest = fit.estimation;
     return chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
+  }
+
+  [[nodiscard]] static bool bends_free_motion(const ActingLaw& law) {
+    return law.place->location.kind == LocationKind::kElement && meets_free_motion(law);
+  }
+
+  // Mean logarithm of the standard deviations of lines, up to a constant.
+  [[nodiscard]] static double noise_level(const PeriodicData& data) {
+    double sum = 0.0, count = 0.0;
+    for (const auto& group : data.whitening) {
+      for (Index k = data.first_line; k <= data.last_line; ++k) {
+        const MatrixXcd& whitening = group[at(k)];
+        sum -= std::log(std::abs(whitening.determinant()));
+        count += static_cast<double>(whitening.rows());
+      }
+    }
+    return sum / count;
   }
 
   // Forces with slopes that vary, or with motion of their own.
@@ -673,7 +697,7 @@ class Problem : public MismatchProblem {
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
   static std::vector<std::vector<double>> other_starts(
-      std::vector<std::pair<double, std::vector<double>>> starts);
+      std::vector<std::pair<double, std::vector<double>>> starts, const std::vector<double>& best);
   [[nodiscard]] std::vector<double> parameters_with(const ModelState& model, const BlockSums& own,
                                                     const MatrixXd& nuisance,
                                                     const VectorXd& amplitudes) const;
@@ -833,14 +857,14 @@ std::vector<double> Problem::parameters_with(const ModelState& model, const Bloc
   return values;
 }
 
-// The best few after the best.
+// The best few besides.
 std::vector<std::vector<double>> Problem::other_starts(
-    std::vector<std::pair<double, std::vector<double>>> starts) {
+    std::vector<std::pair<double, std::vector<double>>> starts, const std::vector<double>& best) {
   constexpr std::size_t kOthers = 7;
   std::ranges::stable_sort(starts, {}, [](const auto& start) { return start.first; });
   std::vector<std::vector<double>> others;
-  for (std::size_t i = 1; i < starts.size() && i <= kOthers; ++i) {
-    others.push_back(std::move(starts[i].second));
+  for (auto& [statistic, parameters] : starts) {
+    if (others.size() < kOthers && parameters != best) others.push_back(std::move(parameters));
   }
   return others;
 }
@@ -925,7 +949,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
       }
     }
     (has_many_valleys(*candidate.entry) ? best.start.others : best.start.spares) =
-        other_starts(std::move(starts));
+        other_starts(std::move(starts), best.start.parameters);
     best.explained_share =
         fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
   }

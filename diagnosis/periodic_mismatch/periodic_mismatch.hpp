@@ -28,9 +28,9 @@
 // refit. Where chi-square is not beyond what noise gives once in a million, the motion is the model's and
 // all is the usual score test, with its null distribution.
 //
-// Transients. Recordings are freed of them twice: by polynomials first (periodic_data.hpp), and with the
-// model as it is once that has been fitted (transients.hpp), unless that is so far from the data that it
-// would do harm.
+// Transients. Recordings are freed of them by polynomials first (periodic_data.hpp), then with the model as it
+// is once that has been fitted (transients.hpp), unless that is so far from the data that it would do harm, and
+// again with laws found (renewed()).
 //
 // Fit. Gauss, Newton, Levenberg and Marquardt on the whitened residuals, by the model's parameters
 // and those of the laws; derivatives use the laws' mean slopes, at the end their exact ones. Positive

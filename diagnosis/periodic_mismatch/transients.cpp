@@ -109,7 +109,7 @@ class Clearing {
       for (std::size_t i = 0; i < records_.size(); ++i) {
         if (round > 0) add_forces(records_[i]);
         separate(records_[i]);
-        if (round > 0 && is_worse_with_laws(records_[i])) records_[i].runs_away = true;
+        if (round > 0) leave_out_laws_if_worse(records_[i]);
       }
       whiten();
     }
@@ -319,7 +319,9 @@ class Clearing {
     const bool with_laws = !curved_laws_.empty() && !free.without_laws;
     if (own == nullptr && !with_laws) return;
     const std::size_t samples = data_.period * static_cast<std::size_t>(plant.periods);
-    PeriodTransform transform(samples, plant.bins, fast_grid(3 * at(plant.bins)));
+    // Own forces are of second order; laws may have corners.
+    const std::size_t points = with_laws ? 8 : 3;
+    PeriodTransform transform(samples, plant.bins, fast_grid(points * at(plant.bins)));
     const MatrixXcd periodic = coordinates_at_bins(free);
     MatrixXcd both = periodic;
     if (free.own.size() > 0) both += free.own;
@@ -446,10 +448,32 @@ class Clearing {
   void settle(FreeRecord& free) const {
     if (free.own.size() == 0) return;
     bring_to_agree(free);
-    if (!is_worse_with_laws(free)) return;
-    free.without_laws = true;
+    if (curved_laws_.empty()) return;
+    FreeRecord other = without_laws(free);
+    bring_to_agree(other);
+    if (!(left_between_lines(free) <= left_between_lines(other))) free = std::move(other);
+  }
+
+  // For this round; the next begins with them again.
+  void leave_out_laws_if_worse(FreeRecord& free) const {
+    if (curved_laws_.empty() || free.own.size() == 0) return;
+    FreeRecord other = without_laws(free);
+    if (left_between_lines(free) <= left_between_lines(other)) return;
+    free = std::move(other);
+    free.without_laws = false;
     free.periodic_force.resize(0, 0);
-    bring_to_agree(free);
+    free.runs_away = true;
+  }
+
+  // With the own forces alone, after one substitution.
+  [[nodiscard]] FreeRecord without_laws(const FreeRecord& free) const {
+    FreeRecord other = free;
+    other.without_laws = true;
+    other.periodic_force.resize(0, 0);
+    separate_with(other, MatrixXcd::Zero(free.own.rows(), free.own.cols()));
+    add_forces(other);
+    separate(other);
+    return other;
   }
 
   void bring_to_agree(FreeRecord& free) const {
@@ -471,17 +495,6 @@ class Clearing {
       if (step >= kPlainSteps || free.runs_away) separate_with(free, steps.mixed());
     }
     separate_with(free, best);
-  }
-
-  // Where more is left between the lines than without these forces, which then are left out.
-  bool is_worse_with_laws(FreeRecord& free) const {
-    if (curved_laws_.empty() || free.own.size() == 0 || free.without_laws) return false;
-    const double with = left_between_lines(free);
-    FreeRecord tried = free;
-    separate_with(free, MatrixXcd::Zero(free.own.rows(), free.own.cols()));
-    if (!(with <= left_between_lines(free))) return true;
-    free = std::move(tried);
-    return false;
   }
 
   // Chi-square.
