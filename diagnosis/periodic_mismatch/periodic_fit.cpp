@@ -68,6 +68,11 @@ constexpr double kEnoughOfExcess = 1e-3;
 // half what the recordings say (it was sought from there), and fits them better than any motion that the laws allow.
 constexpr double kUnsettled = 0.1;
 
+constexpr double kFirstDamping = 1e-3;
+// A small step may be small for its damping: that is lifted in such steps, and so often, before the fit counts as done.
+constexpr double kReleased = 0.04;
+constexpr int kSmallSteps = 4;
+
 class PeriodicFitter {
  public:
   PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
@@ -86,8 +91,10 @@ class PeriodicFitter {
   }
 
   PeriodicFit run(const std::vector<VectorXd>& starts) {
-    // Derivatives by mean slopes at first; exact ones once they no longer lead on.
-    bool exact = false;
+    // Derivatives by mean slopes at first; exact ones once they no longer lead on. Of linear laws these are the same.
+    bool exact = std::ranges::all_of(laws_, [](const ActingLaw& law) {
+      return PeriodicLaw(*law.entry, law.parameters).is_linear();
+    });
     Evaluation now;
     for (const VectorXd& start : starts) {
       Evaluation other = evaluate(start_values(start), nullptr, exact);
@@ -98,7 +105,9 @@ class PeriodicFitter {
       result.trouble = "no steady state of the model at the start";
       return result;
     }
-    double damping = 1e-3;
+    double damping = kFirstDamping;
+    int small_steps = 0;
+    bool may_leave_valley = true;  // not again where it did not help, before a step does
     while (result.iterations < options_.iteration_limit && !result.converged) {
       if (options_.keep_going && !options_.keep_going()) {
         result.trouble = "stopped";
@@ -108,6 +117,10 @@ class PeriodicFitter {
       const VectorXd step = step_of(now, damping);
       const double worthwhile = worthwhile_gain(now.chi_square);
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
+      if (may_leave_valley && leaves_valley(now, step, next, damping)) {
+        next = back_in_valley(std::move(next), damping, exact);
+        may_leave_valley = next.chi_square < now.chi_square;
+      }
       const double gain = gain_of(now, next);
       const bool leads_on = gain > worthwhile;
       const bool promises = predicted_gain(now, step) > worthwhile && damping < 1e6;
@@ -117,11 +130,16 @@ class PeriodicFitter {
       } else {
         damping *= damping < 1e-4 ? 100.0 : 6.0;
       }
-      if (leads_on) continue;
-      if (!exact && !laws_.empty()) {
+      if (leads_on) {
+        small_steps = 0;
+        may_leave_valley = true;
+      } else if (!exact) {
         exact = true;
         now = evaluate(now.values, &now.forces, exact);
-        damping = 1e-3;
+        damping = kFirstDamping;
+        small_steps = 0;
+      } else if (gain >= 0.0 && ++small_steps < kSmallSteps && is_held_back(now, damping)) {
+        damping *= kReleased;
       } else {
         result.converged = !promises || (gain >= 0.0 && damping < 1e-2);
       }
@@ -216,6 +234,29 @@ class PeriodicFitter {
     MatrixXd matrix = unit.asDiagonal() * now.information * unit.asDiagonal();
     matrix.diagonal().array() += damping + 1e-12;
     return unit.cwiseProduct(matrix.ldlt().solve(unit.cwiseProduct(now.gradient)));
+  }
+
+  // A step along a valley that bends ends beside it, where the next step leads down further than this one came up.
+  [[nodiscard]] bool leaves_valley(const Evaluation& from, const VectorXd& step,
+                                   const Evaluation& to, double damping) const {
+    if (!std::isfinite(to.chi_square) || is_settled(from) != is_settled(to)) return false;
+    const double loss = to.chi_square - from.chi_square;
+    if (loss <= 0.0) return false;
+    const double whole = predicted_gain(to, step_of(to, damping)) - loss;
+    return whole > std::max(worthwhile_gain(from.chi_square), 0.3 * predicted_gain(from, step));
+  }
+
+  [[nodiscard]] Evaluation back_in_valley(Evaluation beside, double damping, bool exact) {
+    Evaluation back =
+        evaluate(moved(beside.values, step_of(beside, damping)), &beside.forces, exact);
+    return gain_of(beside, back) > 0.0 ? std::move(back) : std::move(beside);
+  }
+
+  // By its damping, along directions that the recordings hardly see.
+  [[nodiscard]] bool is_held_back(const Evaluation& now, double damping) const {
+    const double held = predicted_gain(now, step_of(now, damping));
+    const double released = predicted_gain(now, step_of(now, kReleased * kReleased * damping));
+    return released - held > worthwhile_gain(now.chi_square);
   }
 
   [[nodiscard]] static double predicted_gain(const Evaluation& now, const VectorXd& step) {

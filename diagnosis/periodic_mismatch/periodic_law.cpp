@@ -26,6 +26,16 @@ double relative_growth(double x) {
 
 }  // namespace
 
+Complex LinearForce::response(double w) const {
+  const Complex spring(stiffness, w * damping);
+  return swings ? -w * w * inertia * transmission(w) : spring - w * w * inertia;
+}
+
+Complex LinearForce::transmission(double w) const {
+  const Complex spring(stiffness, w * damping);
+  return spring / (spring - w * w * inertia);
+}
+
 PeriodicLaw::PeriodicLaw(const LawEntry& entry, std::span<const double> parameters)
     : entry_(&entry), parameters_(parameters.begin(), parameters.end()) {
   if (entry.make && !is_linear()) law_ = entry.make(parameters);
@@ -35,19 +45,29 @@ std::optional<Complex> PeriodicLaw::response(double w) const {
   const std::string_view name = entry_->name;
   const auto& p = parameters_;
   constexpr Complex i(0.0, 1.0);
-  if (entry_->use == LawUse::kInertia) return -w * w * p[0];
   if (entry_->use == LawUse::kDelay) return std::polar(1.0, -w * p[0]) - 1.0;
   if (entry_->use == LawUse::kSignal) {
     if (name == "gain") return p[0];
     if (name == "lag") return 1.0 / (1.0 + i * w * p[0]) - 1.0;
     return {};
   }
-  if (name == "stiffness") return p[0];
-  if (name == "viscous") return i * w * p[0];
+  const std::optional<LinearForce> force = linear_force();
+  return force ? std::optional(force->response(w)) : std::nullopt;
+}
+
+std::optional<LinearForce> PeriodicLaw::linear_force() const {
+  const std::string_view name = entry_->name;
+  const auto& p = parameters_;
+  if (entry_->use == LawUse::kInertia) return LinearForce{.inertia = p[0]};
+  if (entry_->use == LawUse::kDelay || entry_->use == LawUse::kSignal) return {};
+  if (name == "stiffness") return LinearForce{.stiffness = p[0]};
+  if (name == "viscous") return LinearForce{.damping = p[0]};
   if (name == "mode") {
     const double natural = 2.0 * std::numbers::pi * p[1];
-    const Complex spring = p[0] * natural * (natural + 2.0 * i * w * p[2]);
-    return -w * w * p[0] * spring / (spring - w * w * p[0]);
+    return LinearForce{.inertia = p[0],
+                       .damping = 2.0 * p[2] * natural * p[0],
+                       .stiffness = natural * natural * p[0],
+                       .swings = true};
   }
   return {};
 }

@@ -40,6 +40,17 @@ struct LawTangent {
   void apply(const PeriodicMotion& change, Eigen::VectorXd& times) const;
 };
 
+// A linear force: J z'' + d z' + k z, or that of a mass J that hangs on a spring k and a damper d.
+struct LinearForce {
+  double inertia = 0.0, damping = 0.0, stiffness = 0.0;
+  bool swings = false;
+
+  // s(w).
+  [[nodiscard]] std::complex<double> response(double w) const;
+  // Of the mass to the place, where it swings.
+  [[nodiscard]] std::complex<double> transmission(double w) const;
+};
+
 class PeriodicLaw {
  public:
   // Keeps the entry, which belongs to the catalogue.
@@ -48,6 +59,8 @@ class PeriodicLaw {
   [[nodiscard]] bool is_linear() const { return response(1.0).has_value(); }
   // s(w) of a linear law.
   [[nodiscard]] std::optional<std::complex<double>> response(double w) const;
+  // Of a linear law that is a force; empty for others.
+  [[nodiscard]] std::optional<LinearForce> linear_force() const;
   // f over the period of one that is not.
   void force(const PeriodicMotion& motion, Eigen::VectorXd& times) const;
   [[nodiscard]] bool has_states() const { return law_ != nullptr && law_->state_count() > 0; }

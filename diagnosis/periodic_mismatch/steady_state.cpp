@@ -631,7 +631,10 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
     }
     best_size = size;
     best = state_.forces;
-    if (size < options_.tolerance) break;
+    if (size < options_.tolerance) {
+      best += moved;
+      break;
+    }
     share = 1.0;
     step = error;
     solve_equation(step, true);

@@ -138,7 +138,7 @@ class VariationTest {
         } else if (place.kind == LocationKind::kSensor) {
           answer = whitening.col(place.channel);
         } else {
-          answer.noalias() = -sight * place.output;
+          answer.noalias() = -sight.leftCols(place.output.size()) * place.output;
         }
       }
     }

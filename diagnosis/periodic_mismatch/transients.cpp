@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <unsupported/Eigen/MatrixFunctions>
 #include <utility>
 #include <vector>
@@ -39,26 +40,29 @@ constexpr double kNoiseAtMost = 2.0;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-// A law that is a force, about the motion of a record.
+// A law that is a force and not linear, about the motion of a record.
 struct MeanSlope {
   double stiffness = 0.0, damping = 0.0;
 
   friend bool operator==(const MeanSlope&, const MeanSlope&) = default;
 };
 
-// A law that depends on the present motion alone and not linearly.
-struct CurvedLaw {
+// A law of the model that is a force.
+struct ForceLaw {
   const Location* place = nullptr;
   PeriodicLaw law;
-  std::size_t slope = 0;  // of FreePlant::slopes
+  std::optional<LinearForce> linear;
+
+  // With the present motion alone, and not linearly.
+  [[nodiscard]] bool is_curved() const { return !linear && !law.has_states(); }
 };
 
 // How the plant of some records moves freely, at their bins 1 ... B.
 struct FreePlant {
   std::size_t position = 0, group = 0;
   Index periods = 1, bins = 0;    // B
-  LinearPlant plant;              // with the laws' mean slopes,
-  std::vector<MeanSlope> slopes;  // which are these
+  LinearPlant plant;              // with linear laws and the others' mean slopes,
+  std::vector<MeanSlope> slopes;  // which are these, of each law
   SampledPlant sampled;
   std::vector<MatrixXcd> motion;    // z C (z I - A)^-1, n_y x 2n each
   std::vector<MatrixXcd> response;  // G
@@ -71,7 +75,7 @@ struct FreePlant {
 struct FreeRecord {
   MeasuredRecord* record = nullptr;
   std::size_t plant = 0;     // of all FreePlants
-  MatrixXcd periodic;        // q of the steady state, n x (K + 1)
+  MatrixXcd periodic;        // q of the steady state, n x (K + 1), n with masses that swing
   MatrixXcd periodic_force;  // of own forces and laws under it, n x (B + 1); empty: not asked yet
   MatrixXcd excess;          // Y - G U, n_y x (B + 1)
   // Of the last round:
@@ -89,15 +93,13 @@ class Clearing {
   Clearing(const PlantFamily& family, const ModelState& model, const PeriodicDataOptions& options,
            PeriodicData& data)
       : family_(family), model_(model), options_(options), data_(data) {
-    std::size_t slope = 0;
     for (const ActingLaw& law : model.laws) {
       if (!is_force(law)) continue;
       PeriodicLaw periodic(*law.entry, law.parameters);
-      if (!periodic.is_linear() && !periodic.has_states()) {
-        curved_laws_.push_back({&law.place->location, std::move(periodic), slope});
-      }
-      ++slope;
+      const std::optional<LinearForce> linear = periodic.linear_force();
+      laws_.push_back({&law.place->location, std::move(periodic), linear});
     }
+    has_curved_laws_ = std::ranges::any_of(laws_, &ForceLaw::is_curved);
   }
 
   void run() {
@@ -169,8 +171,23 @@ class Clearing {
       record.input.col(k) = record.input_bins.col(k * record.periods);
     }
     const SteadyState& state = solver.solve(model_, record, nullptr);
-    free.periodic = state.coordinates;
+    free.periodic = with_swinging_masses(state.coordinates);
     return mean_slopes(state);
+  }
+
+  // Each a coordinate more.
+  [[nodiscard]] MatrixXcd with_swinging_masses(const MatrixXcd& coordinates) const {
+    MatrixXcd result = coordinates;
+    for (const ForceLaw& law : laws_) {
+      if (!law.linear || !law.linear->swings) continue;
+      Eigen::RowVectorXcd mass = law.place->input.transpose() * coordinates;
+      for (Index k = 1; k < mass.size(); ++k) {
+        mass(k) *= law.linear->transmission(data_.frequencies[at(k)]);
+      }
+      result.conservativeResize(result.rows() + 1, Eigen::NoChange);
+      result.bottomRows(1) = mass;
+    }
+    return result;
   }
 
   // Records of one position and level have a plant in common unless laws' slopes make them differ.
@@ -191,7 +208,7 @@ class Clearing {
       added.bins = record.output_bins.cols() - 1;
       added.plant = model_.positions[record.position].plant;
       added.slopes = slopes;
-      add_slopes(added);
+      add_laws(added);
       added.departure_size = VectorXd::Zero(2 * added.plant.mass.rows());
     }
     FreePlant& shared = plants_[free.plant];
@@ -238,9 +255,10 @@ class Clearing {
   }
 
   [[nodiscard]] std::vector<MeanSlope> mean_slopes(const SteadyState& state) const {
-    std::vector<MeanSlope> slopes(at(state.slopes.cols()));
+    std::vector<MeanSlope> slopes(laws_.size());
     const auto lines = static_cast<double>(data_.excited.size());
     for (Index column = 0; column < state.slopes.cols(); ++column) {
+      if (laws_[at(column)].linear) continue;
       MeanSlope& mean = slopes[at(column)];
       for (const std::size_t line : data_.excited) {
         const Complex slope = state.slopes(static_cast<Index>(line), column);
@@ -251,15 +269,41 @@ class Clearing {
     return slopes;
   }
 
-  // Springs and dampers that laws are for motions much smaller than those of the record.
-  void add_slopes(FreePlant& plant) const {
-    std::size_t slope = 0;
-    for (const ActingLaw& law : model_.laws) {
-      if (!is_force(law)) continue;
-      const Location& place = law.place->location;
-      const MeanSlope& mean = plant.slopes[slope++];
-      plant.plant.stiffness += mean.stiffness * place.output * place.input.transpose();
-      plant.plant.damping += mean.damping * place.output * place.input.transpose();
+  // Linear laws as they are; of others the springs and dampers that they are for motions much smaller than those of the
+  // record.
+  void add_laws(FreePlant& free) const {
+    for (std::size_t l = 0; l < laws_.size(); ++l) {
+      const ForceLaw& law = laws_[l];
+      const MeanSlope& mean = free.slopes[l];
+      add(law, law.linear.value_or(LinearForce{0.0, mean.damping, mean.stiffness}), free.plant);
+    }
+  }
+
+  // With a mass r that swings: k (z - r) at the place, and k (r - z) there.
+  static void add(const ForceLaw& law, const LinearForce& force, LinearPlant& plant) {
+    VectorXd output = VectorXd::Zero(plant.mass.rows()), input = output;
+    output.head(law.place->output.size()) = law.place->output;
+    input.head(law.place->input.size()) = law.place->input;
+    if (force.swings) {
+      add_coordinate(plant);
+      plant.mass(plant.mass.rows() - 1, plant.mass.rows() - 1) = force.inertia;
+      output.conservativeResizeLike(-VectorXd::Unit(plant.mass.rows(), plant.mass.rows() - 1));
+      input.conservativeResizeLike(-VectorXd::Unit(plant.mass.rows(), plant.mass.rows() - 1));
+    } else {
+      plant.mass += force.inertia * output * input.transpose();
+    }
+    plant.damping += force.damping * output * input.transpose();
+    plant.stiffness += force.stiffness * output * input.transpose();
+  }
+
+  static void add_coordinate(LinearPlant& plant) {
+    const Index n = plant.mass.rows() + 1;
+    for (MatrixXd* matrix : {&plant.mass, &plant.damping, &plant.stiffness}) {
+      matrix->conservativeResizeLike(MatrixXd::Zero(n, n));
+    }
+    plant.input.conservativeResizeLike(MatrixXd::Zero(n, plant.input.cols()));
+    for (MatrixXd* matrix : {&plant.position_output, &plant.velocity_output}) {
+      matrix->conservativeResizeLike(MatrixXd::Zero(matrix->rows(), n));
     }
   }
 
@@ -315,8 +359,8 @@ class Clearing {
   // one.
   void add_forces(FreeRecord& free) const {
     const FreePlant& plant = plants_[free.plant];
-    const auto own = family_.own_force(plant.plant, model_.bodies);
-    const bool with_laws = !curved_laws_.empty() && !free.without_laws;
+    const auto own = family_.own_force(model_.positions[plant.position].plant, model_.bodies);
+    const bool with_laws = has_curved_laws_ && !free.without_laws;
     if (own == nullptr && !with_laws) return;
     const std::size_t samples = data_.period * static_cast<std::size_t>(plant.periods);
     // Own forces are of second order; laws may have corners.
@@ -364,12 +408,13 @@ class Clearing {
     return result;
   }
 
-  // Bins of the own force, if there is one, and the curved laws' under a motion of these bins.
+  // Bins of the own force, if there is one, and the curved laws' under a motion of these bins; none on masses that
+  // laws let swing.
   MatrixXcd force_of(OwnForce* own, bool with_laws, const FreePlant& plant,
                      const MatrixXcd& coordinates, PeriodTransform& transform) const {
     // Bins are scaled as lines of one period, the transform is of all.
     const double scale = std::sqrt(static_cast<double>(plant.periods));
-    const Index n = coordinates.rows();
+    const Index n = model_.positions[plant.position].plant.mass.rows();
     MatrixXd q(n, transform.grid()), velocity = q, acceleration = q,
                                      force = MatrixXd::Zero(n, transform.grid());
     VectorXd times(transform.grid());
@@ -385,9 +430,13 @@ class Clearing {
     }
     if (own != nullptr) own->evaluate(q, velocity, acceleration, force);
     if (with_laws) {
-      for (const CurvedLaw& law : curved_laws_) add_curvature(law, plant, q, velocity, force);
+      for (std::size_t l = 0; l < laws_.size(); ++l) {
+        if (laws_[l].is_curved()) {
+          add_curvature(laws_[l], plant.slopes[l], plant.plant.rest, q, velocity, force);
+        }
+      }
     }
-    MatrixXcd result(n, plant.bins + 1);
+    MatrixXcd result = MatrixXcd::Zero(coordinates.rows(), plant.bins + 1);
     VectorXcd spectrum(plant.bins + 1);
     for (Index i = 0; i < n; ++i) {
       times = force.row(i).transpose();
@@ -398,15 +447,14 @@ class Clearing {
   }
 
   // The force of a law without that of its mean slopes.
-  static void add_curvature(const CurvedLaw& law, const FreePlant& plant, const MatrixXd& q,
-                            const MatrixXd& velocity, MatrixXd& force) {
+  static void add_curvature(const ForceLaw& law, const MeanSlope& slope, const VectorXd& rest,
+                            const MatrixXd& q, const MatrixXd& velocity, MatrixXd& force) {
     const Location& place = *law.place;
-    const MeanSlope& slope = plant.slopes[law.slope];
     PeriodicMotion motion;
     motion.deflection = q.transpose() * place.input;
     motion.rate = velocity.transpose() * place.input;
     const VectorXd straight = slope.stiffness * motion.deflection + slope.damping * motion.rate;
-    motion.deflection.array() += place.input.dot(plant.plant.rest);
+    motion.deflection.array() += place.input.dot(rest);
     VectorXd of_law;
     law.law.force(motion, of_law);
     force.noalias() -= place.output * (of_law - straight).transpose();
@@ -448,7 +496,7 @@ class Clearing {
   void settle(FreeRecord& free) const {
     if (free.own.size() == 0) return;
     bring_to_agree(free);
-    if (curved_laws_.empty()) return;
+    if (!has_curved_laws_) return;
     FreeRecord other = without_laws(free);
     bring_to_agree(other);
     if (!(left_between_lines(free) <= left_between_lines(other))) free = std::move(other);
@@ -456,7 +504,7 @@ class Clearing {
 
   // For this round; the next begins with them again.
   void leave_out_laws_if_worse(FreeRecord& free) const {
-    if (curved_laws_.empty() || free.own.size() == 0) return;
+    if (!has_curved_laws_ || free.own.size() == 0) return;
     FreeRecord other = without_laws(free);
     if (left_between_lines(free) <= left_between_lines(other)) return;
     free = std::move(other);
@@ -664,7 +712,8 @@ class Clearing {
   const ModelState& model_;
   const PeriodicDataOptions& options_;
   PeriodicData& data_;
-  std::vector<CurvedLaw> curved_laws_;
+  std::vector<ForceLaw> laws_;
+  bool has_curved_laws_ = false;
   std::vector<FreePlant> plants_;
   std::vector<FreeRecord> records_;
 };
@@ -687,7 +736,7 @@ VectorXcd SampledPlant::state(Complex z, const VectorXcd& g) const {
 
 SampledPlant sampled_plant(const LinearPlant& plant, double sample_time) {
   const Index n = plant.mass.rows(), inputs = plant.input.cols();
-  const Eigen::LLT<MatrixXd> mass(plant.mass);
+  const Eigen::PartialPivLU<MatrixXd> mass(plant.mass);  // laws between places leave it unsymmetric
   MatrixXd block = MatrixXd::Zero(2 * n + inputs, 2 * n + inputs);
   block.block(0, n, n, n).setIdentity();
   block.block(n, 0, n, n) = -mass.solve(plant.stiffness);

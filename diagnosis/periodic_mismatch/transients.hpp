@@ -13,8 +13,9 @@
 // between them; where the model is known well enough this is exact, leaves neighbouring lines
 // independent and costs 2 n real numbers a record instead of a third of the noise's.
 //
-// Laws of the model that are forces act on these small motions by their mean slopes. The model's own
-// forces (PlantFamily::own_force), and laws without memory beyond their mean slopes, do not:
+// Laws of the model that are forces act on these motions as they are if they are linear (a mode is a coordinate more),
+// else by their mean slopes. The model's own forces (PlantFamily::own_force), and laws without memory beyond their
+// mean slopes, do not:
 // f(q_periodic + q_free) - f(q_periodic) falls on the lines as well where a free motion and a periodic
 // one multiply, and is taken out with the free motion.
 //
