@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -127,6 +128,59 @@ constexpr const char* kRubbing =
      parameters: {level: {value: 0.0045, unit: N}, static_level: {value: 0.0094, unit: N},
                   stribeck_velocity: {value: 0.063, unit: m/s}, transition_velocity: {value: 1e-3, unit: m/s}}}
 )";
+
+// A mass that swings at the end of the band is nearly the mass that carries it: along the valley between the two
+// chi-square falls slowly, and the valley bends. Wherever a fit begins, it ends at the one optimum.
+TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
+  const testing::TemporaryFolder folder;
+  const std::vector<double> swinging{0.004, 38.5, 0.055};
+  std::string model = kChain;
+  model.replace(model.find("noise: "), std::string::npos,
+                "noise: {position_first: 5.9e-6, position_third: 8.8e-6}\n");
+  std::string truth = model;
+  truth.insert(truth.find("inputs:\n"),
+               R"(  - {name: swinging, location: {kind: element, mass: third}, law: mode,
+     parameters: {inertia: {value: 0.004, unit: kg}, frequency: {value: 38.5, unit: Hz},
+                  damping_ratio: {value: 0.055, unit: "1"}}}
+)");
+  testing::write_text(folder.file("model.yaml"), model);
+  testing::write_text(folder.file("truth.yaml"), truth);
+  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
+levels: [4.0]
+realisations: 2
+period: 2000
+settling_periods: 4
+periods: 6
+frequencies: {from: 1.5, to: 40, count: 20, spacing: log}
+)");
+  const SimulatedSystem system = load_system(folder.file("truth.yaml"), std::nullopt);
+  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
+                    {});
+  const auto family = plant_family(folder.file("model.yaml"));
+  const PeriodicData data = read_periodic_data(read_campaign(folder.file("campaign")), *family, {});
+  VectorXd own(static_cast<Index>(family->parameters().size()));
+  for (Index p = 0; p < own.size(); ++p) {
+    own(p) = family->parameters()[static_cast<std::size_t>(p)].start;
+  }
+  const auto place = std::ranges::find_if(
+      family->places(), [](const CandidatePlace& each) { return each.location.name == "third"; });
+  ASSERT_NE(place, family->places().end());
+  std::optional<PeriodicFit> first;
+  for (const double inertia : {1.0, 0.7, 1.2}) {
+    for (const double frequency : {0.99, 1.01}) {
+      const std::vector<double> start{inertia * swinging[0], frequency * swinging[1], 0.08};
+      const PeriodicFit fit =
+          fit_periodic(*family, data, {own}, {{&*place, find_law("mode", false), start, {}}}, {});
+      ASSERT_TRUE(fit.converged) << fit.trouble;
+      if (!first) first = fit;
+      EXPECT_NEAR(fit.chi_square, first->chi_square, 0.5) << inertia << " " << frequency;
+    }
+  }
+  const VectorXd errors = standard_errors(first->information).tail(3);
+  for (std::size_t p = 0; p < swinging.size(); ++p) {
+    EXPECT_NEAR(first->laws[0].parameters[p], swinging[p], 4.0 * errors(static_cast<Index>(p)));
+  }
+}
 
 // With a transition velocity far below all that is reached friction jumps, and where no motion is found under it the
 // recordings are fitted by a force that was taken from them.
@@ -367,6 +421,33 @@ TEST(SteadyStates, DerivativesAreThoseOfDifferences) {
     // Not to rounding: they leave out how the arm's own forces answer.
     EXPECT_LT((jacobian.col(p) - difference).norm(), 0.03 * difference.norm()) << p;
   }
+}
+
+// A motion found from that of slightly other parameters is not that motion still.
+TEST(SteadyStates, DoNotDependOnWhereTheyWereSoughtFrom) {
+  const RecordedArm arm("[4.0]", "[[20, 60, 40]]", {});
+  const MeasuredRecord& record = arm.data.estimation.front();
+  SteadyStateSolver solver(*arm.family, arm.data, {});
+  const auto state_at = [&](double stiffness, const Eigen::MatrixXcd* start) {
+    const ModelState model =
+        evaluate_model(*arm.family, arm.data, arm.own,
+                       acting(arm, "joint_2.gearbox", "cubic_spring", {stiffness}), true, 1);
+    return SteadyState(solver.solve(model, record, start));
+  };
+  const auto rms = [](const SteadyState& one, const SteadyState& other) {
+    const Eigen::MatrixXcd difference = one.residual - other.residual;
+    return difference.norm() / std::sqrt(2.0 * static_cast<double>(difference.size()));
+  };
+  const SteadyState from = state_at(kHardeningStiffness, nullptr);
+  double stiffness = kHardeningStiffness;
+  for (double change = 1e-3; change > 1e-9; change *= 0.5) {
+    stiffness = kHardeningStiffness * (1.0 + change);
+    const SteadyState anew = state_at(stiffness, nullptr);
+    if (rms(anew, from) > 0.5 * SteadyStateOptions{}.tolerance) continue;
+    EXPECT_LT(rms(state_at(stiffness, &from.forces), anew), 0.2 * rms(anew, from)) << change;
+    return;
+  }
+  FAIL() << "no change of the stiffness was small";
 }
 
 // By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not
