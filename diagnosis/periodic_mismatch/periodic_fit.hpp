@@ -1,5 +1,9 @@
 // The parameters of a model and of laws that fit periodic recordings best, by Levenberg and
 // Marquardt's method on the whitened residuals of steady_state.hpp.
+//
+// Valleys of chi-square between parameters that do nearly the same are narrow and bend: a step along one ends beside it,
+// and is not better. Where the next step from there promises to lead down further than this one came up, both
+// count as one. Where steps are no longer worth taking but would be with less damping, it is lifted first.
 #pragma once
 
 #include <Eigen/Core>

@@ -17,7 +17,9 @@
 // The iteration starts at the virtual force: what F must be to explain the recorded outputs, by
 // weighted least squares at each line, shrunk where it is not larger than its noise. Where the
 // equation has several solutions that start selects the recorded one, and where the iteration does
-// not settle the best F found is kept and `unsettled` says by how much, in noise units.
+// not settle the best F found is kept and `unsettled` says by how much, in noise units. Where it does, the
+// step that is less than the tolerance is taken, too: from a start at the motion of nearly the same parameters it
+// is all that they change.
 //
 // Derivatives solve with the same matrix, or, faster and not exact, with s in place of S. With s the
 // system answers forces with
