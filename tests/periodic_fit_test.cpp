@@ -428,26 +428,28 @@ TEST(SteadyStates, DoNotDependOnWhereTheyWereSoughtFrom) {
   const RecordedArm arm("[4.0]", "[[20, 60, 40]]", {});
   const MeasuredRecord& record = arm.data.estimation.front();
   SteadyStateSolver solver(*arm.family, arm.data, {});
-  const auto state_at = [&](double stiffness, const Eigen::MatrixXcd* start) {
-    const ModelState model =
-        evaluate_model(*arm.family, arm.data, arm.own,
-                       acting(arm, "joint_2.gearbox", "cubic_spring", {stiffness}), true, 1);
+  const auto state_of = [&](const std::vector<ActingLaw>& laws, const Eigen::MatrixXcd* start) {
+    const ModelState model = evaluate_model(*arm.family, arm.data, arm.own, laws, true, 1);
     return SteadyState(solver.solve(model, record, start));
   };
   const auto rms = [](const SteadyState& one, const SteadyState& other) {
     const Eigen::MatrixXcd difference = one.residual - other.residual;
     return difference.norm() / std::sqrt(2.0 * static_cast<double>(difference.size()));
   };
-  const SteadyState from = state_at(kHardeningStiffness, nullptr);
-  double stiffness = kHardeningStiffness;
-  for (double change = 1e-3; change > 1e-9; change *= 0.5) {
-    stiffness = kHardeningStiffness * (1.0 + change);
-    const SteadyState anew = state_at(stiffness, nullptr);
-    if (rms(anew, from) > 0.5 * SteadyStateOptions{}.tolerance) continue;
-    EXPECT_LT(rms(state_at(stiffness, &from.forces), anew), 0.2 * rms(anew, from)) << change;
-    return;
+  for (std::vector<ActingLaw> laws :
+       {acting(arm, "joint_2.gearbox", "cubic_spring", {kHardeningStiffness}),
+        acting(arm, "joint_2.motor", "coulomb", {2e-3, 0.5})}) {
+    const double value = laws[0].parameters[0];
+    const SteadyState from = state_of(laws, nullptr);
+    double change = 1e-3, moved = 1.0;
+    for (; change > 1e-9 && moved > 0.5 * SteadyStateOptions{}.tolerance; change *= 0.5) {
+      laws[0].parameters[0] = value * (1.0 + change);
+      moved = rms(state_of(laws, nullptr), from);
+    }
+    ASSERT_GT(change, 1e-9);
+    const SteadyState anew = state_of(laws, nullptr);
+    EXPECT_LT(rms(state_of(laws, &from.forces), anew), 0.2 * moved) << laws[0].entry->name;
   }
-  FAIL() << "no change of the stiffness was small";
 }
 
 // By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not

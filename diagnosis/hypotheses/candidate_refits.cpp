@@ -144,7 +144,7 @@ CandidateRefits::Race CandidateRefits::divide(const std::vector<std::vector<LawS
       kMarginsBehind * options_->exclusion_margin + kShareBehind * std::max(0.0, excess(best));
   Race race;
   for (std::size_t i = 0; i < runners.size(); ++i) {
-    if (fits[i].laws.empty()) continue;  // no steady state
+    if (fits[i].laws.empty()) continue;  // could not begin
     const double behind = compare().bic(fits[i]) - compare().bic(best);
     if (behind <= limit) {
       race.standing.push_back({runners[i], fits[i]});  // also one that did not settle yet

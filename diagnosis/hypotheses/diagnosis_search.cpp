@@ -200,10 +200,10 @@ class Search {
   // rest, not where what is left is no more than noise.
   bool renew_with_laws() {
     if (tried_to_renew_ || !problem_->noise_is_known()) return false;
-    tried_to_renew_ = true;
     if (!proceed("taking free motion out with what was found")) return false;
     std::unique_ptr<MismatchProblem> problem = problem_->renewed(result_.after);
     if (problem == nullptr) return false;
+    tried_to_renew_ = true;
     ExtendedFit before = problem->fit({}, &result_.before);
     ExtendedFit after = problem->fit(starts_of(result_.after), &result_.after);
     if (!after.usable && !after.laws.empty()) after = problem->fit(starts_of(after), &after);

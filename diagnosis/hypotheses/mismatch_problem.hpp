@@ -239,7 +239,8 @@ class MismatchProblem {
   }
 
   // The same problem, its recordings freed of what this fit can tell apart from what is measured and an
-  // earlier one could not (free motion); the hypotheses are the same. Null where that changes nothing.
+  // earlier one could not (free motion); the hypotheses are the same. Null where that changes
+  // nothing, or leaves more that passes for noise.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& /*fit*/) const {
     return nullptr;
   }

@@ -45,6 +45,10 @@ ClearedFit fit_and_clear_transients(const PlantFamily& family, const PeriodicFit
         evaluate_model(family, data, result.fit.parameters, result.fit.laws, false, how.threads);
     clear_transients(family, model, options, data);
     PeriodicFit next = fit_periodic(family, data, {result.fit.parameters}, result.fit.laws, how);
+    if (next.parameters.size() == 0) {
+      result.fit.converged = false;
+      break;
+    }
     result.moved = largest_move(result.fit, next);
     result.fit = std::move(next);
     ++result.rounds;

@@ -73,7 +73,7 @@ class Approach {
     best.chi_square = kNever;
     for (const VectorXd& start : starts) {
       PeriodicFit fit = down_from(start, laws, shares);
-      if (fit.chi_square <= hopeless_ * count_ && fit.chi_square < best.chi_square) {
+      if (fit.chi_square <= hopeless_ * count_ && is_better(fit, best)) {
         best = std::move(fit);
       }
       if (best.converged) break;
@@ -114,8 +114,14 @@ class Approach {
       VectorXd start = middle;
       for (double& value : start) value *= std::exp(kAround * random.normal());
       PeriodicFit other = fit_periodic(family_, few_, {start}, laws, options_);
-      if (other.parameters.size() > 0 && other.chi_square < fit.chi_square) fit = std::move(other);
+      if (other.parameters.size() > 0 && is_better(other, fit)) fit = std::move(other);
     }
+  }
+
+  // Nothing makes up for a steady state.
+  static bool is_better(const PeriodicFit& fit, const PeriodicFit& than) {
+    if (fit.has_steady_state != than.has_steady_state) return fit.has_steady_state;
+    return fit.chi_square < than.chi_square;
   }
 
   const PlantFamily& family_;

@@ -69,7 +69,7 @@ constexpr double kEnoughOfExcess = 1e-3;
 constexpr double kUnsettled = 0.1;
 
 constexpr double kFirstDamping = 1e-3;
-// A small step may be small for its damping: that is lifted in such steps, and so often, before the fit counts as done.
+// A small step may be small for its damping: that is lifted by this, and the fit counts as done at so many small steps.
 constexpr double kReleased = 0.04;
 constexpr int kSmallSteps = 4;
 
@@ -138,12 +138,14 @@ class PeriodicFitter {
         now = evaluate(now.values, &now.forces, exact);
         damping = kFirstDamping;
         small_steps = 0;
+        may_leave_valley = true;
       } else if (gain >= 0.0 && ++small_steps < kSmallSteps && is_held_back(now, damping)) {
         damping *= kReleased;
       } else {
         result.converged = !promises || (gain >= 0.0 && damping < 1e-2);
       }
     }
+    if (small_steps > 0 && result.trouble.empty()) result.converged = true;
     if (!result.converged && result.trouble.empty()) result.trouble = "the fit did not settle";
     result.has_steady_state = is_settled(now);
     if (result.converged && !result.has_steady_state) {
@@ -413,7 +415,6 @@ class PeriodicFitter {
     result.parameters = now.values.head(static_cast<Index>(family_.parameters().size()));
     result.laws = laws_at(now.values);
     result.chi_square = now.chi_square;
-    result.unsettled = now.unsettled;
     result.imitated = now.imitated;
     VectorXd inverse(now.values.size());
     for (Index k = 0; k < inverse.size(); ++k) inverse(k) = 1.0 / scale(k, now.values);

@@ -36,9 +36,9 @@ struct PeriodicFit {
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
   double chi_square = std::numeric_limits<double>::infinity();
-  Eigen::MatrixXd information;    // J^T J by parameters, then those of the laws
-  double unsettled = 0.0;         // rms over the recordings (steady_state.hpp)
-  bool has_steady_state = false;  // under the laws; a fit without one has not converged
+  Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
+  bool has_steady_state =
+      false;  // under the laws (rms over the recordings); a fit without one has not converged
   int iterations = 0;
   // Of the model's parameters those that a force at the freed place imitates (springs and dampers beside it), which stay
   // as they were; empty if no place is freed.

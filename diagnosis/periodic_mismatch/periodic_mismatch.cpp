@@ -359,8 +359,10 @@ class Problem : public MismatchProblem {
     return chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
   }
 
+  // Beyond what a model without it takes out.
   [[nodiscard]] static bool bends_free_motion(const ActingLaw& law) {
-    return law.place->location.kind == LocationKind::kElement && meets_free_motion(law);
+    return law.place->location.kind == LocationKind::kElement &&
+           (law.entry->name == "mode" || has_varying_slopes(law));
   }
 
   // Mean logarithm of the standard deviations of lines, up to a constant.
@@ -376,10 +378,10 @@ class Problem : public MismatchProblem {
     return sum / count;
   }
 
-  // Forces with slopes that vary, or with motion of their own.
-  [[nodiscard]] static bool meets_free_motion(const ActingLaw& law) {
+  // Forces with slopes that vary.
+  [[nodiscard]] static bool has_varying_slopes(const ActingLaw& law) {
     if (is_body(*law.place, *law.entry) || law.entry->name == "offset") return false;
-    return law.entry->name == "mode" || !PeriodicLaw(*law.entry, law.parameters).is_linear();
+    return !PeriodicLaw(*law.entry, law.parameters).is_linear();
   }
 
   void clear_with(const PeriodicFit& fit) {
@@ -421,14 +423,13 @@ class Problem : public MismatchProblem {
     return result;
   }
 
-  // The most that forces with slopes that vary, or with motion of their own, make of the free motion: a share of it, and
-  // of what they do at all. `left`: chi-square that no law explains, which may be such a force; of the model's own
+  // The most that forces with slopes that vary make of the free motion: a share of it, and of what they do at all. `left`: chi-square that no law explains, which may be such a force; of the model's own
   // laws nothing is known.
   [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power, double gain,
                                            double left) const {
-    if (std::ranges::any_of(base_laws_, meets_free_motion)) return kShareOfFree * free_power;
+    if (std::ranges::any_of(base_laws_, has_varying_slopes)) return kShareOfFree * free_power;
     const double of_laws =
-        std::ranges::any_of(model.laws, meets_free_motion) ? std::max(gain, 0.0) : 0.0;
+        std::ranges::any_of(model.laws, has_varying_slopes) ? std::max(gain, 0.0) : 0.0;
     return kShareOfFree * std::min(free_power, of_laws + left);
   }
 

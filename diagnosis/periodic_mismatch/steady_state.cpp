@@ -611,7 +611,7 @@ double SteadyStateSolver::size_in_noise(const MatrixXcd& change) const {
 }
 
 void SteadyStateSolver::iterate(const MeasuredRecord& record) {
-  MatrixXcd error, best = state_.forces, step;
+  MatrixXcd error, best = state_.forces, step, last;
   double best_size = std::numeric_limits<double>::infinity();
   double share = 1.0;
   for (int iteration = 0; iteration < options_.iteration_limit; ++iteration) {
@@ -632,7 +632,7 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
     best_size = size;
     best = state_.forces;
     if (size < options_.tolerance) {
-      best += moved;
+      last = std::move(moved);
       break;
     }
     share = 1.0;
@@ -643,8 +643,27 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
   }
   state_.forces = best;
   state_.unsettled = best_size;
+  if (last.size() > 0 && take_last_step(last, best_size)) return;
   assemble();
   renew_forces(error);
+}
+
+// By the mean slopes: where laws are far from these it may lead away, and is not taken.
+bool SteadyStateSolver::take_last_step(const MatrixXcd& step, double size) {
+  const MatrixXcd before = state_.forces;
+  MatrixXcd error;
+  state_.forces += step;
+  assemble();
+  renew_forces(error);
+  error -= state_.forces;
+  precondition(error);
+  const double left = size_in_noise(error);
+  if (left < size) {
+    state_.unsettled = left;
+    return true;
+  }
+  state_.forces = before;
+  return false;
 }
 
 // X of every line.

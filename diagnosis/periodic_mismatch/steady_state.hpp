@@ -18,7 +18,7 @@
 // weighted least squares at each line, shrunk where it is not larger than its noise. Where the
 // equation has several solutions that start selects the recorded one, and where the iteration does
 // not settle the best F found is kept and `unsettled` says by how much, in noise units. Where it does, the
-// step that is less than the tolerance is taken, too: from a start at the motion of nearly the same parameters it
+// step that is less than the tolerance is taken, too, if less is left then: from a start at the motion of nearly the same parameters it
 // is all that they change.
 //
 // Derivatives solve with the same matrix, or, faster and not exact, with s in place of S. With s the
@@ -217,6 +217,7 @@ class SteadyStateSolver {
   void add_answer_to_rest(const Eigen::VectorXd& rest, Eigen::MatrixXcd& answer);
   [[nodiscard]] double size_in_noise(const Eigen::MatrixXcd& change) const;
   void iterate(const MeasuredRecord& record);
+  bool take_last_step(const Eigen::MatrixXcd& step, double size);
   void measure(const MeasuredRecord& record);
   void filter_images(const PeriodicLaw& law, Eigen::Index channel);
   void change_receptance();

@@ -96,7 +96,8 @@ class Clearing {
     for (const ActingLaw& law : model.laws) {
       if (!is_force(law)) continue;
       PeriodicLaw periodic(*law.entry, law.parameters);
-      const std::optional<LinearForce> linear = periodic.linear_force();
+      std::optional<LinearForce> linear = periodic.linear_force();
+      if (law.entry->name == "offset") linear = LinearForce{};  // constant
       laws_.push_back({&law.place->location, std::move(periodic), linear});
     }
     has_curved_laws_ = std::ranges::any_of(laws_, &ForceLaw::is_curved);

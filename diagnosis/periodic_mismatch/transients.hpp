@@ -32,8 +32,8 @@
 //
 // These forces and the free motion are brought to agree by substitution, then by Anderson's mixing of its steps: near a mode
 // that is hardly damped a small change of the one is a large one of the other. Where 30 steps are not enough, the one that
-// changed least stays; what is left then counts as misfit. With laws it stays only if less is left between the lines than
-// without these forces: a law may bend the motion so much that no substitution leads anywhere.
+// changed least stays; what is left then counts as misfit. Laws that are not linear count beyond their mean slopes only where
+// less is left between the lines so: a law may bend the motion so much that no substitution leads anywhere.
 //
 // Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y n^2) for
 // d, and some thousand evaluations of the own forces a step: four steps for most records.
