@@ -73,6 +73,22 @@ constexpr double kFirstDamping = 1e-3;
 constexpr double kReleased = 0.04;
 constexpr int kSmallSteps = 4;
 
+// Of Levenberg and Marquardt's steps, by the share of the predicted gain that was found (Nielsen 1999).
+struct Damping {
+  double value = kFirstDamping;
+  double failed = 0.0;  // the most with which a step led up since one led on
+
+  void after_gain(double gain, double predicted) {
+    const double share = predicted > 0.0 ? std::min(1.0, gain / predicted) : 1.0;
+    value = std::max(value * std::clamp(1.0 - std::pow(2.0 * share - 1.0, 3), 0.2, 2.0), 1e-9);
+  }
+  void after_loss() {
+    failed = std::max(failed, value);
+    value *= value < 1e-4 ? 100.0 : 6.0;
+  }
+  [[nodiscard]] bool may_be_lifted() const { return kReleased * value > failed; }
+};
+
 class PeriodicFitter {
  public:
   PeriodicFitter(const PlantFamily& family, const PeriodicData& data,
@@ -105,7 +121,7 @@ class PeriodicFitter {
       result.trouble = "no steady state of the model at the start";
       return result;
     }
-    double damping = kFirstDamping;
+    Damping damping;
     int small_steps = 0;
     bool may_leave_valley = true;  // not again where it did not help, before a step does
     while (result.iterations < options_.iteration_limit && !result.converged) {
@@ -114,35 +130,38 @@ class PeriodicFitter {
         break;
       }
       ++result.iterations;
-      const VectorXd step = step_of(now, damping);
+      const VectorXd step = step_of(now, damping.value);
       const double worthwhile = worthwhile_gain(now.chi_square);
+      const double predicted = predicted_gain(now, step);
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
-      if (may_leave_valley && leaves_valley(now, step, next, damping)) {
-        next = back_in_valley(std::move(next), damping, exact);
+      if (may_leave_valley && leaves_valley(now, step, next, damping.value)) {
+        next = back_in_valley(std::move(next), damping.value, exact);
         may_leave_valley = next.chi_square < now.chi_square;
       }
       const double gain = gain_of(now, next);
       const bool leads_on = gain > worthwhile;
-      const bool promises = predicted_gain(now, step) > worthwhile && damping < 1e6;
+      const bool promises = predicted > worthwhile && damping.value < 1e6;
       if (gain >= 0.0) {
         now = std::move(next);
-        damping = std::max(0.2 * damping, 1e-9);
+        damping.after_gain(gain, predicted);
       } else {
-        damping *= damping < 1e-4 ? 100.0 : 6.0;
+        damping.after_loss();
       }
       if (leads_on) {
         small_steps = 0;
         may_leave_valley = true;
+        damping.failed = 0.0;
       } else if (!exact) {
         exact = true;
         now = evaluate(now.values, &now.forces, exact);
-        damping = kFirstDamping;
+        damping = {};
         small_steps = 0;
         may_leave_valley = true;
-      } else if (gain >= 0.0 && ++small_steps < kSmallSteps && is_held_back(now, damping)) {
-        damping *= kReleased;
+      } else if (gain >= 0.0 && ++small_steps < kSmallSteps && damping.may_be_lifted() &&
+                 is_held_back(now, damping.value)) {
+        damping.value *= kReleased;
       } else {
-        result.converged = !promises || (gain >= 0.0 && damping < 1e-2);
+        result.converged = !promises || (gain >= 0.0 && damping.value < 1e-2);
       }
     }
     if (small_steps > 0 && result.trouble.empty()) result.converged = true;
