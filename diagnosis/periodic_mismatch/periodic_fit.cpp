@@ -111,12 +111,8 @@ class PeriodicFitter {
     bool exact = std::ranges::all_of(laws_, [](const ActingLaw& law) {
       return PeriodicLaw(*law.entry, law.parameters).is_linear();
     });
-    Evaluation now;
-    for (const VectorXd& start : starts) {
-      Evaluation other = evaluate(start_values(start), nullptr, exact);
-      if (now.values.size() == 0 || is_better(other, now)) now = std::move(other);
-    }
     PeriodicFit result;
+    Evaluation now = best_of(starts, exact);
     if (!std::isfinite(now.chi_square)) {
       result.trouble = "no steady state of the model at the start";
       return result;
@@ -133,30 +129,29 @@ class PeriodicFitter {
       const VectorXd step = step_of(now, damping.value);
       const double worthwhile = worthwhile_gain(now.chi_square);
       const double predicted = predicted_gain(now, step);
+      const bool promises = predicted > worthwhile && damping.value < 1e6;
       Evaluation next = evaluate(moved(now.values, step), &now.forces, exact);
       if (may_leave_valley && leaves_valley(now, step, next, damping.value)) {
         next = back_in_valley(std::move(next), damping.value, exact);
         may_leave_valley = next.chi_square < now.chi_square;
       }
       const double gain = gain_of(now, next);
-      const bool leads_on = gain > worthwhile;
-      const bool promises = predicted > worthwhile && damping.value < 1e6;
       if (gain >= 0.0) {
         now = std::move(next);
         damping.after_gain(gain, predicted);
       } else {
         damping.after_loss();
       }
-      if (leads_on) {
+      if (gain > worthwhile) {
         small_steps = 0;
         may_leave_valley = true;
         damping.failed = 0.0;
       } else if (!exact) {
         exact = true;
         now = evaluate(now.values, &now.forces, exact);
-        damping = {};
         small_steps = 0;
         may_leave_valley = true;
+        damping = {};
       } else if (gain >= 0.0 && ++small_steps < kSmallSteps && damping.may_be_lifted() &&
                  is_held_back(now, damping.value)) {
         damping.value *= kReleased;
@@ -165,6 +160,21 @@ class PeriodicFitter {
       }
     }
     if (small_steps > 0 && result.trouble.empty()) result.converged = true;
+    conclude(now, result);
+    return result;
+  }
+
+ private:
+  [[nodiscard]] Evaluation best_of(const std::vector<VectorXd>& starts, bool exact) {
+    Evaluation best;
+    for (const VectorXd& start : starts) {
+      Evaluation other = evaluate(start_values(start), nullptr, exact);
+      if (best.values.size() == 0 || is_better(other, best)) best = std::move(other);
+    }
+    return best;
+  }
+
+  void conclude(const Evaluation& now, PeriodicFit& result) const {
     if (!result.converged && result.trouble.empty()) result.trouble = "the fit did not settle";
     result.has_steady_state = is_settled(now);
     if (result.converged && !result.has_steady_state) {
@@ -172,10 +182,8 @@ class PeriodicFitter {
       result.trouble = "no steady state under the laws was found";
     }
     store(now, result);
-    return result;
   }
 
- private:
   [[nodiscard]] VectorXd start_values(const VectorXd& parameters) const {
     VectorXd values(static_cast<Index>(unknowns_.size()));
     values.head(parameters.size()) = parameters;
