@@ -98,10 +98,7 @@ TEST(CommonError, HasTheCovarianceThatIsStated) {
     const Campaign campaign = drive_from_rest(folder, "[0.1, 0.3]", seed);
     const auto family = plant_family(folder.file("model.yaml"));
     PeriodicData data = read_periodic_data(campaign, *family, {});
-    VectorXd truth(static_cast<Index>(family->parameters().size()));
-    Index p = 0;
-    for (const ModelParameter& parameter : family->parameters()) truth(p++) = parameter.start;
-    const ModelState model = evaluate_model(*family, data, truth, {}, true, 1);
+    const ModelState model = evaluate_model(*family, data, family->start_values(), {}, true, 1);
     clear_transients(*family, model, {}, data);
     SteadyStateSolver solver(*family, data, {});
     for (const MeasuredRecord& record : data.estimation) {

@@ -61,10 +61,7 @@ class RecordedArm {
     std::filesystem::copy(robot.parent_path() / "three_axis.urdf", folder_.file("three_axis.urdf"));
     family = plant_family(folder_.file("model.yaml"));
     data = read_periodic_data(read_campaign(folder_.file("campaign")), *family, {});
-    own.resize(static_cast<Index>(family->parameters().size()));
-    for (Index p = 0; p < own.size(); ++p) {
-      own(p) = family->parameters()[static_cast<std::size_t>(p)].start;
-    }
+    own = family->start_values();
   }
 
  private:
@@ -129,48 +126,62 @@ constexpr const char* kRubbing =
                   stribeck_velocity: {value: 0.063, unit: m/s}, transition_velocity: {value: 1e-3, unit: m/s}}}
 )";
 
-// A mass that swings at the end of the band is nearly the mass that carries it: along the valley between the two
-// chi-square falls slowly, and the valley bends. Wherever a fit begins, it ends at the one optimum.
-TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
-  const testing::TemporaryFolder folder;
-  const std::vector<double> swinging{0.004, 38.5, 0.055};
-  std::string model = kChain;
-  model.replace(model.find("noise: "), std::string::npos,
-                "noise: {position_first: 5.9e-6, position_third: 8.8e-6}\n");
-  std::string truth = model;
-  truth.insert(truth.find("inputs:\n"),
-               R"(  - {name: swinging, location: {kind: element, mass: third}, law: mode,
-     parameters: {inertia: {value: 0.004, unit: kg}, frequency: {value: 38.5, unit: Hz},
-                  damping_ratio: {value: 0.055, unit: "1"}}}
-)");
-  testing::write_text(folder.file("model.yaml"), model);
-  testing::write_text(folder.file("truth.yaml"), truth);
-  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
-levels: [4.0]
+// Recordings of a chain that `hidden` elements are part of, which its model does not have.
+class RecordedChain {
+ public:
+  RecordedChain(const std::string& model, const std::string& hidden, const std::string& levels) {
+    std::string truth = model;
+    truth.insert(truth.find("inputs:\n"), hidden);
+    testing::write_text(folder_.file("model.yaml"), model);
+    testing::write_text(folder_.file("truth.yaml"), truth);
+    testing::write_text(folder_.file("plan.yaml"), "format: graybox-plan/1\nlevels: " + levels +
+                                                       R"(
 realisations: 2
 period: 2000
 settling_periods: 4
 periods: 6
 frequencies: {from: 1.5, to: 40, count: 20, spacing: log}
 )");
-  const SimulatedSystem system = load_system(folder.file("truth.yaml"), std::nullopt);
-  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
-                    {});
-  const auto family = plant_family(folder.file("model.yaml"));
-  const PeriodicData data = read_periodic_data(read_campaign(folder.file("campaign")), *family, {});
-  VectorXd own(static_cast<Index>(family->parameters().size()));
-  for (Index p = 0; p < own.size(); ++p) {
-    own(p) = family->parameters()[static_cast<std::size_t>(p)].start;
+    const SimulatedSystem system = load_system(folder_.file("truth.yaml"), std::nullopt);
+    simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
+                      folder_.file("campaign"), {});
   }
-  const auto place = std::ranges::find_if(
-      family->places(), [](const CandidatePlace& each) { return each.location.name == "third"; });
-  ASSERT_NE(place, family->places().end());
+  [[nodiscard]] std::filesystem::path model() const { return folder_.file("model.yaml"); }
+  [[nodiscard]] Campaign campaign() const { return read_campaign(folder_.file("campaign")); }
+
+ private:
+  testing::TemporaryFolder folder_;
+};
+
+std::vector<ActingLaw> acting(const PlantFamily& family, const std::string& place,
+                              const std::string& law, std::vector<double> values) {
+  const auto found = std::ranges::find(
+      family.places(), place, [](const CandidatePlace& each) { return each.location.name; });
+  return {{&*found, find_law(law, false), std::move(values), {}}};
+}
+
+// A mass that swings at the end of the band is nearly the mass that carries it: along the valley between the two
+// chi-square falls slowly, and the valley bends. Wherever a fit begins, it ends at the one optimum.
+TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
+  const std::vector<double> swinging{0.004, 38.5, 0.055};
+  std::string model = kChain;
+  model.replace(model.find("noise: "), std::string::npos,
+                "noise: {position_first: 5.9e-6, position_third: 8.8e-6}\n");
+  const RecordedChain chain(
+      model,
+      R"(  - {name: swinging, location: {kind: element, mass: third}, law: mode,
+     parameters: {inertia: {value: 0.004, unit: kg}, frequency: {value: 38.5, unit: Hz},
+                  damping_ratio: {value: 0.055, unit: "1"}}}
+)",
+      "[4.0]");
+  const auto family = plant_family(chain.model());
+  const PeriodicData data = read_periodic_data(chain.campaign(), *family, {});
   std::optional<PeriodicFit> first;
   for (const double inertia : {1.0, 0.7, 1.2}) {
     for (const double frequency : {0.99, 1.01}) {
       const std::vector<double> start{inertia * swinging[0], frequency * swinging[1], 0.08};
-      const PeriodicFit fit =
-          fit_periodic(*family, data, {own}, {{&*place, find_law("mode", false), start, {}}}, {});
+      const PeriodicFit fit = fit_periodic(*family, data, {family->start_values()},
+                                           acting(*family, "third", "mode", start), {});
       ASSERT_TRUE(fit.converged) << fit.trouble;
       if (!first) first = fit;
       EXPECT_NEAR(fit.chi_square, first->chi_square, 0.5) << inertia << " " << frequency;
@@ -185,24 +196,8 @@ frequencies: {from: 1.5, to: 40, count: 20, spacing: log}
 // With a transition velocity far below all that is reached friction jumps, and where no motion is found under it the
 // recordings are fitted by a force that was taken from them.
 TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
-  const testing::TemporaryFolder folder;
-  std::string truth = kChain;
-  truth.insert(truth.find("inputs:\n"), kRubbing);
-  testing::write_text(folder.file("model.yaml"), kChain);
-  testing::write_text(folder.file("truth.yaml"), truth);
-  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
-levels: [1.4, 3.0]
-realisations: 2
-period: 2000
-settling_periods: 4
-periods: 6
-frequencies: {from: 1.5, to: 40, count: 20, spacing: log}
-)");
-  const SimulatedSystem system = load_system(folder.file("truth.yaml"), std::nullopt);
-  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
-                    {});
-  const auto problem =
-      periodic_mismatch_problem(folder.file("model.yaml"), read_campaign(folder.file("campaign")));
+  const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
+  const auto problem = periodic_mismatch_problem(chain.model(), chain.campaign());
   const ExtendedFit alone = problem->fit({}, nullptr);
   const std::span<const Hypothesis> all = problem->hypotheses();
   const auto there = std::ranges::find_if(
@@ -294,9 +289,7 @@ constexpr double kHardeningStiffness = 2e9;
 
 std::vector<ActingLaw> acting(const RecordedArm& arm, const std::string& place,
                               const std::string& law, std::vector<double> values) {
-  const auto found = std::ranges::find(
-      arm.family->places(), place, [](const CandidatePlace& each) { return each.location.name; });
-  return {{&*found, find_law(law, false), std::move(values), {}}};
+  return acting(*arm.family, place, law, std::move(values));
 }
 
 // A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters far off: with its

@@ -124,10 +124,7 @@ struct ClearedDrive {
   explicit ClearedDrive(const ChangingDrive& drive)
       : family(plant_family(drive.file("model.yaml"))),
         data(read_periodic_data(read_campaign(drive.file("campaign")), *family, {})) {
-    Eigen::VectorXd parameters(static_cast<Index>(family->parameters().size()));
-    for (Index p = 0; p < parameters.size(); ++p) {
-      parameters(p) = family->parameters()[static_cast<std::size_t>(p)].start;
-    }
+    const Eigen::VectorXd parameters = family->start_values();
     model = evaluate_model(*family, data, parameters, {}, false, 1);
     clear_transients(*family, model, {}, data);
   }

@@ -9,8 +9,10 @@
 #include <filesystem>
 #include <memory>
 #include <numbers>
+#include <stdexcept>
 #include <string>
 #include <unsupported/Eigen/MatrixFunctions>
+#include <utility>
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
@@ -120,15 +122,20 @@ double chi_square_per_number(const PlantFamily& family, const ModelState& model,
   return sum / data.numbers_in(data.estimation);
 }
 
+ActingLaw acting(const PlantFamily& family, const std::string& place, const std::string& law,
+                 std::vector<double> values) {
+  for (const CandidatePlace& each : family.places()) {
+    if (each.location.name == place) return {&each, find_law(law, false), std::move(values), {}};
+  }
+  throw std::out_of_range(place);
+}
+
 TEST(Transients, LeaveNothingButTheNoise) {
   const UnsettledDrive drive(kRingingDrive);
   const auto family = plant_family(drive.model());
   const PeriodicDataOptions options;
   PeriodicData data = read_periodic_data(drive.campaign(), *family, options);
-  Eigen::VectorXd truth(static_cast<Index>(family->parameters().size()));
-  for (Index p = 0; p < truth.size(); ++p) {
-    truth(p) = family->parameters()[static_cast<std::size_t>(p)].start;
-  }
+  const Eigen::VectorXd truth = family->start_values();
   const ModelState model = evaluate_model(*family, data, truth, {}, true, 1);
   PeriodicData raw = data;
   for (MeasuredRecord& record : raw.estimation) {
@@ -206,16 +213,10 @@ TEST(Transients, AgreeWithALawThatIsNotLinear) {
     const auto family = plant_family(drive.model());
     const PeriodicDataOptions options;
     PeriodicData data = read_periodic_data(drive.campaign(), *family, options);
-    Eigen::VectorXd parameters(static_cast<Index>(family->parameters().size()));
-    for (Index p = 0; p < parameters.size(); ++p) {
-      parameters(p) = family->parameters()[static_cast<std::size_t>(p)].start;
-    }
-    const auto place = std::ranges::find(family->places(), std::string("motor-load"),
-                                         [](const CandidatePlace& p) { return p.location.name; });
-    ASSERT_NE(place, family->places().end());
+    const Eigen::VectorXd parameters = family->start_values();
     const ModelState model =
         evaluate_model(*family, data, parameters,
-                       {{&*place, find_law("cubic_spring", false), {stiffness}, {}}}, true, 1);
+                       {acting(*family, "motor-load", "cubic_spring", {stiffness})}, true, 1);
     clear_transients(*family, model, options, data);
     const double chi_square = chi_square_per_number(*family, model, data);
     if (stiffness < 2e3) {
@@ -258,16 +259,10 @@ TEST(Transients, AreThoseOfMassesThatLawsAdd) {
     const UnsettledDrive drive(truth);
     const auto family = plant_family(drive.model());
     PeriodicData data = read_periodic_data(drive.campaign(), *family, {});
-    Eigen::VectorXd own(static_cast<Index>(family->parameters().size()));
-    for (Index p = 0; p < own.size(); ++p) {
-      own(p) = family->parameters()[static_cast<std::size_t>(p)].start;
-    }
+    const Eigen::VectorXd own = family->start_values();
     std::vector<ActingLaw> laws;
     for (const AddedMass& mass : added) {
-      const auto place = std::ranges::find(family->places(), mass.place,
-                                           [](const auto& each) { return each.location.name; });
-      ASSERT_NE(place, family->places().end());
-      laws.push_back({&*place, find_law(mass.law, false), mass.values, {}});
+      laws.push_back(acting(*family, mass.place, mass.law, mass.values));
     }
     const ModelState model = evaluate_model(*family, data, own, laws, true, 1);
     clear_transients(*family, model, {}, data);

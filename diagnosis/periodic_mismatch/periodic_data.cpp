@@ -339,10 +339,7 @@ class Reader {
     }
     std::optional<LinearPlant>& plant = plants[record.position];
     if (!plant) {
-      VectorXd start(static_cast<Index>(family_.parameters().size()));
-      for (Index p = 0; p < start.size(); ++p) {
-        start(p) = family_.parameters()[static_cast<std::size_t>(p)].start;
-      }
+      const Eigen::VectorXd start = family_.start_values();
       plant = family_.plant(data_.positions[record.position], start, {});
     }
     return sampled_response(*plant, data_.frequencies[static_cast<std::size_t>(line)],

@@ -67,8 +67,7 @@ class Problem : public MismatchProblem {
       : family_(std::move(family)), data_(std::move(data)), reading_(reading), options_(options) {
     list_base_laws();
     list_hypotheses();
-    start_.resize(static_cast<Index>(family_->parameters().size()));
-    for (Index p = 0; p < start_.size(); ++p) start_(p) = family_->parameters()[at(p)].start;
+    start_ = family_->start_values();
     faults_ = find_channel_faults(compared_responses(*family_, data_, start_));
     if (!faults_.empty()) return;
     telling_ = telling_recordings(*family_, data_, start_, base_laws_, options_.threads);
@@ -423,8 +422,8 @@ class Problem : public MismatchProblem {
     return result;
   }
 
-  // The most that forces with slopes that vary make of the free motion: a share of it, and of what they do at all. `left`: chi-square that no law explains, which may be such a force; of the model's own
-  // laws nothing is known.
+  // The most that forces with slopes that vary make of the free motion: a share of it, and of what they do at
+  // all. `left`: chi-square that no law explains, which may be such a force; of the model's own laws nothing is known.
   [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power, double gain,
                                            double left) const {
     if (std::ranges::any_of(base_laws_, has_varying_slopes)) return kShareOfFree * free_power;

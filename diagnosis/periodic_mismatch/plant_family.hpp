@@ -45,6 +45,14 @@ class PlantFamily {
   virtual ~PlantFamily() = default;
 
   [[nodiscard]] const std::vector<ModelParameter>& parameters() const { return parameters_; }
+  // Their starts.
+  [[nodiscard]] Eigen::VectorXd start_values() const {
+    Eigen::VectorXd values(static_cast<Eigen::Index>(parameters_.size()));
+    for (Eigen::Index p = 0; p < values.size(); ++p) {
+      values(p) = parameters_[static_cast<std::size_t>(p)].start;
+    }
+    return values;
+  }
   [[nodiscard]] double sample_time() const { return sample_time_; }
   [[nodiscard]] Eigen::Index input_count() const { return inputs_; }
   [[nodiscard]] Eigen::Index output_count() const { return outputs_; }

@@ -78,10 +78,7 @@ class ResponseFitter {
       : family_(family), data_(data) {}
 
   std::vector<VectorXd> run(int threads) {
-    start_.resize(static_cast<Index>(family_.parameters().size()));
-    for (Index p = 0; p < start_.size(); ++p) {
-      start_(p) = family_.parameters()[static_cast<std::size_t>(p)].start;
-    }
+    start_ = family_.start_values();
     if (data_.responses.empty() || start_.size() == 0) return {};
     collect();
     std::vector<Evaluation> minima{minimise(start_)};

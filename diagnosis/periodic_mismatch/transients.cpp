@@ -487,9 +487,7 @@ class Clearing {
       return;
     find_common_errors();
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < records_.size(); ++i) {
-      settle(records_[i]);
-    }
+    for (std::size_t i = 0; i < records_.size(); ++i) settle(records_[i]);
     whiten();
   }
 
