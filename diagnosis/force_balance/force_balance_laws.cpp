@@ -77,9 +77,7 @@ std::vector<std::size_t> PlacedLaw::refined() const {
   const std::vector<std::size_t> scale = scaled();
   for (std::size_t i = 0; i < entry->parameters.size(); ++i) {
     const LawParameter& parameter = entry->parameters[i];
-    const bool is_scale = parameter.name == "anchor_distance" ||
-                          parameter.name == "reference_velocity" ||
-                          (!scale.empty() && scale.front() == i);
+    const bool is_scale = parameter.sets_scale || (!scale.empty() && scale.front() == i);
     if (!parameter.is_linear && !is_scale) result.push_back(i);
   }
   return result;

@@ -22,8 +22,7 @@ struct PlacedLaw {
   [[nodiscard]] std::vector<std::size_t> linear() const;
   [[nodiscard]] std::vector<std::size_t> scaled() const;
   // Those that shape the force, to be refined: not linear, and not one that only sets the scale of
-  // another (the first of scaled(); the distance of a balancer's anchor, for which its stiffness makes
-  // up; the velocity at which a friction is stated), nor where a payload's mass sits: at the flange.
+  // another (the first of scaled(); LawParameter::sets_scale), nor where a payload's mass sits: at the flange.
   [[nodiscard]] std::vector<std::size_t> refined() const;
   // Number of columns of law_columns, and their amplitudes written into the parameters.
   [[nodiscard]] Eigen::Index amplitudes() const;

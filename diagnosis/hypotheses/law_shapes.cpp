@@ -319,6 +319,7 @@ std::vector<LawShape> balancer_shapes(const std::vector<double>& levers,
       for (int k = 0; k < angles; ++k) {
         const double angle = 2.0 * std::numbers::pi * k / angles;
         shapes.push_back(single_amplitude({1.0, free_length, 1.0, lever, angle}, 0, true));
+        shapes.back().valley = k;
       }
     }
   }

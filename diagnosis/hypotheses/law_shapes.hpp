@@ -36,6 +36,8 @@ struct LawShape {
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
   // Of the score statistic, where shapes are compared: of one that leaves a parameter at its physical value.
   double head_start = 0.0;
+  // Fits that start at shapes of the same one end alike: of each the best is tried. Below zero: a valley of its own.
+  int valley = -1;
 };
 
 // One amplitude, the parameter at `index`, of the law with the parameters `unit`.

@@ -198,11 +198,11 @@ class Reader {
     result.record.level = experiment.level;
     split(spectra, signals, excitation, result);
     const auto references = columns_of(recording.data.signals, ChannelRole::kReference);
+    MatrixXd reference;
     if (references.size() == outputs.size()) {
-      const MatrixXd reference =
-          recording.data.pieces.front().values(Eigen::all, references).topRows(signals.rows());
-      find_mean_offset(signals, reference, static_cast<Index>(excitation.period), result.record);
+      reference = recording.data.pieces.front().values(Eigen::all, references);
     }
+    find_mean_offset(signals, reference, static_cast<Index>(excitation.period), result.record);
     return result;
   }
 
@@ -225,12 +225,15 @@ class Reader {
     result.bins.insert(result.bins.end(), spectra.bins.begin(), spectra.bins.end());
   }
 
+  // `reference`: empty if none was recorded.
   void find_mean_offset(const MatrixXd& signals, const MatrixXd& reference, Index period,
                         MeasuredRecord& record) const {
     const Index outputs = family_.output_count(), last = period - 1;
     PeriodEnd end;
     end.input = signals.row(last).tail(family_.input_count()).transpose();
-    end.error = (reference.row(last) - signals.row(last).head(outputs)).transpose();
+    if (reference.size() > 0) {
+      end.error = (reference.row(last) - signals.row(last).head(outputs)).transpose();
+    }
     end.output = signals.row(0).head(outputs).transpose();
     end.output_integral = VectorXd::Zero(outputs);
     for (Index k = 1; k <= data_.last_line; ++k) {
@@ -238,6 +241,7 @@ class Reader {
       end.output_integral +=
           2.0 / std::sqrt(static_cast<double>(period)) * (record.output.col(k) / rate).real();
     }
+    end.output_mean = signals.topLeftCorner(period, outputs).colwise().mean().transpose();
     record.mean_offset = family_.mean_offset(end);
   }
 

@@ -623,6 +623,7 @@ class Problem : public MismatchProblem {
     result.usable = fitted.converged;
     result.trouble = fitted.trouble;
     if (fitted.parameters.size() == 0) return result;
+    result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
     const VectorXd errors = standard_errors(fitted.information);
     Index k = 0;
     for (const ModelParameter& parameter : family_->parameters()) {
@@ -639,16 +640,17 @@ class Problem : public MismatchProblem {
         LawParameterEstimate estimate{parameter.name,
                                       unit_at(parameter.unit, law.place->location.units),
                                       law.parameters[p], errors(k)};
-        if (is_base) estimate.name = base_names_[l] + "." + parameter.name;
+        if (is_base) {
+          estimate.name = base_names_[l] + "." + parameter.name;
+        } else if (parameter.is_relative) {
+          estimate.standard_error = std::numeric_limits<double>::quiet_NaN();
+        }
+        if (is_fixed(law, p)) --result.parameter_count;
         (is_base ? result.model_parameters : result.laws.back().parameters).push_back(estimate);
       }
     }
     result.deviance = fitted.chi_square;
     result.laws_information = information_of_laws(fitted, result.model_parameters.size());
-    result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
-    for (const ActingLaw& law : base_laws_) {
-      result.parameter_count -= static_cast<std::size_t>(std::ranges::count(law.fixed, true));
-    }
     result.estimation = assess(
         evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
         data.estimation, result.parameter_count);
@@ -696,8 +698,13 @@ class Problem : public MismatchProblem {
       const std::map<const CandidatePlace*, MotionScale>& scales) const;
   [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
       const ModelState& model, const std::vector<Candidate>& list) const;
-  static std::vector<std::vector<double>> other_starts(
-      std::vector<std::pair<double, std::vector<double>>> starts, const std::vector<double>& best);
+  struct ShapeStart {
+    double statistic = 0.0;
+    int valley = -1;
+    std::vector<double> parameters;
+  };
+  static std::vector<std::vector<double>> other_starts(std::vector<ShapeStart> starts,
+                                                       const std::vector<double>& best);
   [[nodiscard]] std::vector<double> parameters_with(const ModelState& model, const BlockSums& own,
                                                     const MatrixXd& nuisance,
                                                     const VectorXd& amplitudes) const;
@@ -857,14 +864,20 @@ std::vector<double> Problem::parameters_with(const ModelState& model, const Bloc
   return values;
 }
 
-// The best few besides.
-std::vector<std::vector<double>> Problem::other_starts(
-    std::vector<std::pair<double, std::vector<double>>> starts, const std::vector<double>& best) {
+// The best few besides, each of another valley.
+std::vector<std::vector<double>> Problem::other_starts(std::vector<ShapeStart> starts,
+                                                       const std::vector<double>& best) {
   constexpr std::size_t kOthers = 7;
-  std::ranges::stable_sort(starts, {}, [](const auto& start) { return start.first; });
+  std::ranges::stable_sort(starts, std::greater{}, &ShapeStart::statistic);
+  std::set<int> valleys;
+  for (const ShapeStart& start : starts) {
+    if (start.parameters == best && start.valley >= 0) valleys.insert(start.valley);
+  }
   std::vector<std::vector<double>> others;
-  for (auto& [statistic, parameters] : starts) {
-    if (others.size() < kOthers && parameters != best) others.push_back(std::move(parameters));
+  for (ShapeStart& start : starts) {
+    const bool is_new =
+        start.valley < 0 ? start.parameters != best : valleys.insert(start.valley).second;
+    if (is_new && others.size() < kOthers) others.push_back(std::move(start.parameters));
   }
   return others;
 }
@@ -916,7 +929,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
     HypothesisScore& best = table.scores.emplace_back();
     best.start.hypothesis = candidate.hypothesis;
     best.shapes = candidate.shapes.size();
-    std::vector<std::pair<double, std::vector<double>>> starts;  // -statistic
+    std::vector<ShapeStart> starts;
     const LawParameter& leading = candidate.entry->parameters.front();
     best.amplitude_unit = unit_at(leading.unit, candidate.place->location.units);
     auto column = static_cast<Index>(candidate.first_column);
@@ -933,7 +946,7 @@ ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> 
       const CandidateScore score = tests[candidate.block].score(products);
       if (score.degrees_of_freedom == 0.0) continue;
       const std::vector<double> start = shape.parameters(score.amplitudes);
-      if (!start.empty()) starts.emplace_back(-score.statistic, start);
+      if (!start.empty()) starts.push_back({score.statistic, shape.valley, start});
       const double statistic = score.statistic + by_parameters[candidate.block];
       if (best.start.parameters.empty() ||
           (!start.empty() && statistic + shape.head_start > best.score.statistic + head_start)) {

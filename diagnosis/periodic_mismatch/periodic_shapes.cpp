@@ -39,8 +39,7 @@ bool differs_between_positions(const CandidatePlace& place, std::size_t position
 std::vector<LawShape> balancer(const CandidatePlace& place, const MotionScale& scale) {
   constexpr double kEnough = 0.3;  // rad
   if (!place.shifts_rest && scale.range < kEnough) return {};
-  // Fits start from the best few, so that few will do.
-  return balancer_shapes({0.2, 0.5}, {0.0, 0.6}, 8);
+  return balancer_shapes({0.2, 0.5, 0.8}, {0.0, 0.4, 0.8}, 12);
 }
 
 // Laws without amplitude: as they are.

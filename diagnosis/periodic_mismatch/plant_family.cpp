@@ -59,6 +59,18 @@ class RobotOwnForce : public OwnForce {
   MatrixXd mass_, gravity_stiffness_;
 };
 
+// How far the controlled velocities have led on average over the period. The PI controller's
+// u = K_p (e + (T_s/T_i) sum e) tells the sum of all errors e = r - y since the start, and the references sum to
+// zero over whole periods: at the period's end the outputs have led by
+//   -T_s sum e + (T_s/2) y,
+// the last term for the trapezoidal rule.
+VectorXd controlled_offset(const PiController& controller, double sample_time,
+                           const PeriodEnd& end) {
+  const VectorXd sum = (end.input.cwiseQuotient(controller.proportional) - end.error)
+                           .cwiseProduct(controller.integral_time);
+  return -sum + 0.5 * sample_time * end.output - end.output_integral;
+}
+
 class RobotFamily : public PlantFamily {
  public:
   explicit RobotFamily(const std::filesystem::path& file)
@@ -117,15 +129,10 @@ class RobotFamily : public PlantFamily {
     }
   }
 
-  // The PI controller's u = K_p (e + (T_s/T_i) sum e) tells the sum of all errors e = r - y since the
-  // start, and the references sum to zero over whole periods: the motors have turned by
-  //   -T_s sum e + (T_s/2) y,
-  // the last term for the trapezoidal rule.
   [[nodiscard]] VectorXd mean_offset(const PeriodEnd& end) const override {
-    const VectorXd sum = (end.input.cwiseQuotient(robot_.controller.proportional) - end.error)
-                             .cwiseProduct(robot_.controller.integral_time);
-    const VectorXd turned = -sum + 0.5 * sample_time_ * end.output - end.output_integral;
-    return robot_.transmission.partialPivLu().solve(turned);
+    if (end.error.size() == 0) return {};
+    return robot_.transmission.partialPivLu().solve(
+        controlled_offset(robot_.controller, sample_time_, end));
   }
 
  private:
@@ -289,6 +296,7 @@ class LumpedFamily : public PlantFamily {
     check_signals(file);
     list_parameters();
     list_places();
+    list_held();
   }
 
   [[nodiscard]] LinearPlant plant(const VectorXd&, const VectorXd& parameters,
@@ -303,6 +311,7 @@ class LumpedFamily : public PlantFamily {
     result.velocity_output = model_.velocity_output;
     result.rest = VectorXd::Zero(n);
     result.holding_input = VectorXd::Zero(model_.input.cols());
+    result.held = held_;
     result.derivatives = derivatives_;
     for (std::size_t p = 0; p < derivatives_.size(); ++p) {
       const PlantDerivative& derivative = derivatives_[p];
@@ -324,7 +333,21 @@ class LumpedFamily : public PlantFamily {
     return controller_inverse(*model_.controller, w, model_.sample_time);
   }
 
-  [[nodiscard]] VectorXd mean_offset(const PeriodEnd&) const override { return {}; }
+  [[nodiscard]] VectorXd mean_offset(const PeriodEnd& end) const override {
+    const auto held = std::ranges::count(held_, true);
+    if (held == 0 || (held_by_control_ && end.error.size() == 0)) return {};
+    const VectorXd seen = held_by_control_
+                              ? controlled_offset(*model_.controller, model_.sample_time, end)
+                              : end.output_mean;
+    const MatrixXd& output = held_by_control_ ? model_.velocity_output : model_.position_output;
+    const VectorXd moved = output.completeOrthogonalDecomposition().solve(seen);
+    VectorXd offset(held);
+    Index next = 0;
+    for (Index i = 0; i < moved.size(); ++i) {
+      if (held_[static_cast<std::size_t>(i)]) offset(next++) = moved(i);
+    }
+    return offset;
+  }
 
   void add_places_of(const std::filesystem::path& file) override {
     for (CandidatePlace& place : add_places(file, *lumped_places(model_, units_), places_)) {
@@ -393,6 +416,34 @@ class LumpedFamily : public PlantFamily {
     if (derivative.mass.size() > 0) fixed_.mass += parameter.value * derivative.mass;
     if (derivative.damping.size() > 0) fixed_.damping += parameter.value * derivative.damping;
     if (derivative.stiffness.size() > 0) fixed_.stiffness += parameter.value * derivative.stiffness;
+  }
+
+  // The control holds masses whose velocity it controls by the force on them, whatever other forces act. (Where it acts
+  // elsewhere, the mean of other forces moves them.) Without it a mass that nothing holds stands where its sensor of
+  // position says.
+  void list_held() {
+    const MatrixXd& velocity = model_.velocity_output;
+    held_.assign(static_cast<std::size_t>(velocity.cols()), false);
+    held_by_control_ = model_.controller && model_.position_output.isZero(0.0) &&
+                       velocity.rows() == model_.input.cols() &&
+                       velocity == model_.input.transpose();
+    for (Index i = 0; i < velocity.cols(); ++i) {
+      const bool is_known = held_by_control_
+                                ? !velocity.col(i).isZero(0.0)
+                                : !model_.position_output.col(i).isZero(0.0) && may_drift();
+      held_[static_cast<std::size_t>(i)] = is_known;
+    }
+  }
+
+  // Whether forces of mean zero may leave the masses anywhere, but for those that are held.
+  [[nodiscard]] bool may_drift() const {
+    std::vector<Index> free;
+    for (Index i = 0; i < static_cast<Index>(held_.size()); ++i) {
+      if (!held_[static_cast<std::size_t>(i)]) free.push_back(i);
+    }
+    if (free.empty()) return false;
+    const MatrixXd stiffness = plant({}, start_values(), {}).stiffness(free, free);
+    return stiffness.completeOrthogonalDecomposition().rank() < stiffness.rows();
   }
 
   // Masses, what the elements connect, and signals.
@@ -482,7 +533,9 @@ class LumpedFamily : public PlantFamily {
   LumpedModel model_;
   PlaceUnits units_;
   std::vector<PlantDerivative> derivatives_;
-  PlantDerivative fixed_;  // what is known of M, C and K
+  PlantDerivative fixed_;   // what is known of M, C and K
+  std::vector<bool> held_;  // LinearPlant::held
+  bool held_by_control_ = false;
 };
 
 }  // namespace

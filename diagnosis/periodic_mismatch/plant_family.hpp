@@ -35,9 +35,10 @@ class OwnForce {
 };
 
 struct PeriodEnd {
-  Eigen::VectorXd input, error;     // u and r - y at the last sample of a period
+  Eigen::VectorXd input, error;     // u and r - y at the last sample of a period; no error without references
   Eigen::VectorXd output;           // y at the first
   Eigen::VectorXd output_integral;  // of the periodic part of y, of mean zero, there
+  Eigen::VectorXd output_mean;      // of y over the period
 };
 
 class PlantFamily {
@@ -71,9 +72,9 @@ class PlantFamily {
   // F^-1 of the model's controller at w, empty without one. Inputs and outputs are as many then.
   [[nodiscard]] virtual Eigen::MatrixXcd inverse_controller(double w) const = 0;
   [[nodiscard]] virtual bool shifts_rest(const Location&) const { return false; }
-  // How far the coordinates that the control holds (LinearPlant::held) stand from rest on average over
-  // the period, from what the controller knows at the period's end; empty where they do not move away
-  // or it can't be told. The controller is taken to have started at rest.
+  // How far the held coordinates (LinearPlant::held) stand from rest on average over the period: from what the
+  // controller knows at the period's end, which is taken to have started at rest, or from a sensor of position. Empty
+  // where it can't be told.
   [[nodiscard]] virtual Eigen::VectorXd mean_offset(const PeriodEnd& end) const = 0;
 
   // Those of a graybox-places/1 file besides.

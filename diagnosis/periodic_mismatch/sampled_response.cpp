@@ -51,6 +51,7 @@ Eigen::MatrixXcd static_receptance(const LinearPlant& plant) {
     if (plant.held.empty() || !plant.held[static_cast<std::size_t>(i)]) free.push_back(i);
   }
   Eigen::MatrixXcd result = Eigen::MatrixXcd::Zero(n, n);
+  if (free.empty()) return result;
   const Eigen::MatrixXd stiffness = plant.stiffness(free, free);
   result(free, free) =
       stiffness.completeOrthogonalDecomposition().pseudoInverse().cast<Complex>().eval();

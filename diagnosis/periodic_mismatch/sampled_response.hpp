@@ -36,7 +36,8 @@ struct LinearPlant {
   Eigen::MatrixXd position_output, velocity_output;  // S_0, S_1
   Eigen::VectorXd rest;                              // q at rest; the equations count from it
   Eigen::VectorXd holding_input;  // at rest, beyond the recorded one: u of an actuator's law
-  // Coordinates whose mean the control holds whatever forces act on them (motors of a robot).
+  // Coordinates whose mean is what it is whatever forces act on them: the control holds them (motors of a robot), or
+  // nothing does, and a sensor tells where they stood.
   std::vector<bool> held;
   std::vector<PlantDerivative> derivatives;  // by each parameter of the model
 };

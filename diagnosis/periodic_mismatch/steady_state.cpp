@@ -26,8 +26,6 @@ using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-bool is_fixed(const ActingLaw& law, std::size_t i) { return !law.fixed.empty() && law.fixed[i]; }
-
 Element as_element(const ActingLaw& law) {
   Element element;
   element.location = law.place->location;
@@ -91,6 +89,10 @@ PlantChange entries_of(const PlantDerivative& derivative) {
 double small_change(const LinearPlant& plant, const Element& body, double value) {
   if (body.law_name != "offset") return 1e-4 * std::max(std::abs(value), 0.1);
   return 1e-4 * body.location.input.dot(plant.stiffness * body.location.output);
+}
+
+bool is_fixed(const ActingLaw& law, std::size_t i) {
+  return law.entry->parameters[i].sets_scale || (!law.fixed.empty() && law.fixed[i]);
 }
 
 bool is_body(const CandidatePlace& place, const LawEntry& entry) {

@@ -129,7 +129,7 @@ std::vector<LawEntry> friction_laws() {
        kForce,
        {{"level", "F", kNonNegative, true},
         {"exponent", "1", kUnitInterval},
-        {"reference_velocity", "x/s", kPositive},
+        {.name = "reference_velocity", .unit = "x/s", .range = kPositive, .sets_scale = true},
         {"transition_velocity", "x/s", kPositive}},
        make_law<SublinearFriction>},
       {"quadratic_drag",

@@ -53,6 +53,10 @@ struct LawParameter {
   ParameterTrials trials = {};
   // The value that files may leave out; fits leave it as it is then.
   std::optional<double> if_absent = {};
+  // For any value of it others make the same force: fits leave it as it is.
+  bool sets_scale = false;
+  // A size that recordings tell only for a given value of that one: of a law that nobody has measured it is none.
+  bool is_relative = false;
 };
 
 struct LawEntry {

@@ -137,10 +137,14 @@ std::vector<LawEntry> spring_laws() {
       {"balancer",
        "gravity balancer: a spring from an anchor to a lever on the axis",
        kForce,
-       {{"stiffness", "N/m", kPositive, true},
-        {"free_length", "m", kNonNegative},
-        {"anchor_distance", "m", kPositive},
-        {"lever_length", "m", kPositive},
+       {{.name = "stiffness",
+         .unit = "N/m",
+         .range = kPositive,
+         .is_linear = true,
+         .is_relative = true},
+        {.name = "free_length", .unit = "m", .range = kNonNegative, .is_relative = true},
+        {.name = "anchor_distance", .unit = "m", .range = kPositive, .sets_scale = true},
+        {.name = "lever_length", .unit = "m", .range = kPositive, .is_relative = true},
         {"anchor_angle", "rad", kAny}},
        make_law<Balancer>},
       {"offset", "constant: f = c", kForce, {{"value", "F", kAny, true}}, make_law<Offset>},
@@ -149,16 +153,17 @@ std::vector<LawEntry> spring_laws() {
 
 std::vector<LawEntry> supplementary_spring_laws() {
   using enum ParameterRange;
-  return {{"gas_balancer",
-           "gravity balancer with a gas spring: F = F_0 (1 - s/g)^-n at the stroke s",
-           LawUse::kForce,
-           {{"force", "N", kPositive, true},
-            {"gas_length", "m", kPositive},
-            {"exponent", "1", kPositive},
-            {"anchor_distance", "m", kPositive},
-            {"lever_length", "m", kPositive},
-            {"anchor_angle", "rad", kAny}},
-           make_law<GasBalancer>}};
+  return {
+      {"gas_balancer",
+       "gravity balancer with a gas spring: F = F_0 (1 - s/g)^-n at the stroke s",
+       LawUse::kForce,
+       {{.name = "force", .unit = "N", .range = kPositive, .is_linear = true, .is_relative = true},
+        {.name = "gas_length", .unit = "m", .range = kPositive, .is_relative = true},
+        {"exponent", "1", kPositive},
+        {.name = "anchor_distance", .unit = "m", .range = kPositive, .sets_scale = true},
+        {.name = "lever_length", .unit = "m", .range = kPositive, .is_relative = true},
+        {"anchor_angle", "rad", kAny}},
+       make_law<GasBalancer>}};
 }
 
 }  // namespace graybox
