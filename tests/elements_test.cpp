@@ -407,6 +407,36 @@ TEST_F(ElementFiles, PayloadAndInertiaAreBuiltIntoTheRobot) {
   EXPECT_NEAR(with.mass_matrix(q)(9, 9) - before.mass_matrix(q)(9, 9), 3.0, 1e-9);
 }
 
+// Of all values of its parameters none makes what others make as well, but for those that are said to set the scale of
+// others: a fit that moves both finds no end.
+TEST(LawCatalogue, OnlyDeclaredParametersSetTheScaleOfOthers) {
+  for (const LawEntry& entry : all_laws()) {
+    if (!entry.make) continue;
+    std::vector<double> values;
+    for (std::size_t p = 0; p < entry.parameters.size(); ++p) {
+      values.push_back(1.0 - 0.13 * static_cast<double>(p));
+    }
+    const auto shared = entry.make(values);
+    if (shared->state_count() > 0) continue;
+    const auto count = static_cast<Eigen::Index>(values.size());
+    Eigen::MatrixXd slopes(400, count);
+    LawDerivatives derivatives;
+    for (Eigen::Index i = 0; i < slopes.rows(); ++i) {
+      const double t = 0.1 * static_cast<double>(i);
+      shared->differentiate(1.5 * std::sin(t), 2.0 * std::sin(1.7 * t + 0.4), {}, derivatives);
+      for (Eigen::Index p = 0; p < count; ++p) {
+        slopes(i, p) = derivatives.force.by_parameter[static_cast<std::size_t>(p)];
+      }
+    }
+    for (Eigen::Index p = 0; p < count; ++p) slopes.col(p).normalize();
+    const Eigen::VectorXd singular = slopes.jacobiSvd().singularValues();
+    const auto seen = (singular.array() > 1e-7 * singular(0)).count();
+    const auto scales = std::ranges::count_if(
+        entry.parameters, [](const LawParameter& parameter) { return parameter.sets_scale; });
+    EXPECT_EQ(seen, count - scales) << entry.name;
+  }
+}
+
 // Whatever the elements, the arm rests where springs, gravity and elements balance.
 TEST_F(ElementFiles, TheRobotRestsWithItsElements) {
   const RobotModel base = robot_test::paper_robot();
