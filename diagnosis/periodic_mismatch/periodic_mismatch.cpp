@@ -9,6 +9,7 @@
 #include <cmath>
 #include <complex>
 #include <deque>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numeric>
