@@ -162,7 +162,17 @@ TEST(MeanPosition, TellsABalancerWhereItsRotorStands) {
   EXPECT_LT(error, 0.03 * largest);
   // Lengths and the stiffness are known for a given anchor alone: four parameters, the rotor's two.
   EXPECT_EQ(fit.parameter_count, 6U);
-  EXPECT_TRUE(std::isnan(fit.laws.front().parameters[0].standard_error));
+  const std::vector<LawParameterEstimate>& found_parameters = fit.laws.front().parameters;
+  EXPECT_TRUE(found_parameters[2].sets_scale);
+  const double anchor = found_parameters[2].value / 0.5;  // of the true one
+  const std::vector<double> scaled{6.0 / (anchor * anchor), 0.2 * anchor, 0.5 * anchor,
+                                   0.3 * anchor};
+  for (const std::size_t p : {0U, 1U, 3U}) {
+    const LawParameterEstimate& each = found_parameters[p];
+    EXPECT_TRUE(std::isnan(each.standard_error)) << each.name;
+    EXPECT_NEAR(each.value, scaled[p], 4.0 * each.conditional_error) << each.name;
+    EXPECT_LT(each.conditional_error, 0.1 * each.value) << each.name;
+  }
   EXPECT_LT(fit.laws.front().parameters[4].standard_error, 0.05);
 }
 

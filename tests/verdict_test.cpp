@@ -66,6 +66,9 @@ TEST(VerdictWords, RoundTheValueToTheErrorsTwoDigits) {
   EXPECT_EQ(estimate_words({"x", "1", 0.5, 12.3}), "0 ± 12");
   EXPECT_EQ(estimate_words({"x", "rad", 0.0, 0.0}), "0 rad (no standard error)");
   EXPECT_EQ(estimate_words({"x", "rad", 3.0, std::nan("")}), "3 rad (no standard error)");
+  EXPECT_EQ(estimate_words({"lever", "m", 0.81863, std::nan(""), 0.0123}), "0.819 ± 0.012 m");
+  EXPECT_EQ(estimate_words({"anchor", "m", 1.0, std::nan(""), std::nan(""), true}),
+            "1 m (stated: with another the other sizes scale)");
 }
 
 std::string all_words(const Diagnosis& diagnosis) {

@@ -364,16 +364,19 @@ class ForceBalanceProblem : public MismatchProblem {
       FittedLaw described;
       described.hypothesis = starts[l].hypothesis;
       for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        described.parameters.push_back(
-            {law.entry->parameters[i].name,
-             unit_at(law.entry->parameters[i].unit, law.place->location.units), law.parameters[i],
-             kUnknown});
+        const LawParameter& parameter = law.entry->parameters[i];
+        described.parameters.push_back({parameter.name,
+                                        unit_at(parameter.unit, law.place->location.units),
+                                        law.parameters[i], kUnknown});
+        described.parameters.back().sets_scale = parameter.sets_scale;
       }
       result.laws.push_back(std::move(described));
     }
     for (std::size_t k = 0; k < deviation.parameters.size(); ++k) {
       const Column& column = deviation.parameters[k];
-      result.laws[column.law].parameters[column.parameter].standard_error =
+      LawParameterEstimate& estimate = result.laws[column.law].parameters[column.parameter];
+      const bool is_relative = laws[column.law].entry->parameters[column.parameter].is_relative;
+      (is_relative ? estimate.conditional_error : estimate.standard_error) =
           deviation.of_parameters[k];
     }
     result.parameter_count =

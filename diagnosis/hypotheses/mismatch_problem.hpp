@@ -50,6 +50,9 @@ struct LawParameterEstimate {
   std::string unit;
   double value = 0.0;
   double standard_error = 0.0;  // NaN where the data do not see it
+  // Of a size that recordings tell only for a given scale (LawParameter::is_relative), where that stays as it is.
+  double conditional_error = std::numeric_limits<double>::quiet_NaN();
+  bool sets_scale = false;  // stated, as LawParameter's
 };
 
 struct FittedLaw {

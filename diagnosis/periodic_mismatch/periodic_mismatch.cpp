@@ -644,8 +644,9 @@ class Problem : public MismatchProblem {
         if (is_base) {
           estimate.name = base_names_[l] + "." + parameter.name;
         } else if (parameter.is_relative) {
-          estimate.standard_error = std::numeric_limits<double>::quiet_NaN();
+          std::swap(estimate.standard_error, estimate.conditional_error);
         }
+        estimate.sets_scale = parameter.sets_scale;
         if (is_fixed(law, p)) --result.parameter_count;
         (is_base ? result.model_parameters : result.laws.back().parameters).push_back(estimate);
       }

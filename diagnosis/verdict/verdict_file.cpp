@@ -39,9 +39,14 @@ Json json_of(const YAML::Node& node) {
 Json parameters_json(const FittedLaw& law) {
   Json parameters = Json::object();
   for (const LawParameterEstimate& estimate : law.parameters) {
-    parameters[estimate.name] = {{"value", number(estimate.value)},
-                                 {"standard_error", number(estimate.standard_error)},
-                                 {"unit", estimate.unit}};
+    Json& parameter = parameters[estimate.name];
+    parameter = {{"value", number(estimate.value)},
+                 {"standard_error", number(estimate.standard_error)},
+                 {"unit", estimate.unit}};
+    if (estimate.sets_scale) parameter["sets_scale"] = true;
+    if (std::isfinite(estimate.conditional_error)) {
+      parameter["conditional_error"] = estimate.conditional_error;
+    }
   }
   return parameters;
 }

@@ -43,6 +43,8 @@
 // `departures` (law_departure.hpp): places where the laws found only resemble what is there, and the law that would explain
 // most of the rest; `shapes_compared` says whether that could be asked (noise known, the rest no more than that, another
 // law to ask for). `shared_characteristics`: places where several laws describe one spring or friction.
+// A parameter that `sets_scale` is stated: with another value the law's other sizes scale, and the force is the same. Sizes
+// that count for that value alone have no standard error, but a `conditional_error`.
 // `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
 // tell.
 #pragma once

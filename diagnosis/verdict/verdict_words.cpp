@@ -251,20 +251,26 @@ std::string hypothesis_words(const Hypothesis& hypothesis) {
 
 std::string estimate_words(const LawParameterEstimate& estimate) {
   const std::string unit = estimate.unit.empty() || estimate.unit == "1" ? "" : " " + estimate.unit;
-  if (!(estimate.standard_error > 0.0) || !std::isfinite(estimate.standard_error)) {
+  if (estimate.sets_scale) {
+    return fmt::format("{:.4g}{} (stated: with another the other sizes scale)", estimate.value,
+                       unit);
+  }
+  const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
+                                                                 : estimate.standard_error;
+  if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
   // Decimals of the value, in units of a common power of ten, so that the error shows two digits.
-  const double largest = std::max(std::abs(estimate.value), estimate.standard_error);
+  const double largest = std::max(std::abs(estimate.value), error);
   const int exponent = static_cast<int>(std::floor(std::log10(largest)));
-  const int error_exponent = static_cast<int>(std::floor(std::log10(estimate.standard_error)));
+  const int error_exponent = static_cast<int>(std::floor(std::log10(error)));
   const bool plain = exponent >= -3 && exponent < 5;
   const int shift = plain ? 0 : exponent;
   const int decimals = std::clamp(shift - error_exponent + 1, 0, 12);
   const double scale = std::pow(10.0, -shift);
   const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
   return fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals, power,
-                     estimate.standard_error * scale, decimals, power, unit);
+                     error * scale, decimals, power, unit);
 }
 
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
