@@ -214,14 +214,14 @@ class Problem : public MismatchProblem {
  private:
   // `values`: of all parameters.
   [[nodiscard]] HeldOutPrediction predict(const ModelState& model, const VectorXd& values) const {
-    HeldOutPrediction prediction{assess(model, data_.validation, 0), {}};
-    const double scale =
-        prediction.within_errors.degrees_of_freedom / data_.numbers_in(data_.validation);
-    const BlockSums fitted = linearised(model, data_.estimation);
-    const BlockSums held_out = linearised(model, data_.validation);
+    const Linearised fitted = linearised(model, data_.estimation);
+    const Linearised held_out = linearised(model, data_.validation);
     const MatrixXd all = fitted.information + held_out.information;
-    prediction.within_errors.chi_square -=
-        scale * held_out.scores.dot(solved(all, held_out.scores).col(0));
+    const double numbers = data_.numbers_in(data_.validation);
+    const double unexplained =
+        held_out.chi_square - held_out.scores.dot(solved(all, held_out.scores).col(0));
+    HeldOutPrediction prediction{judged(data_.validation, unexplained, numbers), {}};
+    const double scale = prediction.within_errors.degrees_of_freedom / numbers;
     prediction.cost = prediction.within_errors.chi_square / scale + log_determinant(all, values) -
                       log_determinant(fitted.information, values);
     // A force that no number describes where it was not fitted.
@@ -282,34 +282,37 @@ class Problem : public MismatchProblem {
       const std::vector<double>& other = laws.back().model_parameters;
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
-    const std::vector<ActingLaw> given = acting;
     PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
-    if (!laws.empty()) {
-      for (const std::vector<double>& other : laws.back().others) {
-        acting.back().parameters = other;
-        PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
-        if (!fit.converged) continue;
-        if (!best.converged || fit.chi_square < best.chi_square) best = std::move(fit);
-      }
-    }
-    for (std::size_t i = 0; !laws.empty() && i < laws.back().spares.size(); ++i) {
-      if (best.has_steady_state) break;
-      acting.back().parameters = laws.back().spares[i];
-      PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
-      if (fit.converged) best = std::move(fit);
-    }
+    if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws.back(), best);
     ExtendedFit result = report(data, best, laws);
     // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
     const bool is_near = result.usable && can_clear_with(result);
     if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
     std::vector<VectorXd> early{start_};
     if (first_->start.size() > 0) early.push_back(first_->start);
-    const PeriodicFit afresh = can_free(data, given.back())
-                                   ? fit_from_freed(data, how, early, given)
-                                   : fit_periodic_if_near(*family_, data, early, given, how);
+    const PeriodicFit afresh = can_free(data, acting.back())
+                                   ? fit_from_freed(data, how, early, acting)
+                                   : fit_periodic_if_near(*family_, data, early, acting, how);
     const bool is_better =
         afresh.converged && (!best.converged || afresh.chi_square < best.chi_square);
     return is_better ? report(data, afresh, laws) : result;
+  }
+
+  // At all the last law's other valleys, and at its spare starts until one leads to a steady state.
+  void begin_elsewhere(const PeriodicData& data, const PeriodicFitOptions& how,
+                       const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
+                       const LawStart& law, PeriodicFit& best) const {
+    const auto take_if_better = [&](const std::vector<double>& parameters) {
+      acting.back().parameters = parameters;
+      PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
+      const bool is_better = fit.converged && (!best.converged || fit.chi_square < best.chi_square);
+      if (is_better) best = std::move(fit);
+    };
+    std::ranges::for_each(law.others, take_if_better);
+    for (const std::vector<double>& spare : law.spares) {
+      if (best.has_steady_state) break;
+      take_if_better(spare);
+    }
   }
 
   [[nodiscard]] PeriodicFit fit_from_freed(const PeriodicData& data, const PeriodicFitOptions& how,
@@ -577,24 +580,31 @@ class Problem : public MismatchProblem {
     return result;
   }
 
-  // J^T J and J^T r of all parameters over some recordings.
-  [[nodiscard]] BlockSums linearised(const ModelState& model,
-                                     const std::vector<MeasuredRecord>& records) const {
-    std::vector<BlockSums> sums(records.size());
+  // J^T J, J^T r and r^T r of all parameters over some recordings.
+  struct Linearised {
+    MatrixXd information;
+    VectorXd scores;
+    double chi_square = 0.0;
+  };
+  [[nodiscard]] Linearised linearised(const ModelState& model,
+                                      const std::vector<MeasuredRecord>& records) const {
+    std::vector<Linearised> sums(records.size());
     for_each_record(records, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
                                  std::size_t i, std::size_t) {
-      VectorXcd residual = solver.solve(model, record, nullptr).residual.reshaped();
+      const SteadyState& state = solver.solve(model, record, nullptr);
+      VectorXcd residual = state.residual.reshaped();
       MatrixXcd jacobian;
       solver.differentiate(model, record, true, jacobian);
       record.decorrelate(residual);
       record.decorrelate(jacobian);
       sums[i] = {as_real(jacobian).transpose() * as_real(jacobian),
-                 as_real(jacobian).transpose() * as_real(residual)};
+                 as_real(jacobian).transpose() * as_real(residual), state.chi_square};
     });
-    BlockSums total = sums.front();
+    Linearised total = sums.front();
     for (std::size_t i = 1; i < sums.size(); ++i) {
       total.information += sums[i].information;
       total.scores += sums[i].scores;
+      total.chi_square += sums[i].chi_square;
     }
     return total;
   }
