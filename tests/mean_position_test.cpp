@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <numbers>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -44,6 +46,41 @@ const std::string kWithEncoder =
     std::string(kRotor) + R"(  - {name: seen, mass: rotor, quantity: position}
 noise: {seen: 0.001}
 )";
+
+// A motor that turns a load through what `coupling` says.
+std::string drive(const std::string& coupling) {
+  return R"(format: graybox-lumped/1
+sample_time: 0.002
+motion: rotation
+masses: {motor: 0.002, rotor: 0.004}
+elements:
+  - name: coupling
+    location: {kind: element, between: [motor, rotor]}
+)" + coupling +
+         R"(
+  - name: coupling damping
+    location: {kind: element, between: [motor, rotor]}
+    law: viscous
+    parameters: {damping: {value: 0.03, unit: N m s/rad}}
+  - name: bearing
+    location: {kind: element, mass: rotor}
+    law: viscous
+    parameters: {damping: {value: 0.02, unit: N m s/rad}}
+inputs:
+  - {name: torque, mass: motor}
+outputs:
+  - {name: seen, mass: motor, quantity: velocity}
+noise: {seen: 0.01}
+controller: {kind: pi, proportional: [0.3], integral_time: [0.1]}
+)";
+}
+
+const std::string kWithShaft =
+    drive("    law: stiffness\n    parameters: {stiffness: {value: 20, unit: N m/rad}}");
+const std::string kWithRubber =
+    drive("    law: cubic_spring\n    parameters: {stiffness: {value: 4000, unit: N m/rad^3}}");
+
+constexpr const char* kNothing = "format: graybox-physics/1\nelements: []\n";
 
 constexpr const char* kBalancer = R"(format: graybox-physics/1
 elements:
@@ -89,6 +126,15 @@ settling_periods: )" + std::to_string(settling_periods) +
   }
   [[nodiscard]] std::filesystem::path model_file() const { return folder_.file("model.yaml"); }
   [[nodiscard]] Campaign campaign() const { return read_campaign(folder_.file("campaign")); }
+  [[nodiscard]] Campaign campaign_without_references() const {
+    std::ifstream file(folder_.file("campaign/campaign.yaml"));
+    std::string text, line;
+    while (std::getline(file, line)) {
+      if (line.find("is: reference") == std::string::npos) text += line + "\n";
+    }
+    testing::write_text(folder_.file("campaign/blind.yaml"), text);
+    return read_campaign(folder_.file("campaign/blind.yaml"));
+  }
   [[nodiscard]] std::unique_ptr<MismatchProblem> problem() const {
     return periodic_mismatch_problem(model_file(), campaign(), {});
   }
@@ -102,17 +148,36 @@ settling_periods: )" + std::to_string(settling_periods) +
   testing::TemporaryFolder folder_;
 };
 
+LawStart start_of(const MismatchProblem& problem, const ExtendedFit& before,
+                  const std::string& law) {
+  const auto hypotheses = problem.hypotheses();
+  const auto found = std::ranges::find_if(
+      hypotheses, [&](const Hypothesis& h) { return h.law == law && h.place == "rotor"; });
+  if (found == hypotheses.end()) throw std::out_of_range(law);
+  const std::vector<std::size_t> asked{static_cast<std::size_t>(found - hypotheses.begin())};
+  return problem.scores(before, asked, 0, 1).scores.front().start;
+}
+
 // The fit of a law at the rotor, from its best start.
 ExtendedFit fitted_with(const MismatchProblem& problem, const std::string& law) {
-  const auto hypotheses = problem.hypotheses();
-  const auto found =
-      std::ranges::find_if(hypotheses, [&](const Hypothesis& h) { return h.law == law; });
-  EXPECT_NE(found, hypotheses.end());
-  const std::vector<std::size_t> asked{static_cast<std::size_t>(found - hypotheses.begin())};
   const ExtendedFit before = problem.fit({}, nullptr);
   EXPECT_GT(before.estimation.chi_square_per_dof(), 2.0);
-  const ScoreTable table = problem.scores(before, asked, 0, 1);
-  return problem.fit(std::vector<LawStart>{table.scores.front().start}, &before);
+  return problem.fit(std::vector<LawStart>{start_of(problem, before, law)}, &before);
+}
+
+// Of the balancer's torque over the recorded angles, beside its largest.
+double error_of_balancer(const FittedLaw& law) {
+  std::vector<double> values;
+  for (const LawParameterEstimate& each : law.parameters) values.push_back(each.value);
+  const LawEntry* entry = find_law("balancer", false);
+  const auto found = entry->make(values);
+  const auto truth = entry->make(std::vector<double>{6.0, 0.2, 0.5, 0.3, 0.8});
+  double largest = 0.0, error = 0.0;
+  for (double z = -0.8; z <= 0.8; z += 0.05) {
+    largest = std::max(largest, std::abs(truth->force(z, 0.0, {})));
+    error = std::max(error, std::abs(found->force(z, 0.0, {}) - truth->force(z, 0.0, {})));
+  }
+  return error / largest;
 }
 
 // The controller's integral knows. The truth: the recorded speed from rest, summed up.
@@ -147,19 +212,7 @@ TEST(MeanPosition, TellsABalancerWhereItsRotorStands) {
   const ExtendedFit fit = fitted_with(*problem, "balancer");
   ASSERT_TRUE(fit.usable) << fit.trouble;
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
-  std::vector<double> values;
-  for (const LawParameterEstimate& each : fit.laws.front().parameters) {
-    values.push_back(each.value);
-  }
-  const LawEntry* entry = find_law("balancer", false);
-  const auto found = entry->make(values);
-  const auto truth = entry->make(std::vector<double>{6.0, 0.2, 0.5, 0.3, 0.8});
-  double largest = 0.0, error = 0.0;
-  for (double z = -0.8; z <= 0.8; z += 0.05) {
-    largest = std::max(largest, std::abs(truth->force(z, 0.0, {})));
-    error = std::max(error, std::abs(found->force(z, 0.0, {}) - truth->force(z, 0.0, {})));
-  }
-  EXPECT_LT(error, 0.03 * largest);
+  EXPECT_LT(error_of_balancer(fit.laws.front()), 0.03);
   // Lengths and the stiffness are known for a given anchor alone: four parameters, the rotor's two.
   EXPECT_EQ(fit.parameter_count, 6U);
   const std::vector<LawParameterEstimate>& found_parameters = fit.laws.front().parameters;
@@ -176,6 +229,53 @@ TEST(MeanPosition, TellsABalancerWhereItsRotorStands) {
   EXPECT_LT(fit.laws.front().parameters[4].standard_error, 0.05);
 }
 
+// The rotor hangs on the motor that the control holds, and follows it.
+TEST(MeanPosition, OfALoadIsThatOfTheMotorThatHoldsIt) {
+  const RecordedRotor rotor(kWithShaft, kBalancer, "[1, 3]");
+  const auto problem = rotor.problem();
+  const ExtendedFit fit = fitted_with(*problem, "balancer");
+  ASSERT_TRUE(fit.usable) << fit.trouble;
+  EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
+  EXPECT_LT(error_of_balancer(fit.laws.front()), 0.03);
+}
+
+// Nothing but a law of the model joins the two: the one must not stay behind.
+TEST(MeanPosition, OfALoadBehindALawIsThatOfTheMotor) {
+  const RecordedRotor rotor(kWithRubber, kNothing, "[0.3, 1]");
+  const auto problem = rotor.problem();
+  const ExtendedFit fit = problem->fit({}, nullptr);
+  ASSERT_TRUE(fit.usable) << fit.trouble;
+  EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
+}
+
+// Without references the controller's errors are not known; on a spring nothing has to be.
+TEST(MeanPosition, IsLeftToTheSpringOrUnknownElse) {
+  const RecordedRotor rotor(kControlled, kNothing, "[1]");
+  const auto family = plant_family(rotor.model_file());
+  const PeriodicData blind = read_periodic_data(rotor.campaign_without_references(), *family, {});
+  EXPECT_EQ(blind.estimation.front().mean_offset.size(), 0);
+  std::string sprung = kControlled;
+  sprung.insert(sprung.find("inputs:"),
+                "  - name: spring\n    location: {kind: element, mass: rotor}\n    law: stiffness\n"
+                "    parameters: {stiffness: {value: 2, unit: N m/rad}}\n");
+  const RecordedRotor on_spring(sprung, kNothing, "[1]");
+  const auto grounded = plant_family(on_spring.model_file());
+  const PeriodicData data = read_periodic_data(on_spring.campaign(), *grounded, {});
+  EXPECT_EQ(data.estimation.front().mean_offset.size(), 0);
+}
+
+// Each start in a valley of its own: another angle of the anchor.
+TEST(MeanPosition, BalancersBeginAtSeveralAngles) {
+  const RecordedRotor rotor(kControlled, kBalancer, "[1, 3]");
+  const auto problem = rotor.problem();
+  const LawStart start = start_of(*problem, problem->fit({}, nullptr), "balancer");
+  std::vector<double> angles{start.parameters.back()};
+  for (const std::vector<double>& other : start.others) angles.push_back(other.back());
+  EXPECT_GT(angles.size(), 3U);
+  std::ranges::sort(angles);
+  EXPECT_EQ(std::ranges::adjacent_find(angles), angles.end());
+}
+
 // An encoder shows it. Without it the phase would be that of a pendulum which hangs at zero.
 TEST(MeanPosition, IsThatOfTheEncoderWhereNothingHoldsTheMass) {
   const RecordedRotor rotor(kWithEncoder, kPendulum, "[0.1, 0.25]");
@@ -183,7 +283,7 @@ TEST(MeanPosition, IsThatOfTheEncoderWhereNothingHoldsTheMass) {
   const PeriodicData data = read_periodic_data(rotor.campaign(), *family, {});
   for (std::size_t e = 0; e < data.estimation.size(); ++e) {
     ASSERT_EQ(data.estimation[e].mean_offset.size(), 1);
-    EXPECT_NEAR(data.estimation[e].mean_offset(0), rotor.seen(e).head(1000).mean(), 1e-12);
+    EXPECT_NEAR(data.estimation[e].mean_offset(0), rotor.seen(e).tail(1000).mean(), 1e-12);
   }
   const auto problem = rotor.problem();
   const ExtendedFit fit = fitted_with(*problem, "ripple");

@@ -202,7 +202,7 @@ class Reader {
     if (references.size() == outputs.size()) {
       reference = recording.data.pieces.front().values(Eigen::all, references);
     }
-    find_mean_offset(signals, reference, static_cast<Index>(excitation.period), result.record);
+    find_mean_offset(signals, reference, excitation, result.record);
     return result;
   }
 
@@ -225,23 +225,27 @@ class Reader {
     result.bins.insert(result.bins.end(), spectra.bins.begin(), spectra.bins.end());
   }
 
-  // `reference`: empty if none was recorded.
-  void find_mean_offset(const MatrixXd& signals, const MatrixXd& reference, Index period,
-                        MeasuredRecord& record) const {
-    const Index outputs = family_.output_count(), last = period - 1;
+  // As late as possible: free motion has died down. `reference`: empty if none was recorded.
+  void find_mean_offset(const MatrixXd& signals, const MatrixXd& reference,
+                        const PeriodicExcitation& excitation, MeasuredRecord& record) const {
+    const auto period = static_cast<Index>(excitation.period),
+               periods = static_cast<Index>(excitation.periods);
+    const Index outputs = family_.output_count();
+    const Index next = (periods - 1) * period;  // of a single period the first stands for it
+    const Index last = (periods > 1 ? next : period) - 1;
     PeriodEnd end;
     end.input = signals.row(last).tail(family_.input_count()).transpose();
     if (reference.size() > 0) {
       end.error = (reference.row(last) - signals.row(last).head(outputs)).transpose();
     }
-    end.output = signals.row(0).head(outputs).transpose();
+    end.output = signals.row(next).head(outputs).transpose();
     end.output_integral = VectorXd::Zero(outputs);
     for (Index k = 1; k <= data_.last_line; ++k) {
       const std::complex<double> rate(0.0, data_.frequencies[at(k)]);
       end.output_integral +=
           2.0 / std::sqrt(static_cast<double>(period)) * (record.output.col(k) / rate).real();
     }
-    end.output_mean = signals.topLeftCorner(period, outputs).colwise().mean().transpose();
+    end.output_mean = signals.block(next, 0, period, outputs).colwise().mean().transpose();
     record.mean_offset = family_.mean_offset(end);
   }
 

@@ -221,6 +221,17 @@ void add_record(ceres::Problem& problem, std::unique_ptr<ForceResidual> residual
   problem.AddResidualBlock(cost.release(), nullptr, values.data());
 }
 
+void hold_fixed(ceres::Problem& problem, const ActingLaw& law, Unknowns& unknowns) {
+  const auto own = static_cast<int>(unknowns.own.size());
+  std::vector<int> held;
+  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+    if (is_fixed(law, i)) held.push_back(own + static_cast<int>(i));
+  }
+  if (held.empty()) return;
+  const auto size = static_cast<int>(unknowns.values.size());
+  problem.SetManifold(unknowns.values.data(), new ceres::SubsetManifold(size, held));
+}
+
 double power_of(const std::vector<ObservedForce>& seen) {
   double power = 0.0;
   for (const ObservedForce& record : seen) {
@@ -236,7 +247,7 @@ std::vector<std::vector<double>> starts_of(const ActingLaw& law) {
   for (const double factor : {2.0, 0.5}) {
     std::vector<double>& start = starts.emplace_back(law.parameters);
     for (std::size_t i = 0; i < start.size(); ++i) {
-      if (!law.entry->parameters[i].is_linear) start[i] *= factor;
+      if (!law.entry->parameters[i].is_linear && !is_fixed(law, i)) start[i] *= factor;
     }
     if (start == law.parameters) starts.pop_back();
   }
@@ -252,6 +263,7 @@ double regress(const PlantFamily& family, const PeriodicData& data,
                unknowns.values);
   }
   bound_all(problem, family, *law.entry, unknowns);
+  hold_fixed(problem, law, unknowns);
   ceres::Solver::Options options;
   options.num_threads = 1;  // sums in one order, whatever the number of threads
   options.max_num_iterations = 30;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 
 #include "graybox/diagnosis/hypotheses/place_file.hpp"
@@ -418,32 +419,32 @@ class LumpedFamily : public PlantFamily {
     if (derivative.stiffness.size() > 0) fixed_.stiffness += parameter.value * derivative.stiffness;
   }
 
-  // The control holds masses whose velocity it controls by the force on them, whatever other forces act. (Where it acts
-  // elsewhere, the mean of other forces moves them.) Without it a mass that nothing holds stands where its sensor of
-  // position says.
+  // Of masses that no spring holds the control holds those whose velocity it controls by the force on them, whatever other
+  // forces act. (Where it acts elsewhere, the mean of other forces moves them.) Without it they stand where their sensors of
+  // position say, as they are: laws of the model at sensors don't change the mean.
   void list_held() {
     const MatrixXd& velocity = model_.velocity_output;
     held_.assign(static_cast<std::size_t>(velocity.cols()), false);
     held_by_control_ = model_.controller && model_.position_output.isZero(0.0) &&
                        velocity.rows() == model_.input.cols() &&
                        velocity == model_.input.transpose();
+    const MatrixXd& seen = held_by_control_ ? velocity : model_.position_output;
     for (Index i = 0; i < velocity.cols(); ++i) {
-      const bool is_known = held_by_control_
-                                ? !velocity.col(i).isZero(0.0)
-                                : !model_.position_output.col(i).isZero(0.0) && may_drift();
-      held_[static_cast<std::size_t>(i)] = is_known;
+      held_[static_cast<std::size_t>(i)] = !seen.col(i).isZero(0.0) && drifts(i);
     }
   }
 
-  // Whether forces of mean zero may leave the masses anywhere, but for those that are held.
-  [[nodiscard]] bool may_drift() const {
+  // Whether forces of mean zero may leave a mass anywhere, with those held that are.
+  [[nodiscard]] bool drifts(Index mass) const {
     std::vector<Index> free;
     for (Index i = 0; i < static_cast<Index>(held_.size()); ++i) {
       if (!held_[static_cast<std::size_t>(i)]) free.push_back(i);
     }
-    if (free.empty()) return false;
     const MatrixXd stiffness = plant({}, start_values(), {}).stiffness(free, free);
-    return stiffness.completeOrthogonalDecomposition().rank() < stiffness.rows();
+    Eigen::FullPivLU<MatrixXd> factored(stiffness);
+    factored.setThreshold(1e-9);
+    const MatrixXd drifting = factored.kernel();  // zero if there are none
+    return !drifting.row(std::ranges::find(free, mass) - free.begin()).isZero(1e-6);
   }
 
   // Masses, what the elements connect, and signals.

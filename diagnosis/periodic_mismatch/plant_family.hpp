@@ -36,7 +36,7 @@ class OwnForce {
 
 struct PeriodEnd {
   Eigen::VectorXd input, error;     // u and r - y at the last sample of a period; no error without references
-  Eigen::VectorXd output;           // y at the first
+  Eigen::VectorXd output;           // y at the sample after it
   Eigen::VectorXd output_integral;  // of the periodic part of y, of mean zero, there
   Eigen::VectorXd output_mean;      // of y over the period
 };

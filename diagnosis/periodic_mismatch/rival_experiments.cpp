@@ -66,6 +66,7 @@ MeasuredRecord excited_in(const MeasuredRecord& record, const Band& band, double
     result.input *= factor;
     result.output *= factor;
     result.input_period *= factor;
+    result.mean_offset *= factor;  // from a start at rest it is less the motion there
     return result;
   }
   result.input.setZero();

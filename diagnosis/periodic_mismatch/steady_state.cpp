@@ -92,7 +92,8 @@ double small_change(const LinearPlant& plant, const Element& body, double value)
 }
 
 bool is_fixed(const ActingLaw& law, std::size_t i) {
-  return law.entry->parameters[i].sets_scale || (!law.fixed.empty() && law.fixed[i]);
+  const bool some_are_known = std::ranges::count(law.fixed, true) > 0;
+  return some_are_known ? static_cast<bool>(law.fixed[i]) : law.entry->parameters[i].sets_scale;
 }
 
 bool is_body(const CandidatePlace& place, const LawEntry& entry) {
@@ -274,9 +275,11 @@ void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& rec
     const VectorXcd force = plant.input * (hold * input_.col(k));
     driven_.col(k).noalias() = position_->receptance[at(k)] * force;
   }
-  // On average the held coordinates stand off, and the others follow.
+  // On average the held coordinates stand off, and the others follow: as their springs say, and those without one (but a
+  // law may join them) like the held ones on average.
   if (record.mean_offset.size() > 0) {
-    VectorXcd offset = VectorXcd::Zero(plant.mass.rows());
+    VectorXcd offset =
+        VectorXcd::Constant(plant.mass.rows(), static_scale_ * record.mean_offset.mean());
     Index next = 0;
     for (Index i = 0; i < offset.size(); ++i) {
       if (plant.held[at(i)]) offset(i) = static_scale_ * record.mean_offset(next++);

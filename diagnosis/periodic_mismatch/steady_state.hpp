@@ -52,7 +52,7 @@ struct ActingLaw {
   std::vector<bool> fixed{};  // known, so that derivatives are zero; empty: none is
 };
 
-// Known, or for any value of it others make the same force.
+// Known, or, where no other parameter of the law is, for any value of it others make the same force.
 [[nodiscard]] bool is_fixed(const ActingLaw& law, std::size_t parameter);
 
 // A law that is part of the plant (inertia of an arm, payload, a constant force that shifts the rest) rather

@@ -53,9 +53,10 @@ struct LawParameter {
   ParameterTrials trials = {};
   // The value that files may leave out; fits leave it as it is then.
   std::optional<double> if_absent = {};
-  // For any value of it others make the same force: fits leave it as it is.
+  // For any value of it others make the same force: the diagnosis leaves it as it is.
   bool sets_scale = false;
-  // A size that recordings tell only for a given value of that one: of a law that nobody has measured it is none.
+  // A size that recordings tell for a given value of that one only, so that it has no standard error by itself. (The level
+  // of a friction is none: it is stated at the velocity given.)
   bool is_relative = false;
 };
 
