@@ -44,7 +44,7 @@ def number(value):
 
 def words(law):
     parameters = ", ".join(
-        f"{name} {number(each['value'])} +- {number(each['standard_error']) or '?'} {each['unit']}"
+        f"{name} {number(each['value'])} +- {number(each.get('conditional_error', each['standard_error'])) or '?'} {each['unit']}"
         for name, each in law["parameters"].items())
     return f"{law['law']} at {law['place']}: {parameters}"
 
