@@ -8,8 +8,10 @@
 
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "graybox/diagnosis/force_balance/law_force.hpp"
 #include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
+#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
@@ -242,6 +244,71 @@ TEST(LawForce, FollowsABristleOfAnyStiffnessUnderConstantVelocity) {
     const Eigen::VectorXd force = law_force(*entry.make(parameters), motion);
     for (Eigen::Index k = 0; k < 200; ++k) {
       EXPECT_NEAR(force(k), 2.0 * (1.0 - std::exp(-stiffness * motion.deflection(k) / 2.0)), 1e-6);
+    }
+  }
+}
+
+// Dahl's friction in closed form: towards the level of the direction by e^(-stiffness |dx| / level).
+class Bristle {
+ public:
+  double operator()(double x, double) {
+    if (std::abs(x - last_) > 0.1) {  // another recording
+      force_ = 0.0;
+      last_ = x;
+    }
+    const double level = x > last_ ? kLevel : -kLevel;
+    force_ = level - (level - force_) * std::exp(-kStiffness * std::abs(x - last_) / kLevel);
+    last_ = x;
+    return force_;
+  }
+  static constexpr double kStiffness = 400.0, kLevel = 10.0;
+
+ private:
+  double last_ = 1e9, force_ = 0.0;
+};
+
+// The model with what was found is a model like any other, also where that remembers.
+TEST_F(ForceBalance, ReadsBackTheModelThatItExtendedByALawWithMemory) {
+  record(Bristle(), 0.2, 12);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "dahl");
+  const fs::path extended = folder_ / "extended.yaml";
+  std::ofstream(extended) << extended_model_text(folder_ / "drive.yaml", extended,
+                                                 diagnosis.after, data->hypotheses());
+  const auto again = force_balance_problem(extended, read_campaign(folder_));
+  const ExtendedFit fit = again->fit({}, nullptr);
+  EXPECT_NEAR(fit.estimation.nrmse, diagnosis.after.estimation.nrmse,
+              1e-3 * diagnosis.after.estimation.nrmse);
+  EXPECT_NEAR(again->validate(fit)->nrmse, diagnosis.validation_after->nrmse,
+              1e-3 * diagnosis.validation_after->nrmse);
+  EXPECT_EQ(diagnose(*again).verdict, Verdict::kNone);
+}
+
+// Known or refined, the bristle leaves the mass as it is.
+TEST_F(ForceBalance, FitsAMassBesideALawWithMemory) {
+  record(Bristle(), 0.2, 12);
+  std::ifstream drive(folder_ / "drive.yaml");
+  const std::string text{std::istreambuf_iterator<char>(drive), {}};
+  for (const double stiffness : {400.0, 300.0}) {
+    const bool is_refined = stiffness != Bristle::kStiffness;
+    const fs::path file = folder_ / "stuck.yaml";
+    std::ofstream(file) << text << "elements:\n  - {name: bristle, location: {kind: element, joint: "
+                        << "carriage, axis: arm}, law: dahl, parameters: {stiffness: {value: "
+                        << stiffness << ", unit: N/m}, level: {value: 10, unit: N}}}\n"
+                        << (is_refined ? "refine: [bristle.stiffness, bristle.level]\n" : "");
+    const RigidRobotModel robot = load_rigid_robot(file);
+    const InverseDynamicsFit fit =
+        fit_inverse_dynamics(robot, read_motion_records(robot, read_campaign(folder_)), {});
+    EXPECT_EQ(fit.status, InverseDynamicsStatus::kConverged);
+    ASSERT_EQ(fit.parameters.size(), is_refined ? 3U : 1U);
+    const std::vector<double> truth{12.0, Bristle::kStiffness, Bristle::kLevel};
+    for (std::size_t p = 0; p < fit.parameters.size(); ++p) {
+      const double error = std::sqrt(fit.covariance(static_cast<Eigen::Index>(p),
+                                                    static_cast<Eigen::Index>(p)));
+      EXPECT_NEAR(fit.parameters[p].value, truth[p], 4.0 * error) << fit.parameters[p].name;
+      EXPECT_LT(error, 0.03 * truth[p]) << fit.parameters[p].name;
     }
   }
 }

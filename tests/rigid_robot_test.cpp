@@ -517,11 +517,12 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
             "must name 2 channels"}}) {
     testing::expect_refused([&] { (void)model(good + lines + "\n"); }, message);
   }
-  const std::string dahl = R"(elements:
-  - {name: stick, location: {kind: element, joint: elbow, axis: arm}, law: dahl,
-     parameters: {stiffness: {value: 1, unit: N m/rad}, level: {value: 1, unit: N m}}}
+  const std::string mode = R"(elements:
+  - {name: tool, location: {kind: element, joint: elbow, axis: arm}, law: mode,
+     parameters: {inertia: {value: 1, unit: kg m^2}, frequency: {value: 9, unit: Hz},
+                  damping_ratio: {value: 0.1, unit: "1"}}}
 )";
-  testing::expect_refused([&] { (void)model(kArm + dahl); }, "inner states");
+  testing::expect_refused([&] { (void)model(kArm + mode); }, "a motion of its own");
 }
 
 // The same robot from a URDF, its bodies known or, for one link, not.

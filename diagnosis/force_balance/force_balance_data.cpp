@@ -56,13 +56,14 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   RigidBodyRegressor bodies(robot);
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
+    const Eigen::MatrixXd remembered = columns.remembered(piece);
     for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
       const Eigen::VectorXd q = piece.position.row(t), velocity = piece.velocity.row(t),
                             acceleration = piece.acceleration.row(t);
       columns.evaluate(q, velocity, acceleration);
       const Eigen::MatrixXd& links = bodies.evaluate(q, velocity, acceleration);
       rows.measured.row(row) = piece.torque.row(t);
-      rows.force.row(row) = piece.torque.row(t) - columns.known().transpose();
+      rows.force.row(row) = piece.torque.row(t) - remembered.row(t) - columns.known().transpose();
       for (Eigen::Index j = 0; j < joints; ++j) {
         const auto at = static_cast<std::size_t>(j);
         rows.model.in[at].row(row) = columns.matrix().row(j);

@@ -60,13 +60,15 @@ Eigen::MatrixXd filtered(const Eigen::MatrixXd& values, Index joints, int decima
 Eigen::MatrixXd piece_rows(TorqueColumns& columns, const Motion& piece) {
   const Index joints = piece.position.cols();
   Eigen::MatrixXd values(piece.samples() * joints, columns.size() + 2);
+  const Eigen::MatrixXd remembered = columns.remembered(piece);
   for (Index t = 0; t < piece.samples(); ++t) {
     columns.evaluate(piece.position.row(t).transpose(), piece.velocity.row(t).transpose(),
                      piece.acceleration.row(t).transpose());
     auto rows = values.middleRows(t * joints, joints);
     rows.leftCols(columns.size()) = columns.matrix();
     rows.col(columns.size()) = piece.torque.row(t).transpose();
-    rows.col(columns.size() + 1) = piece.torque.row(t).transpose() - columns.known();
+    rows.col(columns.size() + 1) =
+        (piece.torque.row(t) - remembered.row(t)).transpose() - columns.known();
   }
   return values;
 }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+
 namespace graybox {
 namespace {
 
@@ -103,6 +105,11 @@ void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
 void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index) {
   const Element& element = robot.elements[index];
   const auto& parameters = entry_of(element).parameters;
+  const bool has_linear = std::ranges::any_of(parameters, &LawParameter::is_linear);
+  if (element.law && !has_linear) {
+    (element.law->state_count() > 0 ? with_memory_ : forces_)
+        .push_back({element.location.input, element.location.output, element.law});
+  }
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     if (!parameters[p].is_linear) continue;
     const ElementParameter place{index, p};
@@ -119,6 +126,16 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
     if (element.use == LawUse::kForce) force.law = unit_law(element, p);
     forces_.push_back(std::move(force));
   }
+}
+
+Eigen::MatrixXd TorqueColumns::remembered(const Motion& piece) const {
+  Eigen::MatrixXd torque = Eigen::MatrixXd::Zero(piece.samples(), piece.position.cols());
+  for (const Force& force : with_memory_) {
+    const PlaceMotion motion{piece.time, piece.position * force.input, piece.velocity * force.input,
+                             piece.acceleration * force.input};
+    torque += law_force(*force.law, motion) * force.output.transpose();
+  }
+  return torque;
 }
 
 void TorqueColumns::evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,

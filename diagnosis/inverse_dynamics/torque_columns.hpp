@@ -5,10 +5,12 @@
 // Columns, in this order: the standard inertial parameters of every link whose body is unknown (ten
 // each, rigid_body_regressor.hpp), the unknown rotor inertias (n_j n_j^T q'' for row n_j of N), and
 // the parameters in which the elements' forces are linear (b_out f at the value one). Everything else
-// that the model has is in `known`.
+// that the model has is in `known`; but what laws with memory (states) add follows from all of the motion
+// before, so that it is asked for a piece of motion at a time. None of their parameters has a column.
 //
 //   TorqueColumns columns(robot);                        // one for each thread
 //   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()
+//   columns.remembered(piece);                           // samples x n
 //
 // Cost O(n^2) for the bodies and O(n) for each element.
 #pragma once
@@ -18,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
 #include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
@@ -38,6 +41,8 @@ class TorqueColumns {
                 const Eigen::Ref<const Eigen::VectorXd>& acceleration);
   [[nodiscard]] const Eigen::MatrixXd& matrix() const { return matrix_; }  // n x size()
   [[nodiscard]] const Eigen::VectorXd& known() const { return known_; }    // n
+  // N^T u of the elements with memory, which begin at rest at the first sample: samples x n.
+  [[nodiscard]] Eigen::MatrixXd remembered(const Motion& piece) const;
 
  private:
   // One force along `output`: of a law at z = input^T q, or `input`^T q'' if it is an inertia.
@@ -63,6 +68,7 @@ class TorqueColumns {
   std::vector<Eigen::Index> unknown_links_;  // whose columns come first, in this order
   std::vector<Body> bodies_;
   std::vector<Force> forces_;
+  std::vector<Force> with_memory_;
   std::vector<std::string> names_, units_;
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd known_;

@@ -273,10 +273,10 @@ class RigidRobotPlaces : public Places {
 void append_elements(std::vector<Element> added, const std::string& source,
                      RigidRobotModel& model) {
   for (Element& element : added) {
-    if (element.law && element.law->state_count() > 0) {
+    if (element.law && element.law->state_count() > 1) {
       throw InputError(fmt::format(
-          "{}: elements: '{}' has the law {}, whose inner states inverse dynamics does not carry "
-          "along; leave it out",
+          "{}: elements: '{}' has the law {}, a motion of its own that inverse dynamics "
+          "does not follow; leave it out",
           source, element.name, element.law_name));
     }
     if (std::ranges::find(model.elements, element.name, &Element::name) != model.elements.end()) {
