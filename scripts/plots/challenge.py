@@ -36,7 +36,7 @@ def confusion(axes, rows):
         is_law = columns[j] not in OTHER
         brackets = is_law and wrong[i, j]
         text = f"{int(counts[i, j])}" + (f"({int(wrong[i, j])})" if brackets else "")
-        axes.text(j, i, text, ha="center", va="center", fontsize=5.0 if brackets else 6.5,
+        axes.text(j, i, text, ha="center", va="center", fontsize=4.0 if len(text) > 4 else 5.0 if brackets else 6.5,
                   color="white" if shares[i, j] > 0.65 else BLACK)
     axes.set_xticks(range(len(columns)), [words(name) for name in columns], rotation=60, ha="right",
                     fontsize=7)
