@@ -286,29 +286,46 @@ TEST_F(ForceBalance, ReadsBackTheModelThatItExtendedByALawWithMemory) {
   EXPECT_EQ(diagnose(*again).verdict, Verdict::kNone);
 }
 
-// Known or refined, the bristle leaves the mass as it is.
+// Known or refined, from the catalogue or of one's own, the bristle leaves the mass as it is.
 TEST_F(ForceBalance, FitsAMassBesideALawWithMemory) {
   record(Bristle(), 0.2, 12);
   std::ifstream drive(folder_ / "drive.yaml");
   const std::string text{std::istreambuf_iterator<char>(drive), {}};
-  for (const double stiffness : {400.0, 300.0}) {
-    const bool is_refined = stiffness != Bristle::kStiffness;
+  const std::string own_law = R"(laws:
+  - {name: fading_friction, description: one state, states: {s: v * (1 - s * sign(v) / reach)},
+     force: level * s / reach, parameters: {level: {unit: F, range: positive},
+     reach: {unit: x, range: positive, tried: deflection}}}
+)";
+  const std::string bristle =
+      "elements:\n  - {name: bristle, location: {kind: element, joint: carriage, axis: arm}, law: ";
+  struct Case {
+    std::string rest;
+    std::vector<double> truth;
+  };
+  for (const Case& each : {
+           Case{bristle + "dahl, parameters: {stiffness: {value: 400, unit: N/m}, level: {value: "
+                          "10, unit: N}}}\n",
+                {12.0}},
+           Case{bristle + "dahl, parameters: {stiffness: {value: 300, unit: N/m}, level: {value: "
+                          "10, unit: N}}}\nrefine: [bristle.stiffness, bristle.level]\n",
+                {12.0, Bristle::kStiffness, Bristle::kLevel}},
+           Case{own_law + bristle +
+                    "fading_friction, parameters: {level: {value: 8, unit: N}, reach: {value: "
+                    "0.03, unit: m}}}\nrefine: [bristle.level, bristle.reach]\n",
+                {12.0, Bristle::kLevel, Bristle::kLevel / Bristle::kStiffness}},
+       }) {
     const fs::path file = folder_ / "stuck.yaml";
-    std::ofstream(file) << text << "elements:\n  - {name: bristle, location: {kind: element, joint: "
-                        << "carriage, axis: arm}, law: dahl, parameters: {stiffness: {value: "
-                        << stiffness << ", unit: N/m}, level: {value: 10, unit: N}}}\n"
-                        << (is_refined ? "refine: [bristle.stiffness, bristle.level]\n" : "");
+    std::ofstream(file) << text << each.rest;
     const RigidRobotModel robot = load_rigid_robot(file);
     const InverseDynamicsFit fit =
         fit_inverse_dynamics(robot, read_motion_records(robot, read_campaign(folder_)), {});
     EXPECT_EQ(fit.status, InverseDynamicsStatus::kConverged);
-    ASSERT_EQ(fit.parameters.size(), is_refined ? 3U : 1U);
-    const std::vector<double> truth{12.0, Bristle::kStiffness, Bristle::kLevel};
+    ASSERT_EQ(fit.parameters.size(), each.truth.size());
     for (std::size_t p = 0; p < fit.parameters.size(); ++p) {
-      const double error = std::sqrt(fit.covariance(static_cast<Eigen::Index>(p),
-                                                    static_cast<Eigen::Index>(p)));
-      EXPECT_NEAR(fit.parameters[p].value, truth[p], 4.0 * error) << fit.parameters[p].name;
-      EXPECT_LT(error, 0.03 * truth[p]) << fit.parameters[p].name;
+      const double error = std::sqrt(
+          fit.covariance(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(p)));
+      EXPECT_NEAR(fit.parameters[p].value, each.truth[p], 4.0 * error) << fit.parameters[p].name;
+      EXPECT_LT(error, 0.03 * each.truth[p]) << fit.parameters[p].name;
     }
   }
 }

@@ -26,13 +26,13 @@ Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion) {
     const double step = motion.time(k + 1) - motion.time(k);
     const double z = 0.5 * (motion.deflection(k) + motion.deflection(k + 1));
     const double rate = 0.5 * (motion.rate(k) + motion.rate(k + 1));
-    law.state_rate(z, rate, state, change);
+    law.state_rate(z, rate, state, {change.data(), states});
     for (std::size_t i = 0; i < states; ++i) {
       const double ahead = kShare * step * change[i];
       if (ahead == 0.0) continue;
       moved = storage;
       moved[i] += ahead;
-      law.state_rate(z, rate, {moved.data(), states}, moved_change);
+      law.state_rate(z, rate, {moved.data(), states}, {moved_change.data(), states});
       const double slope = (moved_change[i] - change[i]) / ahead;
       storage[i] += step * phi_1(step * slope) * change[i];
     }

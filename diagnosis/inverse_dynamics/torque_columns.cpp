@@ -105,10 +105,9 @@ void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
 void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index) {
   const Element& element = robot.elements[index];
   const auto& parameters = entry_of(element).parameters;
-  const bool has_linear = std::ranges::any_of(parameters, &LawParameter::is_linear);
-  if (element.law && !has_linear) {
-    (element.law->state_count() > 0 ? with_memory_ : forces_)
-        .push_back({element.location.input, element.location.output, element.law});
+  if (element.law && element.law->state_count() > 0) {
+    with_memory_.push_back({element.location.input, element.location.output, element.law});
+    return;
   }
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     if (!parameters[p].is_linear) continue;

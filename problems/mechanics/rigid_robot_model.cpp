@@ -317,7 +317,8 @@ void add_refined(const std::string& source, const std::string& text, RigidRobotM
                     source, text));
   }
   const LawEntry& law = *find_law(element.law_name, false);
-  if (law.parameters[place.parameter].is_linear) {
+  const bool remembers = element.law && element.law->state_count() > 0;
+  if (law.parameters[place.parameter].is_linear && !remembers) {
     throw InputError(fmt::format(
         "{}: '{}' enters the force linearly and is estimated without being refined", source, text));
   }
