@@ -22,57 +22,38 @@
 namespace graybox {
 namespace {
 
-constexpr const char* kRotor = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {rotor: 0.005}
-elements:
-  - name: bearing
+const std::string kBearing = R"(  - name: bearing
     location: {kind: element, mass: rotor}
     law: viscous
     parameters: {damping: {value: 0.02, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: rotor}
-outputs:
 )";
-
-const std::string kControlled =
-    std::string(kRotor) + R"(  - {name: seen, mass: rotor, quantity: velocity}
-noise: {seen: 0.01}
+const std::string kSpeedControl = R"(noise: {seen: 0.01}
 controller: {kind: pi, proportional: [0.3], integral_time: [0.1]}
 )";
 
+// `driven` by a torque and seen by the one sensor; on the bearing sits the rotor.
+std::string model_of(const std::string& masses, const std::string& elements,
+                     const std::string& driven, const std::string& quantity,
+                     const std::string& noise_and_control) {
+  return "format: graybox-lumped/1\nsample_time: 0.002\nmotion: rotation\nmasses: " + masses +
+         "\nelements:\n" + elements + kBearing + "inputs:\n  - {name: torque, mass: " + driven +
+         "}\noutputs:\n  - {name: seen, mass: " + driven + ", quantity: " + quantity + "}\n" +
+         noise_and_control;
+}
+
+const std::string kControlled = model_of("{rotor: 0.005}", "", "rotor", "velocity", kSpeedControl);
 const std::string kWithEncoder =
-    std::string(kRotor) + R"(  - {name: seen, mass: rotor, quantity: position}
-noise: {seen: 0.001}
-)";
+    model_of("{rotor: 0.005}", "", "rotor", "position", "noise: {seen: 0.001}\n");
 
 // A motor that turns a load through what `coupling` says.
 std::string drive(const std::string& coupling) {
-  return R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {motor: 0.002, rotor: 0.004}
-elements:
-  - name: coupling
-    location: {kind: element, between: [motor, rotor]}
-)" + coupling +
-         R"(
-  - name: coupling damping
-    location: {kind: element, between: [motor, rotor]}
-    law: viscous
-    parameters: {damping: {value: 0.03, unit: N m s/rad}}
-  - name: bearing
-    location: {kind: element, mass: rotor}
-    law: viscous
-    parameters: {damping: {value: 0.02, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: motor}
-outputs:
-  - {name: seen, mass: motor, quantity: velocity}
-noise: {seen: 0.01}
-controller: {kind: pi, proportional: [0.3], integral_time: [0.1]}
-)";
+  const std::string between = "    location: {kind: element, between: [motor, rotor]}\n";
+  return model_of("{motor: 0.002, rotor: 0.004}",
+                  "  - name: coupling\n" + between + coupling + "\n  - name: coupling damping\n" +
+                      between +
+                      "    law: viscous\n    parameters: {damping: {value: 0.03, unit: N m "
+                      "s/rad}}\n",
+                  "motor", "velocity", kSpeedControl);
 }
 
 const std::string kWithShaft =

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 

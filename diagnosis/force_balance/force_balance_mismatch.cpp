@@ -361,23 +361,17 @@ class ForceBalanceProblem : public MismatchProblem {
     }
     for (std::size_t l = 0; l < laws.size(); ++l) {
       const PlacedLaw& law = laws[l];
-      FittedLaw described;
+      std::vector<double> errors(law.parameters.size(), kUnknown);
+      for (std::size_t k = 0; k < deviation.parameters.size(); ++k) {
+        const Column& column = deviation.parameters[k];
+        if (column.law == l) errors[column.parameter] = deviation.of_parameters[k];
+      }
+      FittedLaw& described = result.laws.emplace_back();
       described.hypothesis = starts[l].hypothesis;
       for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        const LawParameter& parameter = law.entry->parameters[i];
-        described.parameters.push_back({parameter.name,
-                                        unit_at(parameter.unit, law.place->location.units),
-                                        law.parameters[i], kUnknown});
-        described.parameters.back().sets_scale = parameter.sets_scale;
+        described.parameters.push_back(estimate_of(
+            law.entry->parameters[i], law.place->location.units, law.parameters[i], errors[i]));
       }
-      result.laws.push_back(std::move(described));
-    }
-    for (std::size_t k = 0; k < deviation.parameters.size(); ++k) {
-      const Column& column = deviation.parameters[k];
-      LawParameterEstimate& estimate = result.laws[column.law].parameters[column.parameter];
-      const bool is_relative = laws[column.law].entry->parameters[column.parameter].is_relative;
-      (is_relative ? estimate.conditional_error : estimate.standard_error) =
-          deviation.of_parameters[k];
     }
     result.parameter_count =
         static_cast<std::size_t>(fitted.model.size()) + deviation.parameters.size();

@@ -23,6 +23,7 @@
 #include "graybox/diagnosis/hypotheses/channel_faults.hpp"
 #include "graybox/diagnosis/hypotheses/next_experiment.hpp"
 #include "graybox/diagnosis/hypotheses/score_test.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 
@@ -54,6 +55,19 @@ struct LawParameterEstimate {
   double conditional_error = std::numeric_limits<double>::quiet_NaN();
   bool sets_scale = false;  // stated, as LawParameter's
 };
+
+// Of a law that was found at a place, its scale stated.
+[[nodiscard]] inline LawParameterEstimate estimate_of(const LawParameter& parameter,
+                                                      const PlaceUnits& units, double value,
+                                                      double error) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  return {parameter.name,
+          unit_at(parameter.unit, units),
+          value,
+          parameter.is_relative ? kUnknown : error,
+          parameter.is_relative ? error : kUnknown,
+          parameter.sets_scale};
+}
 
 struct FittedLaw {
   std::size_t hypothesis = 0;

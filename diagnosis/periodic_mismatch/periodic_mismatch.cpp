@@ -647,16 +647,14 @@ class Problem : public MismatchProblem {
       const bool is_base = l < base_laws_.size();
       if (!is_base) result.laws.push_back({laws[l - base_laws_.size()].hypothesis, {}});
       for (std::size_t p = 0; p < law.parameters.size(); ++p, ++k) {
-        const LawParameter& parameter = law.entry->parameters[p];
-        LawParameterEstimate estimate{parameter.name,
-                                      unit_at(parameter.unit, law.place->location.units),
-                                      law.parameters[p], errors(k)};
-        if (is_base) {
-          estimate.name = base_names_[l] + "." + parameter.name;
-        } else if (parameter.is_relative) {
-          std::swap(estimate.standard_error, estimate.conditional_error);
+        LawParameterEstimate estimate = estimate_of(
+            law.entry->parameters[p], law.place->location.units, law.parameters[p], errors(k));
+        if (is_base) {  // whoever states a law knows its sizes
+          estimate.name = base_names_[l] + "." + estimate.name;
+          estimate.standard_error = errors(k);
+          estimate.conditional_error = std::numeric_limits<double>::quiet_NaN();
+          estimate.sets_scale = estimate.sets_scale && is_fixed(law, p);
         }
-        estimate.sets_scale = parameter.sets_scale;
         if (is_fixed(law, p)) --result.parameter_count;
         (is_base ? result.model_parameters : result.laws.back().parameters).push_back(estimate);
       }
