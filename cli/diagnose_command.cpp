@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"

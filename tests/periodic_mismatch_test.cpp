@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"

@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/diagnosis/simulation/plant.hpp"

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"

@@ -13,7 +13,7 @@
 #include <span>
 #include <string>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 
 namespace graybox {
 

@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {

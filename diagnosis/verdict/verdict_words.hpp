@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 
 namespace graybox {
 

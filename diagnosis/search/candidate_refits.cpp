@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/candidate_refits.hpp"
+#include "graybox/diagnosis/search/candidate_refits.hpp"
 
 #include <algorithm>
 #include <limits>

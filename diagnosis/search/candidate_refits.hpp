@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
-#include "graybox/diagnosis/hypotheses/fit_comparison.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/search/diagnosis.hpp"
+#include "graybox/diagnosis/search/fit_comparison.hpp"
 
 namespace graybox {
 

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "graybox/diagnosis/hypotheses/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/search/search_options.hpp"
 
 namespace graybox {
 
@@ -19,6 +19,18 @@ inline constexpr double kExclusionErrors = 2.0;
 
 // Of chi-square over its expectation.
 [[nodiscard]] double excess(const ExtendedFit& fit);
+
+// What a law gains on blocks kept out in turn: the logarithm of the squared error without it over that
+// with it, summed over outputs; mean over blocks and its standard error. Where the noise is not known.
+// (By logarithms, one block that the others predict badly does not outweigh all.)
+struct HeldOutGain {
+  double mean = 0.0;
+  double standard_error = 0.0;
+};
+[[nodiscard]] HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with);
+
+// The rest is larger than noise: p-value of chi-square against a noncentrality of tolerance x dof.
+[[nodiscard]] double practical_size_p_value(const Assessment& assessment, double tolerance);
 
 // Keeps references to both.
 class FitComparison {
@@ -33,6 +45,10 @@ class FitComparison {
 
   // Never where the noise is not known.
   [[nodiscard]] bool rest_is_noise(const ExtendedFit& fit) const;
+
+  // By what of the rest still depends on the motion, and on its own past; none of both where there is a test.
+  [[nodiscard]] bool looks_like_noise(const std::optional<double>& structure,
+                                      const std::optional<double>& autocorrelated_error) const;
 
   // Whether a law that is the last of `with` has an effect: more than chance allows for the best of all
   // hypotheses (Bonferroni).
@@ -53,6 +69,8 @@ class FitComparison {
   // What recordings kept out add to that; none where there are none, or where it is decided by far without them.
   [[nodiscard]] std::optional<double> held_out_difference(const ExtendedFit& fit,
                                                           const ExtendedFit& reference) const;
+  // Of the fit's recordings and those kept out, up to a constant of the reference.
+  [[nodiscard]] double evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const;
   // Whether `reference` excludes `fit`.
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const;
 

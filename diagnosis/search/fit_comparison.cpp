@@ -1,7 +1,8 @@
-#include "graybox/diagnosis/hypotheses/fit_comparison.hpp"
+#include "graybox/diagnosis/search/fit_comparison.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "graybox/problems/distributions.hpp"
 
@@ -29,6 +30,28 @@ double excess(const ExtendedFit& fit) {
   return fit.estimation.chi_square - fit.estimation.degrees_of_freedom;
 }
 
+HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with) {
+  // Blocks whose parameters the others do not determine can't be predicted.
+  if (!with.held_out.allFinite()) return {-std::numeric_limits<double>::infinity(), 0.0};
+  if (!without.held_out.allFinite()) return {std::numeric_limits<double>::infinity(), 0.0};
+  // Equal errors, zeros among them, gain nothing.
+  const Eigen::ArrayXXd ratios = (without.held_out.array() == with.held_out.array())
+                                     .select(1.0, without.held_out.array() / with.held_out.array());
+  const Eigen::VectorXd gains = ratios.log().rowwise().sum();
+  const auto blocks = static_cast<double>(gains.size());
+  HeldOutGain result;
+  result.mean = gains.mean();
+  const double square = (gains.array() - result.mean).square().sum();
+  result.standard_error = std::sqrt(square / (blocks - 1.0) / blocks);
+  return result;
+}
+
+double practical_size_p_value(const Assessment& assessment, double tolerance) {
+  if (!std::isfinite(assessment.chi_square)) return 0.0;
+  return noncentral_chi_square_tail(assessment.chi_square, assessment.degrees_of_freedom,
+                                    tolerance * assessment.degrees_of_freedom);
+}
+
 double FitComparison::bic(const ExtendedFit& fit) const {
   return fit.deviance +
          static_cast<double>(fit.parameter_count) * std::log(problem_->sample_count());
@@ -42,6 +65,12 @@ bool FitComparison::rest_is_noise(const ExtendedFit& fit) const {
   return problem_->noise_is_known() &&
          chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) >=
              options_->verification_level;
+}
+
+bool FitComparison::looks_like_noise(const std::optional<double>& structure,
+                                     const std::optional<double>& autocorrelated_error) const {
+  return structure.value_or(0.0) <= options_->structure_tolerance &&
+         autocorrelated_error.value_or(0.0) <= options_->autocorrelation_tolerance;
 }
 
 bool FitComparison::significant(const ExtendedFit& without, const ExtendedFit& with) const {
@@ -93,6 +122,10 @@ std::optional<double> FitComparison::held_out_difference(const ExtendedFit& fit,
   if (!of_fit || !of_reference || !of_fit->cost || !of_reference->cost) return {};
   if (*of_fit->cost == *of_reference->cost) return 0.0;  // infinite, both
   return kHeldOutShare * (*of_fit->cost - *of_reference->cost);
+}
+
+double FitComparison::evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const {
+  return evidence(fit) + held_out_difference(fit, reference).value_or(0.0);
 }
 
 bool FitComparison::excludes(const ExtendedFit& reference, const ExtendedFit& fit) const {

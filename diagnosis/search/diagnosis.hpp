@@ -1,0 +1,109 @@
+// What the search for missing physics found: the verdict, the laws in classes of those that the recordings can't tell
+// apart, and all that a report shows of them. diagnosis_search.hpp says how each comes about.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/law_departure.hpp"
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+
+namespace graybox {
+
+enum class Verdict : std::int8_t { kNone, kExplained, kAmbiguous, kUnknown };
+[[nodiscard]] std::string_view to_string(Verdict verdict);
+
+struct Detection {
+  bool detected = false;
+  double lack_of_fit_p_value = 1.0;  // 1 where the noise is not known
+  double smallest_p_value = 1.0;     // of all hypotheses
+  double threshold = 0.0;            // for it
+};
+
+struct DetectableEffect {
+  std::size_t hypothesis = 0;
+  double amplitude = 0.0;  // found with `detection_power`; infinite if it can't be seen at all
+  std::string unit;
+};
+
+struct Rival {
+  FittedLaw law;
+  // To the best of its class; where the noise is not known, of the prediction of blocks kept out, in
+  // squared standard errors, negative where it is better.
+  double bic_difference = 0.0;
+  std::optional<NextExperiment> next =
+      {};                            // that tells it from the law found; of the nearest alone
+  double evidence_difference = 0.0;  // to the law found, where the noise is known
+  // What recordings kept out add to both; none where there are none or they were not asked.
+  std::optional<double> held_out_difference = {};
+  // The same law at other places, where it is the same to every experiment of this kind: one explanation.
+  std::vector<FittedLaw> same_at = {};
+  // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
+  // there, and all recordings would give larger ones.
+  bool on_few_recordings = false;
+  // Excluded before recordings were freed of free motion with the law found: differences are to that, there.
+  bool on_other_noise = false;
+  // Excluded by recordings kept out, whatever it does on those of the fit.
+  bool is_contradicted = false;
+};
+
+struct FoundEffect {
+  FittedLaw law;
+  // Of the excess of chi-square that was there before it, and BIC of the model without it, likewise; NaN
+  // where that model could not be fitted.
+  double explained_share = std::numeric_limits<double>::quiet_NaN();
+  double bic_difference = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Rival> rivals;           // not excluded
+  std::vector<Rival> generalisations;  // of those, as rich as the data do not ask for; the best few
+  std::vector<Rival> excluded;         // the best of those that are, by their distance
+  std::vector<FittedLaw> same_at = {};  // as in Rival
+};
+
+// Laws that were found at one place for one characteristic.
+struct SharedCharacteristic {
+  std::string place;
+  Characteristic characteristic = Characteristic::kNone;
+  std::vector<std::size_t> hypotheses;
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::kUnknown;
+  bool noise_is_known = false;
+  bool interrupted = false;
+  std::string trouble;  // why no fit, if there is none
+  std::vector<ChannelFault> channel_faults;
+  Detection detection;
+  std::vector<FoundEffect> effects;
+  ExtendedFit before, after;
+  std::optional<Assessment> validation_before, validation_after;
+  // After, with what errors of the fitted parameters do counted as noise: what the verdict is verified by.
+  std::optional<Assessment> validation_within_errors;
+  // Where something changes while it is recorded: the verdict then is `unknown`, whatever laws fit.
+  std::optional<TimeVariation> time_variation;
+  bool time_variation_was_tested = false;  // else it can't be told from these recordings
+  bool verified = false;                   // the rest passed the test of step 6
+  // Whether it could be asked if the laws found only resemble what is there; where they do, and no other fit of their
+  // classes does not. Then, and where laws share a characteristic, the verdict is `unknown`.
+  bool shapes_compared = false;
+  std::vector<Departure> departures;
+  std::vector<SharedCharacteristic> shared_characteristics;
+  // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
+  // errors of the fitted parameters do there.
+  bool predicts = true;
+  double rest_p_value = 1.0;
+  double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
+  bool rivals_weighed = true;  // false: as many laws as may be leave more than noise
+  std::optional<double> remaining_structure, autocorrelated_error;  // where the noise is not known
+  std::vector<DetectableEffect> detectable;                         // in the light of the first fit
+  std::vector<HypothesisScore> ranking;                             // of the first fit, best first
+  std::vector<MismatchCell> mismatch_before, mismatch_after;
+  std::vector<ResidualCurve> curves_before, curves_after;
+  std::vector<ForcePicture> pictures;  // of the effects, in their order
+};
+
+}  // namespace graybox

@@ -1,0 +1,94 @@
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "graybox/diagnosis/search/first_fit.hpp"
+#include "graybox/diagnosis/search/law_exchange.hpp"
+#include "graybox/diagnosis/search/law_pruning.hpp"
+#include "graybox/diagnosis/search/law_selection.hpp"
+#include "graybox/diagnosis/search/mismatch_detection.hpp"
+#include "graybox/diagnosis/search/rival_weighing.hpp"
+#include "graybox/diagnosis/search/search_state.hpp"
+#include "graybox/diagnosis/search/shape_check.hpp"
+#include "graybox/diagnosis/search/verification.hpp"
+
+namespace graybox {
+namespace {
+
+bool has_channel_faults(SearchState& state) {
+  state.proceed("checking wires, signs and units");
+  state.result.channel_faults = state.problem->channel_faults();
+  if (state.result.channel_faults.empty()) return false;
+  state.result.trouble = "the recordings are not what the channels say";
+  return true;
+}
+
+void find_laws(SearchState& state) {
+  add_missing_laws(state);
+  prune_laws(state);
+  simplify_laws(state);
+  if (!state.problem->noise_is_known()) {
+    exchange_laws(state);
+    prune_laws(state);  // beside laws made plainer another may no longer be missed
+  }
+  weigh_rivals(state);
+}
+
+// Whatever was found, models that do not depend on time do not describe what does.
+void look_for_change(SearchState& state) {
+  if (!state.proceed("looking for what changes with time")) return;
+  std::optional<TimeVariation> variation = state.problem->time_variation(
+      state.result.after, state.result.before.deviance - state.result.after.deviance);
+  state.result.time_variation_was_tested = variation.has_value();
+  if (variation && variation->p_value < state.options.variation_level) {
+    state.result.time_variation = std::move(variation);
+    state.result.detection.detected = true;
+  }
+}
+
+Verdict verdict_of(const Diagnosis& result) {
+  if (!result.detection.detected) return Verdict::kNone;
+  if (result.effects.empty() || !result.verified || result.time_variation ||
+      !result.departures.empty() || !result.shared_characteristics.empty() || result.interrupted) {
+    return Verdict::kUnknown;
+  }
+  const auto has_rivals = [](const FoundEffect& effect) {
+    return !effect.rivals.empty() || !effect.same_at.empty();
+  };
+  const bool is_clear = result.predicts && std::ranges::none_of(result.effects, has_rivals);
+  return is_clear ? Verdict::kExplained : Verdict::kAmbiguous;
+}
+
+}  // namespace
+
+std::string_view to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kNone:
+      return "none";
+    case Verdict::kExplained:
+      return "explained";
+    case Verdict::kAmbiguous:
+      return "ambiguous";
+    case Verdict::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
+  SearchState state(problem, options);
+  if (!options.ignore_channel_faults && has_channel_faults(state)) return std::move(state.result);
+  if (!fit_as_it_is(state)) return std::move(state.result);
+  detect_mismatch(state);
+  while (state.result.detection.detected && fit_better(state)) detect_mismatch(state);
+  if (state.result.detection.detected) find_laws(state);
+  verify_rest(state);
+  look_for_departures(state);
+  look_for_change(state);
+  state.result.verdict = verdict_of(state.result);
+  return std::move(state.result);
+}
+
+}  // namespace graybox

@@ -1,0 +1,87 @@
+#include "graybox/diagnosis/search/law_pruning.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "graybox/diagnosis/search/candidate_ranking.hpp"
+
+namespace graybox {
+namespace {
+
+bool is_better(const ExtendedFit& fit, const ExtendedFit& than) {
+  return fit.usable && (!than.usable || fit.deviance < than.deviance);
+}
+
+}  // namespace
+
+ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law) {
+  std::vector<LawStart> laws = starts_of(fit);
+  laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(law));
+  if (laws.empty()) return state.result.before;
+  ExtendedFit best = state.refits.refit(laws, fit);
+  if (!state.problem->noise_is_known()) return best;
+  for (LawStart& start : laws) {
+    const auto ranked = std::ranges::find(state.result.ranking, start.hypothesis,
+                                          [](const auto& score) { return score.start.hypothesis; });
+    if (ranked != state.result.ranking.end() && !ranked->start.parameters.empty()) {
+      start = ranked->start;
+    }
+  }
+  const ExtendedFit other = state.refits.refit(laws, state.result.before);
+  if (is_better(other, best)) best = other;
+  // Laws can't make a fit worse than it is without any: that one began in another valley.
+  if (!best.usable || best.deviance > state.result.before.deviance) {
+    const ExtendedFit afresh = state.refits.refit(laws, {});
+    if (is_better(afresh, best)) best = afresh;
+  }
+  return best;
+}
+
+bool is_superfluous(const SearchState& state, const ExtendedFit& without) {
+  if (!state.problem->noise_is_known()) {
+    return !state.compare.predicts_better(without, state.result.after, kExclusionErrors);
+  }
+  const double margin = state.compare.rest_is_noise(without) ? state.options.exclusion_margin : 0.0;
+  return state.compare.bic(without) <= state.compare.bic(state.result.after) + margin;
+}
+
+void prune_laws(SearchState& state) {
+  for (std::size_t law = 0;
+       law < state.result.after.laws.size() && state.result.after.laws.size() > 1;) {
+    if (!state.proceed("leaving out " + state.name_of(state.result.after.laws[law].hypothesis))) {
+      return;
+    }
+    ExtendedFit without = fit_without(state, state.result.after, law);
+    if (without.usable && is_superfluous(state, without)) {
+      state.result.after = std::move(without);
+      law = 0;
+    } else {
+      ++law;
+    }
+  }
+}
+
+void simplify_laws(SearchState& state) {
+  for (std::size_t law = 0; law < state.result.after.laws.size(); ++law) {
+    const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
+    if (richer.special_cases.empty()) continue;
+    const ExtendedFit without = fit_without(state, state.result.after, law);
+    if (!without.usable) continue;
+    std::vector<LawStart> plainer;
+    for (const HypothesisScore& score : rank_hypotheses(state, without, 0).scores) {
+      const Hypothesis& candidate = state.hypothesis(score.start.hypothesis);
+      if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
+        plainer.push_back(score.start);
+      }
+    }
+    const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
+    if (!trials.empty() &&
+        trials.front().fit.parameter_count < state.result.after.parameter_count &&
+        !state.compare.excludes(state.result.after, trials.front().fit)) {
+      state.result.after = trials.front().fit;
+      law = static_cast<std::size_t>(-1);  // the others stand in another order now
+    }
+  }
+}
+
+}  // namespace graybox

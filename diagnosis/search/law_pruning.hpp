@@ -1,0 +1,24 @@
+// Step 4 of the search (diagnosis_search.hpp): laws that are not missed go, and richer ones give way to plainer ones.
+#pragma once
+
+#include "graybox/diagnosis/search/search_state.hpp"
+
+namespace graybox {
+
+// From the parameters that the fit has with the law and, where the noise is known, anew from those without
+// any law and from the laws as they were ranked first: a law that stood in for another may have pulled
+// all of them far off.
+ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law);
+
+// Where the noise is known, so is a law that is not better beyond the margin, if what is left without
+// it is no more than noise.
+bool is_superfluous(const SearchState& state, const ExtendedFit& without);
+
+// Until none is superfluous, or one is left.
+void prune_laws(SearchState& state);
+
+// A law that only generalises another of fewer parameters gives way to it unless it is better beyond
+// the margin.
+void simplify_laws(SearchState& state);
+
+}  // namespace graybox
