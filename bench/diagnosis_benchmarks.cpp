@@ -24,8 +24,8 @@
 
 #include "graybox/bench/benchmark_folder.hpp"
 #include "graybox/bench/thread_argument.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/simulation/excitation_plan.hpp"
 #include "graybox/diagnosis/simulation/multisine.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/diagnosis/verdict/next_plan.hpp"
 #include "graybox/diagnosis/verdict/report_page.hpp"

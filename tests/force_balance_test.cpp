@@ -8,9 +8,9 @@
 
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"

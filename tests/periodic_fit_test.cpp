@@ -19,12 +19,12 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "temporary_folder.hpp"
 
 namespace graybox {
@@ -191,6 +191,31 @@ TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
   for (std::size_t p = 0; p < swinging.size(); ++p) {
     EXPECT_NEAR(first->laws[0].parameters[p], swinging[p], 4.0 * errors(static_cast<Index>(p)));
   }
+}
+
+// Laws of many parameters creep. Where one can't come below what another fit has come to it is given up, and only there.
+TEST(PeriodicFit, IsGivenUpWhereItCannotWin) {
+  const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
+  const auto family = plant_family(chain.model());
+  const PeriodicData data = read_periodic_data(chain.campaign(), *family, {});
+  const auto fit_to_beat = [&](const std::string& law, const std::vector<double>& start,
+                               double to_beat) {
+    PeriodicFitOptions options;
+    options.to_beat = to_beat;
+    return fit_periodic(*family, data, {family->start_values()},
+                        acting(*family, "second", law, start), options);
+  };
+  const std::vector<double> bristles{100.0, 0.1, 0.1, 0.02, 0.03, 0.3};
+  const PeriodicFit whole = fit_to_beat("lugre", bristles, std::numeric_limits<double>::infinity());
+  ASSERT_TRUE(whole.converged) << whole.trouble;
+  const PeriodicFit given_up = fit_to_beat("lugre", bristles, whole.chi_square - 100.0);
+  EXPECT_FALSE(given_up.converged);
+  EXPECT_EQ(given_up.trouble, "another fit is better");
+  EXPECT_LT(given_up.iterations, whole.iterations);
+  EXPECT_GT(given_up.chi_square, whole.chi_square);
+  const PeriodicFit winner = fit_to_beat("lugre", bristles, whole.chi_square + 1.0);
+  EXPECT_TRUE(winner.converged) << winner.trouble;
+  EXPECT_EQ(winner.chi_square, whole.chi_square);
 }
 
 // With a transition velocity far below all that is reached friction jumps, and where no motion is found under it the

@@ -14,12 +14,12 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/simulation/exact_plant.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/distributions.hpp"
@@ -641,6 +641,44 @@ void expect_explained_by(const std::string& law, const std::string& place,
   const Hypothesis& found = problem.hypotheses()[diagnosis.after.laws.front().hypothesis];
   EXPECT_EQ(found.place, place);
   EXPECT_EQ(found.law, law);
+}
+
+// A command that only grazes a limit says little of where it is: a limit far above with a corner that reaches down to the
+// motion fits as well, and is wrong where the motion is larger.
+TEST(PeriodicMismatch, FindsALimitThatTheMotionOnlyGrazes) {
+  const testing::TemporaryFolder folder;
+  std::string model = drive("30");
+  model.replace(model.find("noise: {"), std::string::npos,
+                "noise: {speed: 0.04, load_speed: 0.04}\n");
+  testing::write_text(folder.file("model.yaml"), model);
+  testing::write_text(folder.file("physics.yaml"),
+                      element("{kind: actuator, input: torque}", "saturation",
+                              "limit: {value: 1.65, unit: N m}, corner: {value: 0.01, unit: N m}"));
+  testing::write_text(folder.file("plan.yaml"), R"(format: graybox-plan/1
+levels: [0.3, 0.6, 1.2]
+realisations: 2
+period: 1000
+settling_periods: 6
+periods: 4
+frequencies: {from: 1, to: 60, count: 40, spacing: log}
+)");
+  const SimulatedSystem system =
+      load_system(folder.file("model.yaml"), folder.file("physics.yaml"));
+  simulate_campaign(system, read_plan(folder.file("plan.yaml"), system), folder.file("campaign"),
+                    {});
+  Campaign campaign = read_campaign(folder.file("campaign"));
+  for (Experiment& experiment : campaign.experiments) {
+    experiment.role =
+        experiment.level > 1.0 ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
+  }
+  const auto problem = periodic_mismatch_problem(folder.file("model.yaml"), campaign);
+  const Diagnosis diagnosis = diagnose(*problem);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  const FittedLaw& found = diagnosis.effects.front().law;
+  EXPECT_EQ(problem->hypotheses()[found.hypothesis].law, "saturation");
+  EXPECT_EQ(problem->hypotheses()[found.hypothesis].place, "actuator torque");
+  EXPECT_NEAR(found.parameters.front().value, 1.65, 0.01 * 1.65);
+  EXPECT_LT(diagnosis.validation_after->chi_square_per_dof(), 1.5);
 }
 
 // It shows in no line by itself, but the arm hangs elsewhere and its mass matrix is another one there.

@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/simulation/plant.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/distributions.hpp"

@@ -15,9 +15,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
+#include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "temporary_folder.hpp"

@@ -87,6 +87,10 @@ struct Assessment {
   [[nodiscard]] double chi_square_per_dof() const { return chi_square / degrees_of_freedom; }
 };
 
+// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
+// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
+inline constexpr double kHeldOutShare = 0.5;
+
 // Of recordings kept out of a fit.
 struct HeldOutPrediction {
   // What the errors of the fitted parameters do to these recordings counted as noise: recordings that see a

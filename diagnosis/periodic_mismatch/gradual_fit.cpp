@@ -36,18 +36,6 @@ constexpr double kMostLeft = 0.25;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-// With all that refines a law (the corner of a limit) held where it is: where the data are far, it makes of one law
-// another that is none.
-std::vector<ActingLaw> with_refinements_held(std::vector<ActingLaw> laws) {
-  for (ActingLaw& law : laws) {
-    law.fixed.resize(law.parameters.size(), false);
-    for (std::size_t p = 0; p < law.parameters.size(); ++p) {
-      if (law.entry->parameters[p].if_absent) law.fixed[p] = true;
-    }
-  }
-  return laws;
-}
-
 // Rough fits to few recordings, on the way to a fit to all.
 class Approach {
  public:
@@ -159,6 +147,22 @@ const std::vector<double> kShares{0.3, 0.03, 0.003};
 const std::vector<double> kSharesFarOff{0.3, 0.03};
 
 }  // namespace
+
+bool has_refinements(const LawEntry& law) {
+  return std::ranges::any_of(law.parameters, [](const LawParameter& parameter) {
+    return parameter.if_absent.has_value();
+  });
+}
+
+std::vector<ActingLaw> with_refinements_held(std::vector<ActingLaw> laws) {
+  for (ActingLaw& law : laws) {
+    law.fixed.resize(law.parameters.size(), false);
+    for (std::size_t p = 0; p < law.parameters.size(); ++p) {
+      if (law.entry->parameters[p].if_absent) law.fixed[p] = true;
+    }
+  }
+  return laws;
+}
 
 PeriodicFit fit_periodic_gradually(const PlantFamily& family, const PeriodicData& data,
                                    const std::vector<VectorXd>& starts,

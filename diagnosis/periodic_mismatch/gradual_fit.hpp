@@ -12,6 +12,11 @@
 
 namespace graybox {
 
+// With all that refines a law (LawParameter::if_absent: the corner of a limit) held where it is: where the data are far,
+// it makes of one law another that is none.
+[[nodiscard]] std::vector<ActingLaw> with_refinements_held(std::vector<ActingLaw> laws);
+[[nodiscard]] bool has_refinements(const LawEntry& law);
+
 // From each start through 0.3 of the level to 0.03 and 0.003, until one comes near the data; from the best of them
 // to the end.
 [[nodiscard]] PeriodicFit fit_periodic_gradually(const PlantFamily& family,

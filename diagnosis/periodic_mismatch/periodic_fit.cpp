@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
@@ -73,6 +74,10 @@ constexpr double kFirstDamping = 1e-3;
 constexpr double kReleased = 0.04;
 constexpr int kSmallSteps = 4;
 
+// A fit that may be given up has had so many steps, of which the best of the last few is what each to come may gain.
+constexpr int kStepsAtLeast = 10;
+constexpr std::size_t kRecentSteps = 5;
+
 // Of Levenberg and Marquardt's steps, by the share of the predicted gain that was found (Nielsen 1999).
 struct Damping {
   double value = kFirstDamping;
@@ -136,6 +141,7 @@ class PeriodicFitter {
         may_leave_valley = next.chi_square < now.chi_square;
       }
       const double gain = gain_of(now, next);
+      gains_.push_back(gain);
       if (gain >= 0.0) {
         now = std::move(next);
         damping.after_gain(gain, predicted);
@@ -158,6 +164,10 @@ class PeriodicFitter {
       } else {
         result.converged = !promises || (gain >= 0.0 && damping.value < 1e-2);
       }
+      if (exact && !result.converged && cannot_win(now, result.iterations)) {
+        result.trouble = "another fit is better";
+        break;
+      }
     }
     if (small_steps > 0 && result.trouble.empty()) result.converged = true;
     conclude(now, result);
@@ -165,6 +175,14 @@ class PeriodicFitter {
   }
 
  private:
+  // Below options.to_beat in the steps that are left. Derivatives must be exact: with these it may get out of a bend.
+  [[nodiscard]] bool cannot_win(const Evaluation& now, int iterations) const {
+    if (!std::isfinite(options_.to_beat) || iterations < kStepsAtLeast) return false;
+    const auto recent = std::span(gains_).last(std::min(kRecentSteps, gains_.size()));
+    const double largest = std::max(0.0, *std::ranges::max_element(recent));
+    return now.chi_square - (options_.iteration_limit - iterations) * largest > options_.to_beat;
+  }
+
   [[nodiscard]] Evaluation best_of(const std::vector<VectorXd>& starts, bool exact) {
     Evaluation best;
     for (const VectorXd& start : starts) {
@@ -453,7 +471,8 @@ class PeriodicFitter {
   const std::vector<ActingLaw>& laws_;
   const PeriodicFitOptions& options_;
   std::vector<Unknown> unknowns_;
-  double expected_ = 0.0;  // chi-square of nothing but noise
+  std::vector<double> gains_;  // of each step
+  double expected_ = 0.0;      // chi-square of nothing but noise
 };
 
 }  // namespace

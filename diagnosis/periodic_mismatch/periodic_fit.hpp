@@ -23,6 +23,8 @@ struct PeriodicFitOptions {
   double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
+  // A chi-square that is known: a fit that creeps so that all its steps to come would not get below it is given up.
+  double to_beat = std::numeric_limits<double>::infinity();
   // Estimation records that a fit comes near by; empty: telling_recordings() at the first start.
   std::vector<std::size_t> telling = {};
   // Where any force (or signal) may act, another at each line: residuals count only beside what it does.

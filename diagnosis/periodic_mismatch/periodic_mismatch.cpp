@@ -1,65 +1,44 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 
-#include <fmt/format.h>
-
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <complex>
 #include <deque>
-#include <functional>
 #include <limits>
-#include <map>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "graybox/diagnosis/periodic_mismatch/candidate_scores.hpp"
+#include "graybox/diagnosis/periodic_mismatch/changing_coefficient.hpp"
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
 #include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "graybox/diagnosis/periodic_mismatch/law_pictures.hpp"
+#include "graybox/diagnosis/periodic_mismatch/mismatch_map.hpp"
+#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
 #include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
 #include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
-#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 #include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/random.hpp"
 
 namespace graybox {
 namespace {
 
-using Complex = std::complex<double>;
 using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
-using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
-
-// Information^+ scores, parameters scaled alike.
-MatrixXd solved(const MatrixXd& information, const MatrixXd& scores) {
-  const VectorXd unit = information.diagonal().unaryExpr(
-      [](double value) { return value > 0.0 ? 1.0 / std::sqrt(value) : 0.0; });
-  const MatrixXd scaled = unit.asDiagonal() * information * unit.asDiagonal();
-  return unit.asDiagonal() *
-         scaled.completeOrthogonalDecomposition().solve(unit.asDiagonal() * scores);
-}
 
 class Problem : public MismatchProblem {
  public:
@@ -159,19 +138,28 @@ class Problem : public MismatchProblem {
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
-                                  int null_draws, std::uint64_t seed) const override;
+                                  int null_draws, std::uint64_t seed) const override {
+    std::vector<HypotheticalLaw> laws;
+    for (const std::size_t hypothesis : asked) {
+      laws.push_back({hypothesis, places_[hypothesis], entries_[hypothesis]});
+    }
+    return score_candidates(*family_, data_, state_of(fit), laws,
+                            {.follows_data = is_clearly_wrong(fit),
+                             .null_draws = null_draws,
+                             .seed = seed,
+                             .deviance = fit.deviance,
+                             .threads = options_.threads});
+  }
 
-  [[nodiscard]] std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const override;
+  [[nodiscard]] std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const override {
+    return mismatch_map(*family_, data_, state_of(fit), options_.threads);
+  }
 
   [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
-    const ModelState model = state_of(fit);
-    return assess(model, data_.validation, 0);
+    return assess_records(*family_, data_, state_of(fit), data_.validation, 0, options_.threads);
   }
 
-  // With C the parameters' covariance, residuals r with derivatives J have the covariance 1 + J C J^T:
-  //   chi^2 = r^T r - b^T (C^-1 + J^T J)^-1 b,   b = J^T r,
-  //   log det(1 + J C J^T) = log det(C^-1 + J^T J) - log det C^-1.
   [[nodiscard]] std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
@@ -181,7 +169,9 @@ class Problem : public MismatchProblem {
     for (const KnownPrediction& known : predictions_) {
       if (known.laws == laws && known.values == values) return known.prediction;
     }
-    predictions_.push_back({laws, values, predict(state_of(fit), values)});
+    predictions_.push_back(
+        {laws, values,
+         graybox::predict_held_out(*family_, data_, state_of(fit), values, options_.threads)});
     return predictions_.back().prediction;
   }
 
@@ -193,14 +183,26 @@ class Problem : public MismatchProblem {
     const Assessment& rest = fit.estimation;
     const double left =
         leaves_more_than_noise(fit) ? rest.chi_square - rest.degrees_of_freedom : 0.0;
-    std::optional<TimeVariation> found = time_variation_in(data_, model, gain, left);
+    const auto find_in = [&](const PeriodicData& data) {
+      return find_time_variation(*family_, data, model, base_laws_.size(), gain, left,
+                                 options_.threads);
+    };
+    constexpr double kPlain = 0.05;
+    std::optional<TimeVariation> found = find_in(data_);
     if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
     PeriodicData again = data_;
     graybox::clear_transients(*family_, model, reading_, again);
-    return time_variation_in(again, model, gain, left);
+    return find_in(again);
   }
 
-  [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override;
+  [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
+    std::vector<ForcePicture> pictures =
+        law_pictures(*family_, data_, state_of(fit), base_laws_.size());
+    for (std::size_t l = 0; l < pictures.size(); ++l) {
+      pictures[l].hypothesis = fit.laws[l].hypothesis;
+    }
+    return pictures;
+  }
 
   [[nodiscard]] std::vector<ResidualCurve> residual_curves(const ExtendedFit& fit) const override {
     return residual_spectra(*family_, data_, state_of(fit));
@@ -212,25 +214,6 @@ class Problem : public MismatchProblem {
   }
 
  private:
-  // `values`: of all parameters.
-  [[nodiscard]] HeldOutPrediction predict(const ModelState& model, const VectorXd& values) const {
-    const Linearised fitted = linearised(model, data_.estimation);
-    const Linearised held_out = linearised(model, data_.validation);
-    const MatrixXd all = fitted.information + held_out.information;
-    const double numbers = data_.numbers_in(data_.validation);
-    const double unexplained =
-        held_out.chi_square - held_out.scores.dot(solved(all, held_out.scores).col(0));
-    HeldOutPrediction prediction{judged(data_.validation, unexplained, numbers), {}};
-    const double scale = prediction.within_errors.degrees_of_freedom / numbers;
-    prediction.cost = prediction.within_errors.chi_square / scale + log_determinant(all, values) -
-                      log_determinant(fitted.information, values);
-    // A force that no number describes where it was not fitted.
-    if (!std::isfinite(*prediction.cost)) {
-      prediction.cost = std::numeric_limits<double>::infinity();
-    }
-    return prediction;
-  }
-
   // Far worse on recordings kept out than on its own: it may be in a valley that its recordings hardly tell from the
   // right one, with a parameter far off. Whatever the errors of its parameters do there: in such valleys they are large.
   [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
@@ -283,7 +266,7 @@ class Problem : public MismatchProblem {
       starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
     }
     PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
-    if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws.back(), best);
+    if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws, best);
     ExtendedFit result = report(data, best, laws);
     // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
     const bool is_near = result.usable && can_clear_with(result);
@@ -298,21 +281,67 @@ class Problem : public MismatchProblem {
     return is_better ? report(data, afresh, laws) : result;
   }
 
-  // At all the last law's other valleys, and at its spare starts until one leads to a steady state.
+  // Where the law fits best without what refines it (a limit far above the motion with a corner that reaches down to it
+  // is another valley), at all its other valleys, and at its spare starts until one leads to a steady state.
   void begin_elsewhere(const PeriodicData& data, const PeriodicFitOptions& how,
                        const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
-                       const LawStart& law, PeriodicFit& best) const {
+                       std::span<const LawStart> laws, PeriodicFit& best) const {
+    std::vector<VectorXd> from = starts;
     const auto take_if_better = [&](const std::vector<double>& parameters) {
       acting.back().parameters = parameters;
-      PeriodicFit fit = fit_periodic(*family_, data, starts, acting, how);
-      const bool is_better = fit.converged && (!best.converged || fit.chi_square < best.chi_square);
-      if (is_better) best = std::move(fit);
+      PeriodicFitOptions rest = how;
+      if (best.converged) rest.to_beat = best.chi_square + kUndecided;
+      PeriodicFit fit = fit_periodic(*family_, data, from, acting, rest);
+      if (is_better_valley(data, laws, fit, best)) best = std::move(fit);
     };
-    std::ranges::for_each(law.others, take_if_better);
-    for (const std::vector<double>& spare : law.spares) {
+    if (has_refinements(*acting.back().entry)) {
+      const PeriodicFit plain =
+          fit_periodic(*family_, data, starts, with_refinements_held(acting), how);
+      if (plain.has_steady_state) {
+        from = {plain.parameters};
+        take_if_better(plain.laws.back().parameters);
+        from = starts;
+      }
+    }
+    std::ranges::for_each(laws.back().others, take_if_better);
+    for (const std::vector<double>& spare : laws.back().spares) {
       if (best.has_steady_state) break;
       take_if_better(spare);
     }
+  }
+
+  static constexpr double kUndecided = 10.0;  // of chi-square
+
+  // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out, as laws are
+  // (FitComparison::held_out_difference): a motion that only grazes a limit says little of where that is.
+  [[nodiscard]] bool is_better_valley(const PeriodicData& data, std::span<const LawStart> laws,
+                                      const PeriodicFit& fit, const PeriodicFit& than) const {
+    if (!fit.converged || !than.converged) return fit.converged;
+    const double difference = fit.chi_square - than.chi_square;
+    if (data.validation.empty() || std::abs(difference) > kUndecided || !is_another(fit, than)) {
+      return difference < 0.0;
+    }
+    const auto cost = [&](const PeriodicFit& each) {
+      const ExtendedFit reported = report(data, each, laws);
+      return graybox::predict_held_out(*family_, data, state_of(reported), values_of(reported),
+                                       options_.threads)
+          .cost.value_or(0.0);
+    };
+    return difference + kHeldOutShare * (cost(fit) - cost(than)) < 0.0;
+  }
+
+  // Farther away than its own errors allow.
+  [[nodiscard]] static bool is_another(const PeriodicFit& fit, const PeriodicFit& than) {
+    constexpr double kErrors = 3.0;
+    VectorXd change(than.information.rows());
+    Index k = than.parameters.size();
+    change.head(k) = fit.parameters - than.parameters;
+    for (std::size_t l = 0; l < than.laws.size(); ++l) {
+      for (std::size_t p = 0; p < than.laws[l].parameters.size(); ++p) {
+        change(k++) = fit.laws[l].parameters[p] - than.laws[l].parameters[p];
+      }
+    }
+    return change.dot(than.information * change) > kErrors * kErrors;
   }
 
   [[nodiscard]] PeriodicFit fit_from_freed(const PeriodicData& data, const PeriodicFitOptions& how,
@@ -381,85 +410,11 @@ class Problem : public MismatchProblem {
     return sum / count;
   }
 
-  // Forces with slopes that vary.
-  [[nodiscard]] static bool has_varying_slopes(const ActingLaw& law) {
-    if (is_body(*law.place, *law.entry) || law.entry->name == "offset") return false;
-    return !PeriodicLaw(*law.entry, law.parameters).is_linear();
-  }
-
   void clear_with(const PeriodicFit& fit) {
     constexpr double kAtRest = 0.1;  // standard errors
     cleared_start_ = fit_and_clear_transients(*family_, fit, reading_, how_to_fit(), kAtRest, data_)
                          .fit.parameters;
   }
-
-  static constexpr double kPlain = 0.05;
-  static constexpr double kShareOfFree = 0.1;  // that laws may make of the free motion
-
-  [[nodiscard]] std::optional<TimeVariation> time_variation_in(const PeriodicData& data,
-                                                               const ModelState& model, double gain,
-                                                               double left) const {
-    const std::vector<VariationScore> scores =
-        variation_scores(*family_, data, model, options_.threads);
-    const auto beyond = [](const VariationScore& score) {
-      return score.statistic - score.degrees_of_freedom;
-    };
-    const auto best = std::ranges::max_element(scores, {}, beyond);
-    if (best == scores.end() || !(best->degrees_of_freedom > 0.0)) return {};
-    if (beyond(*best) < made_of_free_motion(model, best->free_power, gain, left)) return {};
-    TimeVariation result;
-    result.place = best->place->location.name;
-    result.coefficient = coefficient_name(best->coefficient);
-    result.unit = unit_at(coefficient_unit(best->coefficient), best->place->location.units);
-    result.p_value = std::min(1.0, static_cast<double>(scores.size()) *
-                                       chi_square_tail(best->statistic, best->degrees_of_freedom));
-    result.deviation = best->deviation;
-    result.frequency = best->frequency;
-    result.duration = best->duration;
-    result.course = best->course;
-    constexpr double kAsWell = 10.0;  // of chi-square
-    for (const VariationScore& score : scores) {
-      if (&score == &*best || beyond(score) < beyond(*best) - kAsWell) continue;
-      result.alternatives.push_back(coefficient_name(score.coefficient) + " at " +
-                                    score.place->location.name);
-    }
-    return result;
-  }
-
-  // The most that forces with slopes that vary make of the free motion: a share of it, and of what they do at
-  // all. `left`: chi-square that no law explains, which may be such a force; of the model's own laws nothing is known.
-  [[nodiscard]] double made_of_free_motion(const ModelState& model, double free_power, double gain,
-                                           double left) const {
-    if (std::ranges::any_of(base_laws_, has_varying_slopes)) return kShareOfFree * free_power;
-    const double of_laws =
-        std::ranges::any_of(model.laws, has_varying_slopes) ? std::max(gain, 0.0) : 0.0;
-    return kShareOfFree * std::min(free_power, of_laws + left);
-  }
-
-  static std::string coefficient_name(Coefficient coefficient) {
-    switch (coefficient) {
-      case Coefficient::kStiffness:
-        return "stiffness";
-      case Coefficient::kDamping:
-        return "damping";
-      case Coefficient::kGain:
-        break;
-    }
-    return "gain";
-  }
-  static std::string coefficient_unit(Coefficient coefficient) {
-    switch (coefficient) {
-      case Coefficient::kStiffness:
-        return "F/x";
-      case Coefficient::kDamping:
-        return "F s/x";
-      case Coefficient::kGain:
-        break;
-    }
-    return "1";
-  }
-
-  static constexpr int kChunks = 8;  // of recordings, whose sums are added in order
 
   void list_base_laws() {
     const std::vector<Element>& elements = family_->elements();
@@ -527,88 +482,6 @@ class Problem : public MismatchProblem {
     return evaluate_model(*family_, data_, parameters, std::move(laws), true, options_.threads);
   }
 
-  // Works through recordings in chunks that do not depend on the number of threads.
-  template <typename Work>
-  void for_each_record(const std::vector<MeasuredRecord>& records, const Work& work) const {
-#pragma omp parallel num_threads(options_.threads)
-    {
-      SteadyStateSolver solver(*family_, data_, {});
-#pragma omp for schedule(dynamic)
-      for (int chunk = 0; chunk < kChunks; ++chunk) {
-        const std::size_t first = records.size() * at(chunk) / kChunks;
-        const std::size_t last = records.size() * (at(chunk) + 1) / kChunks;
-        for (std::size_t i = first; i < last; ++i) work(solver, records[i], i, at(chunk));
-      }
-    }
-  }
-
-  // Scaled so that the chi-square test holds although the noise is an estimate itself.
-  [[nodiscard]] Assessment judged(const std::vector<MeasuredRecord>& records, double chi_square,
-                                  double degrees_of_freedom) const {
-    Assessment result;
-    result.degrees_of_freedom = effective_degrees_of_freedom(data_, records, degrees_of_freedom);
-    result.chi_square = chi_square * result.degrees_of_freedom / degrees_of_freedom;
-    return result;
-  }
-
-  [[nodiscard]] Assessment assess(const ModelState& model,
-                                  const std::vector<MeasuredRecord>& records,
-                                  std::size_t parameters) const {
-    const auto outputs = static_cast<Index>(data_.outputs.size());
-    std::vector<double> chi_square(records.size());
-    std::vector<VectorXd> error(records.size()), signal(records.size());
-    for_each_record(records, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
-                                 std::size_t i, std::size_t) {
-      const SteadyState& state = solver.solve(model, record, nullptr);
-      chi_square[i] = state.chi_square;
-      const Index count = data_.line_count();
-      error[i] = (record.output - state.output).rightCols(count).rowwise().squaredNorm();
-      signal[i] = record.output.rightCols(count).rowwise().squaredNorm();
-    });
-    double sum = 0.0;
-    VectorXd errors = VectorXd::Zero(outputs), signals = VectorXd::Zero(outputs);
-    for (std::size_t i = 0; i < records.size(); ++i) {
-      sum += chi_square[i];
-      errors += error[i];
-      signals += signal[i];
-    }
-    Assessment result =
-        judged(records, sum, data_.numbers_in(records) - static_cast<double>(parameters));
-    const double share = errors.cwiseQuotient(signals).mean();
-    result.nrmse = 100.0 * std::sqrt(share);
-    result.variance_accounted_for = 100.0 * (1.0 - share);
-    return result;
-  }
-
-  // J^T J, J^T r and r^T r of all parameters over some recordings.
-  struct Linearised {
-    MatrixXd information;
-    VectorXd scores;
-    double chi_square = 0.0;
-  };
-  [[nodiscard]] Linearised linearised(const ModelState& model,
-                                      const std::vector<MeasuredRecord>& records) const {
-    std::vector<Linearised> sums(records.size());
-    for_each_record(records, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
-                                 std::size_t i, std::size_t) {
-      const SteadyState& state = solver.solve(model, record, nullptr);
-      VectorXcd residual = state.residual.reshaped();
-      MatrixXcd jacobian;
-      solver.differentiate(model, record, true, jacobian);
-      record.decorrelate(residual);
-      record.decorrelate(jacobian);
-      sums[i] = {as_real(jacobian).transpose() * as_real(jacobian),
-                 as_real(jacobian).transpose() * as_real(residual), state.chi_square};
-    });
-    Linearised total = sums.front();
-    for (std::size_t i = 1; i < sums.size(); ++i) {
-      total.information += sums[i].information;
-      total.scores += sums[i].scores;
-      total.chi_square += sums[i].chi_square;
-    }
-    return total;
-  }
-
   // Of the model's parameters, then of the laws'.
   [[nodiscard]] static VectorXd values_of(const ExtendedFit& fit) {
     std::vector<double> values;
@@ -617,15 +490,6 @@ class Problem : public MismatchProblem {
       for (const LawParameterEstimate& each : law.parameters) values.push_back(each.value);
     }
     return Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size()));
-  }
-
-  // log det(1 + D S D), D the parameters' values: of information and a prior as wide as these, over the prior's.
-  [[nodiscard]] static double log_determinant(const MatrixXd& information, const VectorXd& values) {
-    if (values.size() == 0) return 0.0;
-    const MatrixXd whole = values.asDiagonal() * information * values.asDiagonal();
-    if (!whole.allFinite()) return std::numeric_limits<double>::infinity();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(whole, Eigen::EigenvaluesOnly);
-    return eigen.eigenvalues().array().max(0.0).log1p().sum();
   }
 
   [[nodiscard]] ExtendedFit report(const PeriodicData& data, const PeriodicFit& fitted,
@@ -661,9 +525,10 @@ class Problem : public MismatchProblem {
     }
     result.deviance = fitted.chi_square;
     result.laws_information = information_of_laws(fitted, result.model_parameters.size());
-    result.estimation = assess(
+    result.estimation = assess_records(
+        *family_, data_,
         evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
-        data.estimation, result.parameter_count);
+        data.estimation, result.parameter_count, options_.threads);
     return result;
   }
 
@@ -687,12 +552,11 @@ class Problem : public MismatchProblem {
     MatrixXd information = fitted.information.bottomRightCorner(count, count);
     if (own > 0) {
       const MatrixXd cross = fitted.information.topRightCorner(own, count);
-      information -= cross.transpose() * solved(fitted.information.topLeftCorner(own, own), cross);
+      information -=
+          cross.transpose() * solve_information(fitted.information.topLeftCorner(own, own), cross);
     }
-    return log_determinant(information, values);
+    return log_determinant_with_prior(information, values);
   }
-
-  // ---- scores --------------------------------------------------------------------------------------
 
   // Far beyond any level of detection, so that a motion that holds noise of the residuals is taken only
   // where tests of single hypotheses no longer decide whether anything is missing.
@@ -700,24 +564,6 @@ class Problem : public MismatchProblem {
     constexpr double kLevel = 1e-6;
     return chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) < kLevel;
   }
-
-  [[nodiscard]] std::map<const CandidatePlace*, MotionScale> motion_scales(
-      const ModelState& model, std::span<const std::size_t> asked, bool follows_data) const;
-  [[nodiscard]] std::vector<Candidate> candidates(
-      std::span<const std::size_t> asked,
-      const std::map<const CandidatePlace*, MotionScale>& scales) const;
-  [[nodiscard]] std::vector<std::vector<PlantChange>> body_changes(
-      const ModelState& model, const std::vector<Candidate>& list) const;
-  struct ShapeStart {
-    double statistic = 0.0;
-    int valley = -1;
-    std::vector<double> parameters;
-  };
-  static std::vector<std::vector<double>> other_starts(std::vector<ShapeStart> starts,
-                                                       const std::vector<double>& best);
-  [[nodiscard]] std::vector<double> parameters_with(const ModelState& model, const BlockSums& own,
-                                                    const MatrixXd& nuisance,
-                                                    const VectorXd& amplitudes) const;
 
   // Shared with renewed problems, whose hypotheses point into it.
   std::shared_ptr<const PlantFamily> family_;
@@ -748,326 +594,6 @@ class Problem : public MismatchProblem {
   std::vector<const CandidatePlace*> places_;  // of each hypothesis
   std::vector<const LawEntry*> entries_;
 };
-
-std::map<const CandidatePlace*, MotionScale> Problem::motion_scales(
-    const ModelState& model, std::span<const std::size_t> asked, bool follows_data) const {
-  constexpr Index kSamples = 48;  // of each recording
-  std::map<const CandidatePlace*, MotionScale> scales;
-  for (const std::size_t hypothesis : asked) scales[places_[hypothesis]];
-  std::vector<const CandidatePlace*> list;
-  for (const auto& [place, scale] : scales) {
-    if (!place->location.is_flange) list.push_back(place);
-  }
-  struct Values {
-    VectorXd deflections, excursions, rates;
-  };
-  const std::size_t records = data_.estimation.size();
-  std::vector<std::vector<Values>> values(records);  // of each place
-  std::vector<std::vector<double>> ranges(records);
-  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
-                                        std::size_t i, std::size_t) {
-    solver.solve(model, record, nullptr);
-    const PlaceObserver observer(solver, model, data_, follows_data);
-    MatrixXcd answer;
-    PeriodicMotion motion;
-    for (const CandidatePlace* place : list) {
-      answer_at(solver, model, record, place->location, answer);
-      VectorXcd deflection = observer.observe(record, place->location, answer).deflection;
-      if (place->location.kind == LocationKind::kActuator) {
-        deflection(0) +=
-            solver.static_scale() *
-            model.positions[record.position].plant.holding_input(place->location.channel);
-      }
-      solver.motion_of(deflection, motion);
-      const Index step = std::max<Index>(1, motion.deflection.size() / kSamples);
-      const auto samples = Eigen::seq(0, motion.deflection.size() - 1, step);
-      const VectorXd excursion = motion.deflection.array() - motion.deflection.mean();
-      values[i].push_back({motion.deflection(samples).cwiseAbs(), excursion(samples).cwiseAbs(),
-                           motion.rate(samples).cwiseAbs()});
-      ranges[i].push_back(motion.deflection.maxCoeff() - motion.deflection.minCoeff());
-    }
-  });
-  for (std::size_t p = 0; p < list.size(); ++p) {
-    MotionScale& scale = scales[list[p]];
-    for (std::size_t i = 0; i < records; ++i) {
-      const auto& [deflections, excursions, rates] = values[i][p];
-      scale.deflections.insert(scale.deflections.end(), deflections.begin(), deflections.end());
-      scale.excursions.insert(scale.excursions.end(), excursions.begin(), excursions.end());
-      scale.rates.insert(scale.rates.end(), rates.begin(), rates.end());
-      scale.range = std::max(scale.range, ranges[i][p]);
-    }
-    std::ranges::sort(scale.deflections);
-    std::ranges::sort(scale.excursions);
-    std::ranges::sort(scale.rates);
-  }
-  return scales;
-}
-
-std::vector<Candidate> Problem::candidates(
-    std::span<const std::size_t> asked,
-    const std::map<const CandidatePlace*, MotionScale>& scales) const {
-  constexpr double kTurn = 2.0 * std::numbers::pi;
-  const FrequencyBand band{data_.frequencies[data_.excited.front()] / kTurn,
-                           data_.frequencies[data_.excited.back()] / kTurn};
-  std::vector<Candidate> list;
-  std::size_t column = 0;
-  for (const std::size_t hypothesis : asked) {
-    Candidate candidate{hypothesis, places_[hypothesis], entries_[hypothesis], {}, column, 0};
-    if (!list.empty()) {
-      const Candidate& last = list.back();
-      const bool is_same =
-          last.place == candidate.place &&
-          is_body(*last.place, *last.entry) == is_body(*candidate.place, *candidate.entry) &&
-          may_follow_data(*last.entry) == may_follow_data(*candidate.entry);
-      candidate.block = last.block + (is_same ? 0 : 1);
-    }
-    candidate.shapes =
-        periodic_shapes(*candidate.entry, *candidate.place, scales.at(candidate.place), band);
-    for (const LawShape& shape : candidate.shapes) column += shape.basis.size();
-    list.push_back(std::move(candidate));
-  }
-  return list;
-}
-
-// [position][column of body laws, in the candidates' order]
-std::vector<std::vector<PlantChange>> Problem::body_changes(
-    const ModelState& model, const std::vector<Candidate>& list) const {
-  std::vector<std::vector<PlantChange>> changes(data_.positions.size());
-#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-  for (std::size_t i = 0; i < changes.size(); ++i) {
-    const LinearPlant& plain = model.positions[i].plant;
-    for (const Candidate& candidate : list) {
-      if (!is_body(*candidate.place, *candidate.entry)) continue;
-      for (const LawShape& shape : candidate.shapes) {
-        std::vector<Element> bodies = model.bodies;
-        Element& body = bodies.emplace_back();
-        body.location = candidate.place->location;
-        body.law_name = candidate.entry->name;
-        body.use = candidate.entry->use;
-        body.parameters = shape.basis.front();
-        // The change is linear in the amplitude.
-        const double small = 10.0 * small_change(plain, body, 1.0);
-        body.parameters.front() *= small;
-        const LinearPlant changed = family_->plant(data_.positions[i], model.parameters, bodies);
-        changes[i].push_back(entries_of({(changed.mass - plain.mass) / small,
-                                         {},
-                                         (changed.stiffness - plain.stiffness) / small,
-                                         (changed.rest - plain.rest) / small}));
-      }
-    }
-  }
-  return changes;
-}
-
-// The plant's parameters that go with these amplitudes, kept positive where they must be.
-std::vector<double> Problem::parameters_with(const ModelState& model, const BlockSums& own,
-                                             const MatrixXd& nuisance,
-                                             const VectorXd& amplitudes) const {
-  const VectorXd change = solved(own.information, own.scores - nuisance.transpose() * amplitudes);
-  std::vector<double> values;
-  for (std::size_t p = 0; p < family_->parameters().size(); ++p) {
-    const double now = model.parameters(static_cast<Index>(p));
-    const double then = now + change(static_cast<Index>(p));
-    values.push_back(family_->parameters()[p].positive ? std::clamp(then, 0.5 * now, 2.0 * now)
-                                                       : then);
-  }
-  return values;
-}
-
-// The best few besides, each of another valley.
-std::vector<std::vector<double>> Problem::other_starts(std::vector<ShapeStart> starts,
-                                                       const std::vector<double>& best) {
-  constexpr std::size_t kOthers = 7;
-  std::ranges::stable_sort(starts, std::greater{}, &ShapeStart::statistic);
-  std::set<int> valleys;
-  for (const ShapeStart& start : starts) {
-    if (start.parameters == best && start.valley >= 0) valleys.insert(start.valley);
-  }
-  std::vector<std::vector<double>> others;
-  for (ShapeStart& start : starts) {
-    const bool is_new =
-        start.valley < 0 ? start.parameters != best : valleys.insert(start.valley).second;
-    if (is_new && others.size() < kOthers) others.push_back(std::move(start.parameters));
-  }
-  return others;
-}
-
-ScoreTable Problem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
-                           int null_draws, std::uint64_t seed) const {
-  const ModelState model = state_of(fit);
-  const bool follows_data = is_clearly_wrong(fit);
-  const std::vector<Candidate> list = candidates(asked, motion_scales(model, asked, follows_data));
-  const auto bodies = body_changes(model, list);
-  CandidateSums empty;
-  Index columns = 0;
-  for (const Candidate& candidate : list) {
-    for (const LawShape& shape : candidate.shapes) {
-      const auto size = static_cast<Index>(shape.basis.size());
-      empty.information.push_back(MatrixXd::Zero(size, size));
-      columns += size;
-    }
-  }
-  auto parameters = static_cast<Index>(family_->parameters().size());
-  for (const ActingLaw& law : model.laws) parameters += static_cast<Index>(law.parameters.size());
-  empty.scores = MatrixXd::Zero(columns, 1 + null_draws);
-  empty.nuisance = empty.moved_nuisance = MatrixXd::Zero(columns, parameters);
-  const std::size_t blocks = list.empty() ? 0 : list.back().block + 1;
-  empty.blocks.assign(blocks, {MatrixXd::Zero(parameters, parameters), VectorXd::Zero(parameters)});
-  empty.own_information = MatrixXd::Zero(parameters, parameters);
-  empty.own_scores = MatrixXd::Zero(parameters, 1 + null_draws);
-  std::vector<CandidateSums> sums(kChunks, empty);
-  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
-                                        std::size_t i, std::size_t chunk) {
-    solver.solve(model, record, nullptr);
-    NoiseDraws draws(data_, record.group, null_draws, seed, i);
-    add_products(*family_, data_, model, solver, record, follows_data, list,
-                 bodies[record.position], std::move(draws), sums[chunk]);
-  });
-  for (int chunk = 1; chunk < kChunks; ++chunk) sums.front().add(sums[at(chunk)]);
-  const CandidateSums& total = sums.front();
-  const ScoreTest null_test({total.own_information, total.own_scores});
-  std::vector<ScoreTest> tests;
-  std::vector<double> by_parameters;  // what they explain under each block's motion, beyond the fit
-  for (const BlockSums& block : total.blocks) {
-    tests.emplace_back(NuisanceProducts{block.information, block.scores});
-    by_parameters.push_back(block.scores.dot(solved(block.information, block.scores).col(0)));
-  }
-  ScoreTable table;
-  table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
-  std::size_t shape_index = 0;
-  for (const Candidate& candidate : list) {
-    HypothesisScore& best = table.scores.emplace_back();
-    best.start.hypothesis = candidate.hypothesis;
-    best.shapes = candidate.shapes.size();
-    std::vector<ShapeStart> starts;
-    const LawParameter& leading = candidate.entry->parameters.front();
-    best.amplitude_unit = unit_at(leading.unit, candidate.place->location.units);
-    auto column = static_cast<Index>(candidate.first_column);
-    double head_start = 0.0;  // of the best
-    for (const LawShape& shape : candidate.shapes) {
-      const auto size = static_cast<Index>(shape.basis.size());
-      CandidateProducts products{total.information[shape_index++],
-                                 total.nuisance.middleRows(column, size),
-                                 total.scores.middleRows(column, size)};
-      if (null_draws > 0) null_test.lower_minimum_p_values(products, table.null_minima);
-      products.nuisance = total.moved_nuisance.middleRows(column, size);
-      products.scores = total.scores.col(0).segment(column, size);
-      column += size;
-      const CandidateScore score = tests[candidate.block].score(products);
-      if (score.degrees_of_freedom == 0.0) continue;
-      const std::vector<double> start = shape.parameters(score.amplitudes);
-      if (!start.empty()) starts.push_back({score.statistic, shape.valley, start});
-      const double statistic = score.statistic + by_parameters[candidate.block];
-      if (best.start.parameters.empty() ||
-          (!start.empty() && statistic + shape.head_start > best.score.statistic + head_start)) {
-        best.amplitude = score.amplitudes(0);
-        best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0));
-        if (start.empty()) continue;  // the sign that it found is impossible
-        head_start = shape.head_start;
-        best.score = score;
-        best.score.statistic = statistic;
-        best.start.parameters = start;
-        best.start.model_parameters = parameters_with(model, total.blocks[candidate.block],
-                                                      products.nuisance, score.amplitudes);
-      }
-    }
-    (has_many_valleys(*candidate.entry) ? best.start.others : best.start.spares) =
-        other_starts(std::move(starts), best.start.parameters);
-    best.explained_share =
-        fit.deviance > 0.0 ? std::min(1.0, best.score.statistic / fit.deviance) : 0.0;
-  }
-  return table;
-}
-
-std::vector<MismatchCell> Problem::mismatch(const ExtendedFit& fit) const {
-  constexpr int kBands = 5;
-  const ModelState model = state_of(fit);
-  std::vector<MatrixXd> power(data_.estimation.size());
-  for_each_record(data_.estimation, [&](SteadyStateSolver& solver, const MeasuredRecord& record,
-                                        std::size_t i, std::size_t) {
-    const SteadyState& state = solver.solve(model, record, nullptr);
-    VectorXcd residual = state.residual.reshaped();
-    record.decorrelate(residual);
-    power[i] = residual.reshaped(state.residual.rows(), state.residual.cols()).cwiseAbs2();
-  });
-  const double from = std::log(static_cast<double>(data_.first_line));
-  const double to = std::log(static_cast<double>(data_.last_line) + 1.0);
-  const auto band_of = [&](Index k) {
-    const double share = (std::log(static_cast<double>(k)) - from) / (to - from);
-    return std::min(kBands - 1, static_cast<int>(share * kBands));
-  };
-  std::map<std::tuple<std::size_t, double, Index, int>, MismatchCell> cells;
-  for (std::size_t i = 0; i < power.size(); ++i) {
-    const MeasuredRecord& record = data_.estimation[i];
-    for (Index c = 0; c < power[i].rows(); ++c) {
-      for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-        MismatchCell& cell = cells[{record.position, record.level, c, band_of(k)}];
-        const double frequency = data_.frequencies[at(k)] / (2.0 * std::numbers::pi);
-        if (cell.degrees_of_freedom == 0.0) {
-          cell.channel = data_.outputs[at(c)];
-          cell.position = data_.position_names[record.position];
-          cell.level = record.level;
-          cell.from = frequency;
-        }
-        cell.to = std::max(cell.to, frequency);
-        cell.statistic += power[i](c, k);
-        cell.degrees_of_freedom += 2.0;
-      }
-    }
-  }
-  std::vector<MismatchCell> result;
-  for (auto& [key, cell] : cells) result.push_back(std::move(cell));
-  return result;
-}
-
-// At the level where the laws of the fit move most: the recording of the largest force.
-std::vector<ForcePicture> Problem::force_pictures(const ExtendedFit& fit) const {
-  constexpr Index kPoints = 1500;
-  const ModelState model = state_of(fit);
-  std::vector<ForcePicture> pictures(fit.laws.size());
-  std::vector<double> largest(fit.laws.size(), -1.0);
-  SteadyStateSolver solver(*family_, data_, {});
-  MatrixXcd answer;
-  PeriodicMotion motion, left;
-  VectorXd law_force;
-  for (const MeasuredRecord& record : data_.estimation) {
-    solver.solve(model, record, nullptr);
-    for (std::size_t l = 0; l < fit.laws.size(); ++l) {
-      const ActingLaw& law = model.laws[base_laws_.size() + l];
-      const Location& place = law.place->location;
-      ForcePicture& picture = pictures[l];
-      picture.hypothesis = fit.laws[l].hypothesis;
-      const PeriodicLaw periodic(*law.entry, law.parameters);
-      if (place.kind != LocationKind::kElement || is_body(*law.place, *law.entry) ||
-          periodic.is_linear()) {
-        continue;
-      }
-      answer_at(solver, model, record, place, answer);
-      const PlaceMotion seen =
-          PlaceObserver(solver, model, data_, true).observe(record, place, answer);
-      solver.motion_of(seen.deflection, motion);
-      solver.motion_of(seen.force, left);
-      periodic.force(motion, law_force);
-      if (law_force.norm() <= largest[l]) continue;
-      largest[l] = law_force.norm();
-      picture.deflection_unit = place.units.deflection;
-      picture.rate_unit = place.units.deflection + "/s";
-      picture.force_unit = place.units.force;
-      const Index step = std::max<Index>(1, law_force.size() / kPoints);
-      for (auto* values :
-           {&picture.deflection, &picture.rate, &picture.force, &picture.law_force}) {
-        values->clear();
-      }
-      for (Index t = 0; t < law_force.size(); t += step) {
-        picture.deflection.push_back(motion.deflection(t));
-        picture.rate.push_back(motion.rate(t));
-        picture.force.push_back(law_force(t) + left.deflection(t));
-        picture.law_force.push_back(law_force(t));
-      }
-    }
-  }
-  return pictures;
-}
 
 }  // namespace
 

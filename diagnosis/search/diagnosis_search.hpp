@@ -12,7 +12,8 @@
 //   3. While something is missing: rank all hypotheses by their score tests, refit with each of the best,
 //      keep the one with the least Bayesian information criterion
 //          BIC = deviance + parameters ln n,
-//      if its deviance falls by more than the family-wise chi-square threshold. Where recordings are many, the
+//      if its deviance falls by more than the family-wise chi-square threshold and, beside other laws, BIC by more than
+//      `exclusion_margin`. Where recordings are many, the
 //      best are fitted to the few that tell most first (MismatchProblem::fit_to_few), and only those that are not
 //      far behind there to all. Where the noise is not
 //      known, it may have any memory, and n is not known either. There a law must be significant by a Wald
@@ -31,10 +32,9 @@
 //      for one that is not there.
 //      Where only a fit with laws comes near enough to free the recordings of the plant's free motion, that is done
 //      with it before another is looked for. Laws then far behind it are not fitted again.
-//   4. Prune backwards: laws without which BIC is lower (or that do not predict, as in step 3) go, where
-//      what is left without them is no more than noise also those without which it is not higher by more
-//      than `exclusion_margin`, and laws that only generalise another of fewer parameters give way to it
-//      unless they are better by `exclusion_margin` (predict better). Where the noise is not known, laws
+//   4. Prune backwards: laws without which BIC is not higher by more than `exclusion_margin` go (or those that do not
+//      predict, as in step 3), for the model without a law is a rival of the one with it, and laws that only generalise
+//      another of fewer parameters give way to it unless they are better by `exclusion_margin` (predict better). Where the noise is not known, laws
 //      for which another predicts better now are exchanged, and steps 3 and 4 repeated.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those that are not worse by
 //      `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does not

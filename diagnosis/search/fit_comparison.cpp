@@ -15,10 +15,6 @@ constexpr double kContradicted = 100.0;
 // And how much larger than another's it must be there, for that one to take its place.
 constexpr double kSpeaksForAnother = 10.0;
 
-// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
-// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
-constexpr double kHeldOutShare = 0.5;
-
 // Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what they make of others.
 constexpr double kDecided = 10.0;
 

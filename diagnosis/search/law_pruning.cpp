@@ -41,8 +41,8 @@ bool is_superfluous(const SearchState& state, const ExtendedFit& without) {
   if (!state.problem->noise_is_known()) {
     return !state.compare.predicts_better(without, state.result.after, kExclusionErrors);
   }
-  const double margin = state.compare.rest_is_noise(without) ? state.options.exclusion_margin : 0.0;
-  return state.compare.bic(without) <= state.compare.bic(state.result.after) + margin;
+  return state.compare.bic(without) <=
+         state.compare.bic(state.result.after) + state.options.exclusion_margin;
 }
 
 void prune_laws(SearchState& state) {

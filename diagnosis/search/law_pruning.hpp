@@ -10,8 +10,8 @@ namespace graybox {
 // all of them far off.
 ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law);
 
-// Where the noise is known, so is a law that is not better beyond the margin, if what is left without
-// it is no more than noise.
+// Where the noise is known, the model without a law is a rival as others are: superfluous is a law that does not exclude
+// it. Else one that does not predict.
 bool is_superfluous(const SearchState& state, const ExtendedFit& without);
 
 // Until none is superfluous, or one is left.
