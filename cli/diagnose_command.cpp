@@ -1,10 +1,10 @@
 // `graybox diagnose`: what physics a model lacks, from recordings.
 #include <fmt/format.h>
-
 #include <unistd.h>
-#include <Eigen/Core>
 
+#include <Eigen/Core>
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -37,7 +37,21 @@ struct Arguments {
   std::vector<std::string> law_files, place_files;
   int threads = 1;
   bool json = false;
+  std::optional<double> time_limit;  // s
   SearchOptions search;
+};
+
+// Whether to go on: not after Ctrl-C, nor after the time that was given.
+class Patience {
+ public:
+  explicit Patience(std::optional<double> seconds) {
+    if (seconds) until_ = Clock::now() + std::chrono::duration<double>(*seconds);
+  }
+  [[nodiscard]] bool lasts() const { return !interrupted() && (!until_ || Clock::now() < *until_); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::optional<std::chrono::time_point<Clock, std::chrono::duration<double>>> until_;
 };
 
 // The steps of the search, on one line of a terminal that is rewritten.
@@ -164,6 +178,7 @@ int exit_code_of(const Diagnosis& diagnosis) {
 }
 
 int execute(Arguments& arguments) {
+  const Patience patience(arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
   std::optional<ReportFolder> folder;
@@ -172,16 +187,16 @@ int execute(Arguments& arguments) {
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
       arguments.model, campaign,
       {.threads = arguments.threads,
-       .keep_going = [] { return !interrupted(); },
+       .keep_going = [patience] { return patience.lasts(); },
        .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
   require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
   catch_interrupts();
   Diagnosis diagnosis;
   {
     const StepProgress progress;
-    arguments.search.proceed = [&progress](const std::string& step) {
+    arguments.search.proceed = [&progress, &patience](const std::string& step) {
       progress.show(step);
-      return !interrupted();
+      return patience.lasts();
     };
     diagnosis = diagnose(*problem, arguments.search);
   }
@@ -241,6 +256,10 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
                       "places of your own, graybox-places/1 files, besides those of the model");
   command->add_flag("--ignore-faults", arguments->search.ignore_channel_faults,
                     "search although wires, signs or units look wrong");
+  command
+      ->add_option("--time-limit", arguments->time_limit,
+                   "stop after so many seconds with what has been found until then")
+      ->check(CLI::Range(0.01, 1e6));
   command->add_option("--seed", arguments->search.seed, "of the draws that calibrate the tests")
       ->capture_default_str();
   command->add_flag("--json", arguments->json, "print one machine-readable line");

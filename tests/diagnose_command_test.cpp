@@ -122,6 +122,17 @@ TEST_F(Diagnose, ExplainsFrictionAndWritesAReport) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 }
 
+// Long before anything could be found.
+TEST_F(Diagnose, StopsAfterItsTimeAndSaysSo) {
+  simulate(kFriction);
+  const Json found = verdict("-o report --time-limit 0.01", 1);
+  EXPECT_EQ(found["verdict"], "unknown");
+  EXPECT_EQ(found["interrupted"], true);
+  EXPECT_EQ(found["words"][0], "Stopped before a verdict; this is what was found until then.");
+  EXPECT_EQ(Json::parse(read_text(folder_.file("report/verdict.json"))), found);
+  EXPECT_EQ(verdict("--time-limit 1000")["interrupted"], false);
+}
+
 // Weak friction at one level looks like other things; the experiment that graybox designs excludes the
 // nearest of them.
 TEST_F(Diagnose, DesignsTheExperimentThatTells) {
@@ -324,6 +335,7 @@ TEST_F(Diagnose, RefusesBadInput) {
   expect_refused("diagnose model.yaml campaign --without glue", "glue");
   expect_refused("diagnose model.yaml campaign --laws model.yaml", "format");
   expect_refused("diagnose model.yaml campaign --level 2", "level");
+  expect_refused("diagnose model.yaml campaign --time-limit 0", "time-limit");
 }
 
 }  // namespace
