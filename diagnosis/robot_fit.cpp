@@ -191,7 +191,6 @@ class RobotFit {
     // Forces that are not linear need the motion's harmonics as well.
     if (!is_full) reading.line_factor = 1.0;
     reading.threads = options_.threads;
-    reading.keep_going = options_.keep_going;
     PeriodicData data = read_periodic_data(campaign_, *family, reading);
     if (data.estimation.front().output_bins.size() == 0) {
       throw InputError(campaign_.file.string() +

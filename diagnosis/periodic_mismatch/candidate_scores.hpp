@@ -7,9 +7,9 @@
 #include <span>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/periodic_mismatch/model_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

@@ -25,6 +25,7 @@ std::string coefficient_name(Coefficient coefficient) {
   }
   return "gain";
 }
+
 std::string coefficient_unit(Coefficient coefficient) {
   switch (coefficient) {
     case Coefficient::kStiffness:

@@ -14,14 +14,6 @@ namespace {
 
 constexpr int kRounds = 10;
 
-Eigen::VectorXd values_of(const PeriodicFit& fit) {
-  std::vector<double> values(fit.parameters.begin(), fit.parameters.end());
-  for (const ActingLaw& law : fit.laws) {
-    values.insert(values.end(), law.parameters.begin(), law.parameters.end());
-  }
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-}
-
 // In standard errors of the second fit.
 double largest_move(const PeriodicFit& from, const PeriodicFit& to) {
   const Eigen::VectorXd errors = standard_errors(to.information);

@@ -5,6 +5,7 @@
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
+#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

@@ -5,14 +5,15 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/periodic_mismatch/model_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 
 // One of each law of the model from the first asked for on, in their order, `hypothesis` left open; empty for laws that
-// are no function of motion at an element. Of the recording with the largest force.
+// are linear, part of the plant or of a channel. Of the recording with the largest force.
+// Cost: a steady state for each recording, on one thread.
 [[nodiscard]] std::vector<ForcePicture> law_pictures(const PlantFamily& family,
                                                      const PeriodicData& data,
                                                      const ModelState& model, std::size_t first);

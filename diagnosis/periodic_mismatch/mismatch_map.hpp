@@ -4,13 +4,13 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/periodic_mismatch/model_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 
-// Of the recordings of the fit; bands of equal width in the logarithm of frequency.
+// Cost: a steady state for each recording. Of the recordings of the fit; bands of equal width in the logarithm of frequency.
 [[nodiscard]] std::vector<MismatchCell> mismatch_map(const PlantFamily& family,
                                                      const PeriodicData& data,
                                                      const ModelState& model, int threads);

@@ -1,7 +1,8 @@
 // A model with laws at one value of its parameters: what each position answers at each line, and the laws beside it.
 //
 // Laws are forces of their own (steady_state.hpp solves for those), or part of the plant (bodies).
-// Cost: a factorisation of n coordinates for each position and line, and as many again for each body parameter.
+// Cost: a factorisation of n coordinates for each position and line, and two plants more a position for each body
+// parameter.
 #pragma once
 
 #include <Eigen/Core>

@@ -144,7 +144,6 @@ class Reader {
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t k = 0; k < read.size(); ++k) {
       try {
-        if (options_.keep_going && !options_.keep_going()) continue;
         read[k] = read_record(k);
       } catch (...) {
         const std::scoped_lock lock(guard);

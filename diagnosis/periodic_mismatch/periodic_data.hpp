@@ -14,7 +14,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,7 +31,6 @@ struct PeriodicDataOptions {
   double noise_samples = 200.0;
   double model_accuracy = 1e-6;
   int threads = 1;
-  std::function<bool()> keep_going;
 };
 
 // Degrees of freedom that a covariance of so many outputs is pooled to.

@@ -74,7 +74,7 @@ constexpr double kFirstDamping = 1e-3;
 constexpr double kReleased = 0.04;
 constexpr int kSmallSteps = 4;
 
-// A fit that may be given up has had so many steps, of which the best of the last few is what each to come may gain.
+// A fit that may be given up has had so many steps; the best of the last few that led on is what each to come may gain.
 constexpr int kStepsAtLeast = 10;
 constexpr std::size_t kRecentSteps = 5;
 
@@ -141,8 +141,8 @@ class PeriodicFitter {
         may_leave_valley = next.chi_square < now.chi_square;
       }
       const double gain = gain_of(now, next);
-      gains_.push_back(gain);
       if (gain >= 0.0) {
+        gains_.push_back(gain);
         now = std::move(next);
         damping.after_gain(gain, predicted);
       } else {
@@ -154,6 +154,7 @@ class PeriodicFitter {
         damping.failed = 0.0;
       } else if (!exact) {
         exact = true;
+        gains_.clear();
         now = evaluate(now.values, &now.forces, exact);
         small_steps = 0;
         may_leave_valley = true;
@@ -178,8 +179,8 @@ class PeriodicFitter {
   // Below options.to_beat in the steps that are left. Derivatives must be exact: with these it may get out of a bend.
   [[nodiscard]] bool cannot_win(const Evaluation& now, int iterations) const {
     if (!std::isfinite(options_.to_beat) || iterations < kStepsAtLeast) return false;
-    const auto recent = std::span(gains_).last(std::min(kRecentSteps, gains_.size()));
-    const double largest = std::max(0.0, *std::ranges::max_element(recent));
+    if (gains_.size() < kRecentSteps) return false;
+    const double largest = *std::ranges::max_element(std::span(gains_).last(kRecentSteps));
     return now.chi_square - (options_.iteration_limit - iterations) * largest > options_.to_beat;
   }
 
@@ -471,7 +472,7 @@ class PeriodicFitter {
   const std::vector<ActingLaw>& laws_;
   const PeriodicFitOptions& options_;
   std::vector<Unknown> unknowns_;
-  std::vector<double> gains_;  // of each step
+  std::vector<double> gains_;  // of each step that led on, since derivatives are exact
   double expected_ = 0.0;      // chi-square of nothing but noise
 };
 
@@ -491,6 +492,14 @@ double multiple_along(const MatrixXd& matrix, const VectorXd& b) {
 double share_beside_freed(const PeriodicData& data) {
   const auto outputs = static_cast<double>(data.outputs.size());
   return (outputs - 1.0) / outputs;
+}
+
+VectorXd values_of(const PeriodicFit& fit) {
+  std::vector<double> values(fit.parameters.begin(), fit.parameters.end());
+  for (const ActingLaw& law : fit.laws) {
+    values.insert(values.end(), law.parameters.begin(), law.parameters.end());
+  }
+  return Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size()));
 }
 
 VectorXd standard_errors(const MatrixXd& information) {

@@ -23,7 +23,8 @@ struct PeriodicFitOptions {
   double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
-  // A chi-square that is known: a fit that creeps so that all its steps to come would not get below it is given up.
+  // A chi-square that is known: a fit that creeps so that it would not get below that within the limit, each step as good
+  // as the best of its last five, is given up. It has not converged then.
   double to_beat = std::numeric_limits<double>::infinity();
   // Estimation records that a fit comes near by; empty: telling_recordings() at the first start.
   std::vector<std::size_t> telling = {};
@@ -59,6 +60,9 @@ struct PeriodicFit {
                                        const std::vector<Eigen::VectorXd>& starts,
                                        const std::vector<ActingLaw>& laws,
                                        const PeriodicFitOptions& options);
+
+// Parameters of the model, then of each law.
+[[nodiscard]] Eigen::VectorXd values_of(const PeriodicFit& fit);
 
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.

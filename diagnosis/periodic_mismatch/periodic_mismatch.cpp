@@ -8,7 +8,10 @@
 #include <numeric>
 #include <optional>
 #include <set>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/candidate_scores.hpp"
 #include "graybox/diagnosis/periodic_mismatch/changing_coefficient.hpp"
@@ -287,12 +290,16 @@ class Problem : public MismatchProblem {
                        const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
                        std::span<const LawStart> laws, PeriodicFit& best) const {
     std::vector<VectorXd> from = starts;
+    double least = std::numeric_limits<double>::infinity();  // of all valleys
     const auto take_if_better = [&](const std::vector<double>& parameters) {
       acting.back().parameters = parameters;
       PeriodicFitOptions rest = how;
-      if (best.converged) rest.to_beat = best.chi_square + kUndecided;
+      if (best.converged) {
+        least = std::min(least, best.chi_square);
+        rest.to_beat = data.validation.empty() ? least : least + kUndecided;
+      }
       PeriodicFit fit = fit_periodic(*family_, data, from, acting, rest);
-      if (is_better_valley(data, laws, fit, best)) best = std::move(fit);
+      if (is_better_valley(data, fit, best)) best = std::move(fit);
     };
     if (has_refinements(*acting.back().entry)) {
       const PeriodicFit plain =
@@ -313,21 +320,25 @@ class Problem : public MismatchProblem {
   static constexpr double kUndecided = 10.0;  // of chi-square
 
   // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out, as laws are
-  // (FitComparison::held_out_difference): a motion that only grazes a limit says little of where that is.
-  [[nodiscard]] bool is_better_valley(const PeriodicData& data, std::span<const LawStart> laws,
-                                      const PeriodicFit& fit, const PeriodicFit& than) const {
+  // (FitComparison::held_out_difference): a motion that only grazes a limit says little of where that is. Not in a race,
+  // which knows none kept out.
+  [[nodiscard]] bool is_better_valley(const PeriodicData& data, const PeriodicFit& fit,
+                                      const PeriodicFit& than) const {
     if (!fit.converged || !than.converged) return fit.converged;
     const double difference = fit.chi_square - than.chi_square;
     if (data.validation.empty() || std::abs(difference) > kUndecided || !is_another(fit, than)) {
       return difference < 0.0;
     }
     const auto cost = [&](const PeriodicFit& each) {
-      const ExtendedFit reported = report(data, each, laws);
-      return graybox::predict_held_out(*family_, data, state_of(reported), values_of(reported),
+      const ModelState model =
+          evaluate_model(*family_, data, each.parameters, each.laws, true, options_.threads);
+      return graybox::predict_held_out(*family_, data, model, graybox::values_of(each),
                                        options_.threads)
           .cost.value_or(0.0);
     };
-    return difference + kHeldOutShare * (cost(fit) - cost(than)) < 0.0;
+    const double of_fit = cost(fit), of_other = cost(than);
+    const double held_out = of_fit == of_other ? 0.0 : of_fit - of_other;  // both may be infinite
+    return difference + kHeldOutShare * held_out < 0.0;
   }
 
   // Farther away than its own errors allow.
@@ -605,7 +616,6 @@ std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem
   reading.line_factor = options.line_factor;
   reading.model_accuracy = options.model_accuracy;
   reading.threads = options.threads;
-  reading.keep_going = options.keep_going;
   PeriodicData data = read_periodic_data(campaign, *family, reading);
   auto problem = std::make_unique<Problem>(std::move(family), std::move(data), reading, options);
   problem->clear_transients();

@@ -56,7 +56,7 @@ struct PeriodicMismatchOptions {
   double model_accuracy = 1e-6;      // of the equations' solution, relative to the outputs
   int iteration_limit = 60;          // of a fit
   int threads = 1;                   // results do not depend on it
-  std::function<bool()> keep_going;  // asked between recordings; false: fits end unusable
+  std::function<bool()> keep_going;  // asked between steps of fits; false: these end unusable
   std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
 };
 

@@ -1,6 +1,5 @@
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>

@@ -2,6 +2,7 @@
 // parameter.
 #include <algorithm>
 #include <cmath>
+#include <complex>
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/problems/frequency_response.hpp"

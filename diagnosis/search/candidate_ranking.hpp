@@ -1,32 +1,37 @@
 // Steps 3 and 5 of the search (diagnosis_search.hpp): which hypotheses are worth a refit, by their score tests.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "graybox/diagnosis/search/search_state.hpp"
 
 namespace graybox {
 
-// Of this one for some of its parameters, at the same place.
-bool is_special_case(const Hypothesis& plain, const Hypothesis& richer);
+// Whether `richer` is `plain` for some of its parameters, at the same place.
+[[nodiscard]] bool is_special_case(const Hypothesis& plain, const Hypothesis& richer);
 
 // Taken out of the catalogue.
-bool is_excluded(const SearchState& state, const Hypothesis& hypothesis);
+[[nodiscard]] bool is_excluded(const SearchState& state, const Hypothesis& hypothesis);
 
 // All hypotheses but those that are excluded, closed, only named or, unless repeatable, in the fit
 // already.
-std::vector<std::size_t> open_hypotheses(const SearchState& state, const ExtendedFit& fit);
+[[nodiscard]] std::vector<std::size_t> open_hypotheses(const SearchState& state,
+                                                       const ExtendedFit& fit);
 
 // By what their score tests gain over what their parameters cost, best first. `draws` of pure noise: see ScoreTable.
-ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit, int draws);
+[[nodiscard]] ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit,
+                                         int draws);
 
 // The best of the ranking, and besides the best law of each of the best places: laws at one place
 // crowd each other's neighbours out. Where the noise is known, laws besides that come close to the best at
 // its place, or as good as equal it anywhere: which of them it is only refits can tell.
-std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& table);
+[[nodiscard]] std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& table);
 
 // Laws for what is still missing where the rest is no more than noise. Score tests are exact for small effects:
-// only those that come close to the best are in question, if any of them may stand out: `to_stand_out`, of BIC.
-std::vector<LawStart> small_shortlist(const SearchState& state, const ScoreTable& table,
-                                      double to_stand_out);
+// only those that come close to the best are in question, if any of them may stand out: `to_stand_out`, of BIC. The table is not empty.
+[[nodiscard]] std::vector<LawStart> small_shortlist(const SearchState& state,
+                                                    const ScoreTable& table, double to_stand_out);
 
 // Where there are fewer places than room, with the next best at any: laws that are nearly alike must not
 // keep all others of a single axis out. Whether there were any.
@@ -38,7 +43,7 @@ bool fill_up_shortlist(const SearchState& state, const ScoreTable& table,
 void add_more_general(const SearchState& state, std::size_t found, const ScoreTable& table,
                       std::vector<LawStart>& candidates);
 
-// Seen by these recordings, allowed by its valleys, and not to wait.
-bool can_be_refitted(const SearchState& state, const HypothesisScore& score);
+// Seen by these recordings, with an amplitude of a possible sign, and its place open.
+[[nodiscard]] bool can_be_refitted(const SearchState& state, const HypothesisScore& score);
 
 }  // namespace graybox

@@ -29,10 +29,8 @@ void find_laws(SearchState& state) {
   add_missing_laws(state);
   prune_laws(state);
   simplify_laws(state);
-  if (!state.problem->noise_is_known()) {
-    exchange_laws(state);
-    prune_laws(state);  // beside laws made plainer another may no longer be missed
-  }
+  if (!state.problem->noise_is_known()) exchange_laws(state);
+  prune_laws(state);  // beside laws made plainer another may no longer be missed
   weigh_rivals(state);
 }
 
@@ -62,20 +60,6 @@ Verdict verdict_of(const Diagnosis& result) {
 }
 
 }  // namespace
-
-std::string_view to_string(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kNone:
-      return "none";
-    case Verdict::kExplained:
-      return "explained";
-    case Verdict::kAmbiguous:
-      return "ambiguous";
-    case Verdict::kUnknown:
-      break;
-  }
-  return "unknown";
-}
 
 Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
   SearchState state(problem, options);

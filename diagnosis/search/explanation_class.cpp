@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/problems/error.hpp"

@@ -37,6 +37,7 @@ bool fit_as_it_is(SearchState& state) {
   state.result.before = state.problem->fit({}, nullptr);
   if (!state.result.before.usable) {
     state.result.after = state.result.before;
+    if (!state.proceed("looking at the fit")) return false;  // it was stopped in the fit
     state.result.trouble = "the model as it is can't be fitted: " + state.result.before.trouble;
     return false;
   }

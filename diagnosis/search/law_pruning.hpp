@@ -7,12 +7,12 @@ namespace graybox {
 
 // From the parameters that the fit has with the law and, where the noise is known, anew from those without
 // any law and from the laws as they were ranked first: a law that stood in for another may have pulled
-// all of them far off.
-ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law);
+// all of them far off. Cost: up to three fits.
+[[nodiscard]] ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law);
 
-// Where the noise is known, the model without a law is a rival as others are: superfluous is a law that does not exclude
-// it. Else one that does not predict.
-bool is_superfluous(const SearchState& state, const ExtendedFit& without);
+// Where the noise is known: a law without which BIC is not higher by `exclusion_margin`, for the model without it is a
+// rival. Else one that does not predict.
+[[nodiscard]] bool is_superfluous(const SearchState& state, const ExtendedFit& without);
 
 // Until none is superfluous, or one is left.
 void prune_laws(SearchState& state);

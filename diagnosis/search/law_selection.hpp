@@ -9,6 +9,6 @@ namespace graybox {
 void add_missing_laws(SearchState& state);
 
 // A law more than those found so far, though what these leave is no more than noise.
-bool stands_out(const SearchState& state, const ExtendedFit& with);
+[[nodiscard]] bool stands_out(const SearchState& state, const ExtendedFit& with);
 
 }  // namespace graybox

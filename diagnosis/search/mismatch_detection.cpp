@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/problems/distributions.hpp"

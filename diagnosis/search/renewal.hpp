@@ -14,10 +14,10 @@ void renew_without_laws(SearchState& state);
 // they leave may be free motion. Not where the fit becomes no better by that: laws may meet free motion
 // in ways that its modes do not describe. Once; of many recordings, where that takes as long as all the
 // rest, not where what is left is no more than noise.
-bool renew_with_laws(SearchState& state);
+[[nodiscard]] bool renew_with_laws(SearchState& state);
 
 // Behind the law found, before recordings were freed of more: excluded by that.
-bool was_far_behind(SearchState& state, std::size_t hypothesis, std::size_t found,
-                    std::vector<Rival>& excluded);
+[[nodiscard]] bool was_far_behind(SearchState& state, std::size_t hypothesis, std::size_t found,
+                                  std::vector<Rival>& excluded);
 
 }  // namespace graybox

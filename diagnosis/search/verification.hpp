@@ -9,6 +9,6 @@ namespace graybox {
 void verify_rest(SearchState& state);
 
 // Where the noise is known: the tests of practical size.
-bool rest_passes(SearchState& state);
+[[nodiscard]] bool rest_passes(SearchState& state);
 
 }  // namespace graybox

@@ -29,7 +29,8 @@ std::string headline(const Diagnosis& diagnosis) {
     case Verdict::kUnknown:
       break;
   }
-  if (diagnosis.interrupted) return "Stopped before a verdict; this is what was found until then.";
+  if (diagnosis.interrupted && diagnosis.channel_faults.empty())
+    return "Stopped before a verdict; this is what was found until then.";
   if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
   if (diagnosis.time_variation && diagnosis.verified) {
     return "Something changes while it is recorded, and no law of the catalogue does that.";
