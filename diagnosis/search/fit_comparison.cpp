@@ -80,6 +80,11 @@ bool FitComparison::significant(const ExtendedFit& without, const ExtendedFit& w
          predicts_better(without, with, options_->held_out_errors);
 }
 
+bool FitComparison::is_missed(const ExtendedFit& without, const ExtendedFit& with) const {
+  const double margin = without.laws.empty() ? 0.0 : options_->exclusion_margin;
+  return bic(without) - bic(with) > margin;
+}
+
 bool FitComparison::stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,
                                      std::size_t law) const {
   if (with.parameter_count <= without.parameter_count) return false;

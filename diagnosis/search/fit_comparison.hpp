@@ -53,6 +53,9 @@ class FitComparison {
   // Whether a law that is the last of `with` has an effect: more than chance allows for the best of all
   // hypotheses (Bonferroni).
   [[nodiscard]] bool significant(const ExtendedFit& without, const ExtendedFit& with) const;
+  // Where the noise is known: whether BIC excludes the model without a law that `with` has, by `exclusion_margin`; one
+  // without any law must only be worse.
+  [[nodiscard]] bool is_missed(const ExtendedFit& without, const ExtendedFit& with) const;
   // Where the noise is not known: whether this law of `with` is there by its Wald test, and all others
   // still are.
   [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,

@@ -41,8 +41,7 @@ bool is_superfluous(const SearchState& state, const ExtendedFit& without) {
   if (!state.problem->noise_is_known()) {
     return !state.compare.predicts_better(without, state.result.after, kExclusionErrors);
   }
-  return state.compare.bic(without) <=
-         state.compare.bic(state.result.after) + state.options.exclusion_margin;
+  return !state.compare.is_missed(without, state.result.after);
 }
 
 void prune_laws(SearchState& state) {

@@ -52,11 +52,6 @@ bool is_hopeless(const SearchState& state, const ExtendedFit& with) {
          kShareOfAnMth * excess(state.result.after) / still_to_come;
 }
 
-// Of BIC, that a law must gain to be taken: beside others what would not be superfluous there.
-double enough_to_stay(const SearchState& state, const ExtendedFit& without) {
-  return without.laws.empty() ? 0.0 : state.options.exclusion_margin;
-}
-
 // The best of those that are significant. Where the noise is known, another where recordings kept out contradict that
 // one; else the one of fewest parameters among those at its place that it does not excel (the rule of one standard
 // error: Breiman and others 1984).
@@ -66,11 +61,7 @@ const Trial* choose(const SearchState& state, const ExtendedFit& without,
   const ExtendedFit* top = nullptr;
   for (const Trial& trial : trials) {
     if (!state.compare.significant(without, trial.fit)) continue;
-    if (state.problem->noise_is_known() &&
-        state.compare.bic(without) - state.compare.bic(trial.fit) <=
-            enough_to_stay(state, without)) {
-      continue;
-    }
+    if (state.problem->noise_is_known() && !state.compare.is_missed(without, trial.fit)) continue;
     if (best == nullptr) {
       best = &trial;
       top = &trial.fit;
