@@ -23,7 +23,8 @@ SETS = [("EMPS", "emps", "emps", FRICTION + MEMORY, 6.1),
         ("Friction damper", "friction_damper", "friction_damper", MEMORY, 22.3),
         ("Cogging motor", "cogging_motor", "cogging_motor", ["ripple"], 18.6),
         ("TX40", "tx40", "tx40", FRICTION + MEMORY, 8.0),
-        ("KR300", "kr300", "kr300", ["balancer"], None)]
+        ("KR300", "kr300", "kr300", ["balancer"], None),
+        ("Silverbox", "silverbox", "silverbox_force_balance", ["cubic_spring"], None)]
 
 
 def diagnose(graybox, model, campaign, without):

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "command_runner.hpp"
+#include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/diagnosis/recordings/recording_file.hpp"
 #include "graybox/diagnosis/recordings/signal_checks.hpp"
@@ -395,6 +396,35 @@ TEST(TimeDerivative, IsExactForParabolasAtUnevenTimes) {
   EXPECT_LT((time_derivative(time, values) - slope).cwiseAbs().maxCoeff(), 1e-12);
 }
 
+// A whole number of half periods from end to end: a sum of sines, and so the derivative is exact, on a line, too.
+TEST(BandLimitedDerivative, IsExactForSinesOnALine) {
+  constexpr Eigen::Index kSize = 241;
+  constexpr double kStep = 0.01;
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(kSize, 0.0, kStep * (kSize - 1));
+  const double rate = std::numbers::pi / time(kSize - 1);
+  const Eigen::VectorXd values = 2.0 - 0.7 * time.array() + (5.0 * rate * time).array().sin() +
+                                 0.3 * (180.0 * rate * time).array().sin();
+  const Eigen::VectorXd slope = -0.7 + 5.0 * rate * (5.0 * rate * time).array().cos() +
+                                0.3 * 180.0 * rate * (180.0 * rate * time).array().cos();
+  EXPECT_LT((band_limited_derivative(kStep, values) - slope).cwiseAbs().maxCoeff(),
+            1e-10 * slope.cwiseAbs().maxCoeff());
+  // At three quarters of the Nyquist frequency neighbours know next to nothing.
+  EXPECT_GT((time_derivative(time, values) - slope).norm(), 0.5 * slope.norm());
+}
+
+// Two derivatives of any phase, away from the ends; the error there falls with the distance.
+TEST(BandLimitedDerivative, HoldsForAnyPhaseAwayFromTheEnds) {
+  constexpr Eigen::Index kSize = 4000;
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(kSize, 0.0, kSize - 1.0);
+  const double rate = 2.0 * std::numbers::pi * 0.33;  // rad a sample
+  const Eigen::VectorXd values = (rate * time.array() + 0.4).sin();
+  const Eigen::VectorXd second =
+      band_limited_derivative(1.0, band_limited_derivative(1.0, values));
+  const Eigen::VectorXd error = (second + rate * rate * values).cwiseAbs() / (rate * rate);
+  EXPECT_LT(error.segment(1000, 2000).maxCoeff(), 2e-3);
+  EXPECT_LT(error.segment(1000, 2000).maxCoeff(), 0.2 * error.segment(50, 100).maxCoeff());
+}
+
 // Three signals on 400 even samples.
 Signals some_signals(const std::string& unit) {
   Signals data;
@@ -454,6 +484,7 @@ TEST(Preprocess, DecimatesWhatWasFilteredAndRefusesTheRest) {
   Signals irregular = data;
   irregular.sample_time.reset();
   refused(irregular, {LowPass{50.0, 4, {}}}, "sample_time is irregular");
+  refused(irregular, {Derivative{{"a"}, {"da"}, {}, true}}, "sample_time is irregular");
   Signals periodic = data;
   periodic.excitation = {.period = 100, .periods = 4, .lines = {1, 20}};
   refused(periodic, {LowPass{50.0, 4, {}}, Decimate{3}}, "doesn't divide");

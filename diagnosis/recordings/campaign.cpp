@@ -166,8 +166,11 @@ LowPass low_pass_in(const YamlField& field, const ChannelNames& names) {
 }
 
 Derivative derivative_in(const YamlField& field, ChannelNames& names) {
-  field.allow_keys({"kind", "of", "name", "is"});
+  field.allow_keys({"kind", "of", "name", "is", "method"});
   Derivative step;
+  if (field.has("method")) {
+    step.band_limited = field.at("method").choice({"parabola", "band_limited"}) == "band_limited";
+  }
   step.of = names.existing(field.at("of"));
   step.names = names.added(field.at("name"), step.of.size());
   if (field.has("is")) step.role = role_in(field.at("is"));

@@ -65,6 +65,7 @@ struct Derivative {
   std::vector<std::string> of;
   std::vector<std::string> names;
   std::optional<ChannelRole> role;
+  bool band_limited = false;  // else by the parabola through neighbours
 };
 // Motor angles = matrix * arm angles, so arm torques = matrix' * motor torques. A matrix of gear
 // ratios alone is diagonal; ratios may be negative, rows may couple axes.

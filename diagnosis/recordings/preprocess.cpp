@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/units.hpp"
 
@@ -138,11 +139,15 @@ class Preprocessor {
                        step.role.value_or(signal.role), signal.low_pass});
     }
     const std::vector<Index> of = indices(step.of);
+    const double sample_time = step.band_limited ? even("band_limited derivative") : 0.0;
     for (SignalPiece& piece : data_.pieces) {
       if (piece.time.size() < 3) fail("derivative needs at least three samples in each segment");
       Eigen::MatrixXd derived(piece.time.size(), static_cast<Index>(of.size()));
       for (std::size_t k = 0; k < of.size(); ++k) {
-        derived.col(static_cast<Index>(k)) = time_derivative(piece.time, piece.values.col(of[k]));
+        const auto values = piece.values.col(of[k]);
+        derived.col(static_cast<Index>(k)) = step.band_limited
+                                                 ? band_limited_derivative(sample_time, values)
+                                                 : time_derivative(piece.time, values);
       }
       append(piece, derived);
     }

@@ -9,7 +9,9 @@
 // decimate      every k-th sample. Refused unless each channel was low-passed below the new Nyquist
 //               frequency (what lies above would fold), and for a periodic excitation unless k divides
 //               the period and all lines are below it.
-// derivative    the parabola through three neighbours: second order, also for uneven times.
+// derivative    parabola: that through three neighbours, second order, also for uneven times;
+//               band_limited: of all samples of a piece, for signals without anything above half the
+//               sample rate (band_limited_derivative.hpp). Even samples only.
 // trim          the first and last seconds of each piece go: there a zero-phase filter knew but half of
 //               what it averages. Refused for a periodic excitation, whose periods would be cut.
 // transmission  motor angles q_m = N q_a and torques t_a = N' t_m (Transmission in campaign.hpp).
