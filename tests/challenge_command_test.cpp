@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 
 #include "command_runner.hpp"
@@ -88,7 +89,7 @@ TEST_F(ChallengeCommand, MakesRunsAndScores) {
   EXPECT_EQ(score["rates"]["answered"]["hits"], 2);
   EXPECT_EQ(score["rates"]["false_alarms"]["hits"], 0);
   EXPECT_EQ(score["rates"]["detectable_named"]["hits"], 0);
-  for (const char* table : {"cases", "rates", "confusion", "sizes"}) {
+  for (const char* table : {"cases", "rates", "confusion", "sizes", "classes"}) {
     EXPECT_TRUE(fs::exists(folder_.file("tables/challenge_" + std::string(table) + ".csv")));
   }
   EXPECT_NE(graybox("challenge score cases answers --truth truth").out.find("false_alarms"),
@@ -103,6 +104,40 @@ TEST_F(ChallengeCommand, MakesRunsAndScores) {
   expect_refused("challenge score cases answers --truth truth", "changed after it was sealed");
   write_text(folder_.file("truth/index.json"), "{}");
   expect_refused("challenge score cases answers --truth truth", "not the truth that was sealed");
+}
+
+// A handful of cases by the program's own diagnosis, and once more without the laws that it named: what was named then is not
+// named now, and no answer is both wrong and sure.
+TEST_F(ChallengeCommand, DiagnosesAHandfulAndAgainWithoutTheLawsItNamed) {
+  const std::string cases = "challenge make --seed 20 --cases 6 --family oscillator --threads 2 ";
+  ASSERT_EQ(graybox(cases + "-o cases --truth truth").exit_code, 0);
+  const std::string run = "challenge run cases --threads 2 --json ";
+  ASSERT_EQ(graybox(run + "-o answers").exit_code, 0);
+  ASSERT_EQ(graybox(run + "-o without --without-named answers").exit_code, 0);
+  std::size_t named = 0;
+  for (int number = 1; number <= 6; ++number) {
+    const std::string file = "/case_00" + std::to_string(number) + "/verdict.json";
+    const auto first = nlohmann::json::parse(read_text(folder_.file("answers" + file)));
+    if (first["physics"].empty()) continue;
+    ++named;
+    const auto again = nlohmann::json::parse(read_text(folder_.file("without" + file)));
+    std::set<std::string> laws;
+    for (const auto& effect : first["physics"]) laws.insert(effect["law"].get<std::string>());
+    for (const auto& effect : again["physics"]) {
+      EXPECT_FALSE(laws.contains(effect["law"].get<std::string>())) << effect["law"];
+    }
+  }
+  EXPECT_GE(named, 2U);
+  const auto score = nlohmann::json::parse(
+      graybox("challenge score cases answers --truth truth --left-out without --json -o tables").out);
+  const auto& rates = score["rates"];
+  EXPECT_EQ(rates["answered"]["hits"], 6);
+  EXPECT_EQ(rates["detectable_detected"]["hits"], rates["detectable_detected"]["of"]);
+  EXPECT_GE(rates["detectable_named"]["hits"], 1);
+  EXPECT_EQ(rates["wrong_and_confident"]["hits"], 0);
+  EXPECT_GE(rates["left_out_honest"]["of"], 1);
+  EXPECT_EQ(rates["left_out_honest"]["hits"], rates["left_out_honest"]["of"]);
+  EXPECT_TRUE(fs::exists(folder_.file("tables/challenge_left_out.csv")));
 }
 
 TEST_F(ChallengeCommand, CountsCasesWithoutVerdict) {

@@ -448,6 +448,36 @@ TEST(Score, OnlyWholeRunsEnterTheHistory) {
   score.not_run = 1;
   EXPECT_THROW(append_history(score, folder.file("history.csv")), InputError);
   EXPECT_EQ(testing::read_text(folder.file("history.csv")), before);
+  score.not_run = 0;
+  testing::write_text(folder.file("other.csv"), "date,commit\n");
+  EXPECT_THROW(append_history(score, folder.file("other.csv")), InputError);
+}
+
+// Without the law that is there: `unknown`, or one that holds on recordings kept out, or says that it does not.
+TEST(Score, NearestLawsMustHoldOnWhatWasKeptOut) {
+  const CaseTruth truth =
+      truth_with("a", CaseKind::kOneEffect, {effect_of("load", "coulomb", 0.5)});
+  const auto is_honest = [&](const char* verdict, double validation, bool predicts = true) {
+    Answer answer;
+    answer.given = true;
+    answer.verdict = verdict;
+    answer.effects = {{{"load", "viscous", {}}}};
+    answer.validation = validation;
+    answer.predicts = predicts;
+    Score score;
+    score.left_out = {score_case(truth, answer), score_case(truth, Answer{})};
+    const auto rates = rates_of(score);
+    const auto found = std::ranges::find(rates, "left_out_honest", &NamedRate::name);
+    EXPECT_EQ(found->rate.of, 1U);
+    return found->rate.hits == 1;
+  };
+  EXPECT_TRUE(is_honest("unknown", 3.0));
+  EXPECT_FALSE(is_honest("none", 1.0));
+  for (const char* verdict : {"explained", "ambiguous"}) {
+    EXPECT_TRUE(is_honest(verdict, 1.05));
+    EXPECT_FALSE(is_honest(verdict, 1.3));
+    EXPECT_TRUE(is_honest(verdict, 1.3, false));
+  }
 }
 
 TEST(Score, WilsonIntervalsSolveTheirEquation) {

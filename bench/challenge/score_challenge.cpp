@@ -165,6 +165,7 @@ Answer read_answer(const fs::path& folder) {
   const Json record = Json::parse(record_stream, nullptr, false);
   if (!record.is_object() || record.value("status", "") != "answered") return answer;
   answer.seconds = record.value("seconds", 0.0);
+  answer.confined = record.value("confined", false);
   const fs::path file = folder / "verdict.json";
   std::ifstream stream(file);
   try {
@@ -233,6 +234,15 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
   return scored;
 }
 
+namespace {
+
+bool is_named_first(const ScoredCase& scored) {
+  return scored.truth.kind == CaseKind::kOneEffect && !scored.answer.effects.empty() &&
+         names(scored.answer.effects[0][0], scored.truth.effects[0]);
+}
+
+}  // namespace
+
 Score score_challenge(const ScoreOptions& options) {
   const ChallengeHeader header = read_header(options.cases);
   UnsealedTruth truth = unseal(options.truth, header);
@@ -248,15 +258,12 @@ Score score_challenge(const ScoreOptions& options) {
   };
   check(options.answers);
   if (!options.left_out.empty()) check(options.left_out);
-  Score score{truth.origin, {}, {}, 0};
+  Score score{truth.origin, header.truth_sha256, {}, {}, 0};
   for (const CaseTruth& each : truth.cases) {
     if (!fs::exists(options.answers / each.name / "run.json")) ++score.not_run;
     score.cases.push_back(score_case(each, read_answer(options.answers / each.name)));
-    const ScoredCase& scored = score.cases.back();
-    const bool was_named = scored.truth.kind == CaseKind::kOneEffect &&
-                           !scored.answer.effects.empty() &&
-                           names(scored.answer.effects[0][0], scored.truth.effects[0]);
-    if (!options.left_out.empty() && was_named && fs::exists(options.left_out / each.name)) {
+    if (!options.left_out.empty() && is_named_first(score.cases.back()) &&
+        fs::exists(options.left_out / each.name / "run.json")) {
       score.left_out.push_back(score_case(each, read_answer(options.left_out / each.name)));
     }
   }
@@ -404,9 +411,15 @@ std::string rates_table(const Score& score) {
   return text;
 }
 
-// True law against law named, for cases with one detectable effect, and by whether the place is right.
-std::string confusion_table(const Score& score) {
-  std::map<std::array<std::string, 2>, std::array<std::size_t, 2>> counts;
+struct Named {
+  std::size_t wrong_place = 0, right_place = 0;
+};
+// By the true law, then by the law named first or the verdict; cases with one detectable effect, and those outside
+// the catalogue.
+using Confusion = std::map<std::string, std::map<std::string, Named>>;
+
+Confusion confusion_of(const Score& score) {
+  Confusion confusion;
   for (const ScoredCase& each : score.cases) {
     const bool is_outside = is_kind(each, CaseKind::kOutside);
     if (!is_detectable_one(each) && !is_outside) continue;
@@ -416,12 +429,76 @@ std::string confusion_table(const Score& score) {
       const bool at_signal = law.place.starts_with("actuator ") || law.place.starts_with("sensor ");
       named = at_signal ? law.law + " (signal)" : law.law;
     }
-    ++counts[{law_label(each.truth.effects[0]), named}][each.place_right ? 1 : 0];
+    Named& cell = confusion[law_label(each.truth.effects[0])][named];
+    ++(each.place_right ? cell.right_place : cell.wrong_place);
   }
+  return confusion;
+}
+
+std::string confusion_table(const Score& score) {
   std::string text = "true_law,named,right_place,wrong_place\n";
-  for (const auto& [pair, count] : counts) {
-    text += fmt::format("{},{},{},{}\n", pair[0], pair[1], count[1], count[0]);
+  for (const auto& [law, answers] : confusion_of(score)) {
+    for (const auto& [named, cell] : answers) {
+      text += fmt::format("{},{},{},{}\n", law, named, cell.right_place, cell.wrong_place);
+    }
   }
+  return text;
+}
+
+// A line a true law: "coulomb: coulomb 11, dahl 1 (elsewhere 2)".
+std::string confusion_text(const Score& score) {
+  std::string text = "\ntrue law: laws named first, at the true place (elsewhere)\n";
+  for (const auto& [law, answers] : confusion_of(score)) {
+    text += fmt::format("  {:<26}", law + ":");
+    for (const auto& [named, cell] : answers) {
+      text += fmt::format(" {} {}", named, cell.right_place);
+      if (cell.wrong_place > 0) text += fmt::format(" ({})", cell.wrong_place);
+      text += ",";
+    }
+    text.back() = '\n';
+  }
+  return text;
+}
+
+// What becomes of each law once it is taken out of the catalogue.
+std::string left_out_table(const Score& score) {
+  struct Answers {
+    std::size_t cases = 0, named = 0, rerun = 0;
+    std::map<std::string, std::size_t> verdicts;
+    std::size_t at_noise_floor = 0;
+  };
+  std::map<std::string, Answers> laws;
+  for (const ScoredCase& each : score.cases) {
+    if (!is_detectable_one(each)) continue;
+    Answers& law = laws[law_label(each.truth.effects[0])];
+    ++law.cases;
+    if (is_named_first(each)) ++law.named;
+  }
+  for (const ScoredCase& each : score.left_out) {
+    Answers& law = laws[law_label(each.truth.effects[0])];
+    ++law.rerun;
+    ++law.verdicts[each.answer.given ? each.answer.verdict : "no_answer"];
+    const bool names_one = each.answer.verdict == "explained" || each.answer.verdict == "ambiguous";
+    if (names_one && each.answer.validation < kNoiseFloor) ++law.at_noise_floor;
+  }
+  std::string text =
+      "law,cases,named_first,rerun,no_answer,none,unknown,ambiguous,explained,nearest_law_at_noise_"
+      "floor\n";
+  for (auto& [law, answers] : laws) {
+    text += fmt::format("{},{},{},{}", law, answers.cases, answers.named, answers.rerun);
+    for (const char* verdict : {"no_answer", "none", "unknown", "ambiguous", "explained"}) {
+      text += fmt::format(",{}", answers.verdicts[verdict]);
+    }
+    text += fmt::format(",{}\n", answers.at_noise_floor);
+  }
+  return text;
+}
+
+// How many laws and places the answer leaves where one of them is the truth.
+std::string classes_table(const Score& score) {
+  std::string text = "class_size,cases\n";
+  for (const auto& [size, count] : class_sizes_of(score))
+    text += fmt::format("{},{}\n", size, count);
   return text;
 }
 
@@ -494,11 +571,15 @@ std::vector<NamedRate> rates_of(const Score& score) {
         {"left_out_unknown", "-",
          rate_of(
              score.left_out, [](const ScoredCase&) { return true; }, outcome_is("unknown"))});
-    rates.push_back(
-        {"left_out_honest", "100 %",
-         rate_of(
-             score.left_out, [](const ScoredCase& each) { return each.answer.given; },
-             [&](const ScoredCase& each) { return !is_explained(each) || at_floor(each); })});
+    rates.push_back({"left_out_honest", "100 %",
+                     rate_of(
+                         score.left_out, [](const ScoredCase& each) { return each.answer.given; },
+                         [&](const ScoredCase& each) {
+                           const bool is_unknown = each.answer.verdict == "unknown";
+                           const bool names_one = each.answer.verdict != "none" && !is_unknown;
+                           return is_unknown ||
+                                  (names_one && (at_floor(each) || !each.answer.predicts));
+                         })});
   }
   return rates;
 }
@@ -539,7 +620,7 @@ std::string score_text(const Score& score) {
   for (const auto& [size, count] : class_sizes_of(score)) {
     text += fmt::format("  {}: {}", size, count);
   }
-  return text + "\n";
+  return text + "\n" + confusion_text(score);
 }
 
 void write_score_tables(const Score& score, const fs::path& folder) {
@@ -552,6 +633,8 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   write(folder, "challenge_rates.csv", rates_table(score));
   write(folder, "challenge_confusion.csv", confusion_table(score));
   write(folder, "challenge_sizes.csv", sizes_table(score));
+  write(folder, "challenge_classes.csv", classes_table(score));
+  if (!score.left_out.empty()) write(folder, "challenge_left_out.csv", left_out_table(score));
 }
 
 namespace {
@@ -584,13 +667,16 @@ void append_history(const Score& score, const fs::path& file) {
     text = old.str();
   }
   const auto rates = rates_of(score);
-  if (text.empty()) {
-    text = "date,commit,seed,cases";
-    for (const NamedRate& each : rates) {
-      if (!is_in_history(each)) continue;
-      text += fmt::format(",{0},{0}_of", each.name);
-    }
-    text += "\n";
+  std::string header = "date,commit,seed,cases";
+  for (const NamedRate& each : rates) {
+    if (is_in_history(each)) header += fmt::format(",{0},{0}_of", each.name);
+  }
+  header += ",truth_sha256,confined\n";
+  if (text.empty()) text = header;
+  if (!text.starts_with(header)) {
+    throw InputError(
+        fmt::format("{}: has other columns than a history of challenges; its first line must be {}",
+                    file.string(), header.substr(0, header.size() - 1)));
   }
   text += fmt::format("{},{},{},{}", utc_now(), score.origin.commit, score.origin.seed,
                       score.cases.size());
@@ -598,7 +684,10 @@ void append_history(const Score& score, const fs::path& file) {
     if (!is_in_history(each)) continue;
     text += fmt::format(",{},{}", each.rate.hits, each.rate.of);
   }
-  write_text_file(file.string(), text + "\n");
+  const auto confined = std::ranges::count_if(
+      score.cases, [](const ScoredCase& each) { return each.answer.confined; });
+  text += fmt::format(",{},{}\n", score.truth_sha256, confined);
+  write_text_file(file.string(), text);
 }
 
 }  // namespace graybox::bench

@@ -66,7 +66,8 @@ struct Answer {
   std::vector<std::vector<AnsweredLaw>> effects;  // classes, the law named first
   double validation = 0.0;  // chi-square over degrees of freedom after, held-out; NaN: not given
   double seconds = 0.0;
-  bool predicts = true;  // what was kept out, to the noise floor
+  bool predicts = true;   // what was kept out, to the noise floor
+  bool confined = false;  // the diagnosis could open nothing but its case
 };
 // Of one case's folder of answers. Throws InputError for a verdict.json that is no verdict.
 [[nodiscard]] Answer read_answer(const std::filesystem::path& folder);
@@ -93,6 +94,7 @@ struct ScoredCase {
 
 struct Score {
   ChallengeOrigin origin;
+  std::string truth_sha256;  // the seal that was published with the cases
   std::vector<ScoredCase> cases;
   std::vector<ScoredCase>
       left_out;  // answers of `run --without-named` where the law named was right
@@ -116,11 +118,13 @@ struct NamedRate {
 [[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
 [[nodiscard]] std::string score_text(const Score& score);
 
-// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv in `folder`.
+// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv and, where
+// laws were left out, challenge_left_out.csv in `folder`.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
-// Appends one line to a CSV file, with its header where it is new. Throws InputError unless the
-// challenge's seed is that of its commit and all cases have been run.
+// Appends one line to a CSV file, with its header where it is new: counts, the seal, and in how many of the cases the
+// diagnosis was confined. Throws InputError unless the challenge's seed is that of its commit and all cases have been run,
+// and for a file with other columns.
 void append_history(const Score& score, const std::filesystem::path& file);
 
 }  // namespace graybox::bench
