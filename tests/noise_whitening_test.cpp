@@ -109,6 +109,48 @@ TEST(EffectiveDegreesOfFreedom, GiveTheVarianceOfChiSquareUnderEstimatedNoise) {
   EXPECT_GT(variance * fisher / 2.0, 1.15);
 }
 
+// One output over a few of the lines: fewer samples say what its noise is, also where they are pooled with neighbours.
+TEST(EffectiveDegreesOfFreedom, GiveTheVarianceInACellOfTheMap) {
+  constexpr Index kLines = 40;
+  const std::vector<double> frequencies = frame(kLines).frequencies;
+  constexpr std::size_t kRecords = 4;
+  for (const Index band : {Index{4}, Index{20}}) {
+    Random random(19);
+    const std::vector<double> lines_of(frequencies.begin() + 1, frequencies.end());
+    NoisePool pool;
+    double mean = 0.0, squares = 0.0;
+    constexpr int kDraws = 4000;
+    for (int draw = 0; draw < kDraws; ++draw) {
+      std::vector<LineScatter> lines;
+      for (Index k = 0; k < kLines; ++k) {
+        const MatrixXcd noise = drawn(random, kOutputs, 6) / std::sqrt(2.0);
+        lines.push_back({noise * noise.adjoint(), 6.0, {}});
+      }
+      const std::vector<OutputCovariance> pooled = pool_covariances(lines, lines_of, 36.0);
+      pool = pool_of(lines, pooled);
+      double sum = 0.0;
+      for (Index k = 10; k < 10 + band; ++k) {
+        const OutputCovariance& one = pooled[static_cast<std::size_t>(k)];
+        const auto whitening =
+            whitening_of(inverse_bias(one.degrees_of_freedom, kOutputs) * one.covariance,
+                         Eigen::VectorXd::Zero(kOutputs), 0.0);
+        sum += (*whitening * drawn(random, kOutputs, kRecords) / std::sqrt(2.0)).row(0).squaredNorm();
+      }
+      mean += sum / kDraws;
+      squares += sum * sum / kDraws;
+    }
+    const double numbers = 2.0 * kRecords * static_cast<double>(band);
+    const double variance = squares - mean * mean;
+    const double half = half_variance(pool, kOutputs, numbers, 1.0,
+                                      static_cast<double>(band) / static_cast<double>(kLines));
+    EXPECT_NEAR(mean, numbers, 0.1 * numbers) << band;
+    // Of few lines, whose noise is pooled with that of lines beyond, a little less than that.
+    EXPECT_LT(variance / (2.0 * half), 1.1) << band;
+    EXPECT_GT(variance / (2.0 * half), 0.6) << band;
+    EXPECT_GT(variance / (2.0 * numbers), 1.2) << band;  // if the noise were known
+  }
+}
+
 // Noise of groups that the records are not of tells nothing about theirs.
 TEST(EffectiveDegreesOfFreedom, CountTheNoiseOfTheRecordsOwnGroups) {
   PeriodicData data = frame(20);

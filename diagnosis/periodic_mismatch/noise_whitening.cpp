@@ -104,10 +104,19 @@ double inverse_bias(double degrees_of_freedom, Eigen::Index outputs) {
   return degrees_of_freedom > size ? degrees_of_freedom / (degrees_of_freedom - size) : 1.0;
 }
 
+double half_variance(const NoisePool& pool, Eigen::Index outputs, double numbers, double channels,
+                     double share_of_lines) {
+  const auto n = static_cast<double>(outputs);
+  const double q = std::max(pool.samples, n + 2.0);  // no moments below n + 1
+  const double a = weights_widening(q, outputs), b = a * q / (q - n);
+  const double samples = std::max(share_of_lines * pool.own, q);  // pooled beyond a few lines
+  return numbers * a + numbers * numbers * b / (2.0 * channels * samples);
+}
+
 double effective_degrees_of_freedom(const PeriodicData& data,
                                     const std::vector<MeasuredRecord>& records,
                                     double degrees_of_freedom) {
-  const auto n = static_cast<double>(data.outputs.size());
+  const auto outputs = static_cast<Eigen::Index>(data.outputs.size());
   std::vector<double> counts(data.noise_pools.size(), 0.0);  // records of each group
   for (const MeasuredRecord& record : records) {
     if (record.group >= counts.size() || !(data.noise_pools[record.group].own > 0.0)) {
@@ -118,11 +127,9 @@ double effective_degrees_of_freedom(const PeriodicData& data,
   double variance = 0.0;  // half of it
   for (std::size_t group = 0; group < counts.size(); ++group) {
     if (counts[group] == 0.0) continue;
-    const NoisePool& pool = data.noise_pools[group];
-    const double q = std::max(pool.samples, n + 2.0);  // no moments below n + 1
     const double numbers = degrees_of_freedom * counts[group] / static_cast<double>(records.size());
-    const double a = weights_widening(q, static_cast<Eigen::Index>(n)), b = a * q / (q - n);
-    variance += numbers * a + numbers * numbers * b / (2.0 * n * pool.own);
+    variance +=
+        half_variance(data.noise_pools[group], outputs, numbers, static_cast<double>(outputs), 1.0);
   }
   return degrees_of_freedom * degrees_of_freedom / variance;
 }

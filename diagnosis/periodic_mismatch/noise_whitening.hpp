@@ -47,4 +47,9 @@ namespace graybox {
                                                   const std::vector<MeasuredRecord>& records,
                                                   double degrees_of_freedom);
 
+// Half the variance of the sum of so many squared numbers of one group, as above: those of `channels` of its outputs, at a
+// share of its lines.
+[[nodiscard]] double half_variance(const NoisePool& pool, Eigen::Index outputs, double numbers,
+                                   double channels, double share_of_lines);
+
 }  // namespace graybox
