@@ -115,6 +115,8 @@ void remove_old(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder / "figures")) {
     if (entry.path().extension() == ".svg") std::filesystem::remove(entry.path());
   }
+  std::filesystem::remove(folder / "model_extended.yaml");
+  std::filesystem::remove(folder / "physics.yaml");
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().filename().string().starts_with("next_plan_")) {
       std::filesystem::remove(entry.path());
@@ -183,17 +185,18 @@ int execute(Arguments& arguments) {
   const Campaign campaign = read_campaign(arguments.campaign);
   std::optional<ReportFolder> folder;
   if (!arguments.output.empty()) folder.emplace(arguments.output);
+  catch_interrupts();
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
+  const StepProgress progress;
+  progress.show("reading the recordings, fitting the model");
   const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
       arguments.model, campaign,
       {.threads = arguments.threads,
        .keep_going = [patience] { return patience.lasts(); },
        .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
   require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
-  catch_interrupts();
   Diagnosis diagnosis;
   {
-    const StepProgress progress;
     arguments.search.proceed = [&progress, &patience](const std::string& step) {
       progress.show(step);
       return patience.lasts();
@@ -214,8 +217,8 @@ int execute(Arguments& arguments) {
     }
     for (const std::string& line : files.warnings) fmt::print("The recordings: {}\n", line);
     if (!arguments.output.empty()) {
-      fmt::print("wrote {}/report.html, verdict.json, model_extended.yaml, physics.yaml, figures\n",
-                 arguments.output);
+      fmt::print("wrote {}/report.html, verdict.json, {}figures\n", arguments.output,
+                 diagnosis.after.usable ? "model_extended.yaml, physics.yaml, " : "");
     }
   }
   return exit_code_of(diagnosis);

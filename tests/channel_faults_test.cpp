@@ -82,6 +82,16 @@ TEST(ChannelFaults, SignsAreTold) {
   expect_fault([](MatrixXcd& g) { g.col(0) *= -1.0; }, "u_1 has the wrong sign");
 }
 
+// Which of two joints it is can't be told: only what one does to the other changes its sign.
+TEST(ChannelFaults, SignsOfGearRatiosAreTold) {
+  expect_fault(
+      [](MatrixXcd& g) {
+        g.row(1) *= -1.0;
+        g.col(1) *= -1.0;
+      },
+      "both have the wrong sign: that of the gear ratio?");
+}
+
 TEST(ChannelFaults, UnitsAreTold) {
   expect_fault([](MatrixXcd& g) { g.row(0) *= 180.0 / std::numbers::pi; },
                "times too large for rad/s: degrees?");

@@ -22,48 +22,21 @@ using testing::read_text;
 using testing::write_text;
 using Json = nlohmann::json;
 
-const std::string kModel = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {motor: 0.002}
-elements:
-  - name: spring
-    location: {kind: element, mass: motor}
-    law: stiffness
-    parameters: {stiffness: {value: 5, unit: N m/rad}}
-  - name: bearing
-    location: {kind: element, mass: motor}
-    law: viscous
-    parameters: {damping: {value: 0.02, unit: N m s/rad}}
-inputs:
-  - {name: torque, mass: motor}
-outputs:
-  - {name: speed, mass: motor, quantity: velocity}
-noise: {speed: 0.02}
-)";
-
-const std::string kPlan = R"(format: graybox-plan/1
-levels: [0.1, 0.3]
-realisations: 3
-validation_realisations: 1
-period: 500
-settling_periods: 4
-periods: 3
-frequencies: {from: 1, to: 50, count: 30, spacing: log}
-detection_lines: 4
-data: csv
-)";
+// Of the documentation (docs/diagnose.md, docs/own_laws.md).
+std::string example(const std::string& name) {
+  return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/diagnose/" + name);
+}
 
 class Diagnose : public testing::CommandRunner {
  protected:
   void SetUp() override {
-    write_text(folder_.file("model.yaml"), kModel);
-    write_text(folder_.file("plan.yaml"), kPlan);
+    write_text(folder_.file("model.yaml"), example("rotor.yaml"));
+    write_text(folder_.file("plan.yaml"), example("rotor_plan.yaml"));
   }
   void simulate(const std::string& hidden = {}, int seed = 1) {
     std::string more;
     if (!hidden.empty()) {
-      write_text(folder_.file("hidden.yaml"), "format: graybox-physics/1\n" + hidden);
+      write_text(folder_.file("hidden.yaml"), hidden);
       more = " --hidden hidden.yaml";
     }
     const Outcome outcome =
@@ -98,7 +71,8 @@ class Diagnose : public testing::CommandRunner {
   }
 };
 
-const std::string kFriction = R"(elements:
+const std::string kFriction = R"(format: graybox-physics/1
+elements:
   - name: hidden
     location: {kind: element, mass: motor}
     law: coulomb
@@ -136,19 +110,8 @@ TEST_F(Diagnose, StopsAfterItsTimeAndSaysSo) {
 // Weak friction at one level looks like other things; the experiment that graybox designs excludes the
 // nearest of them.
 TEST_F(Diagnose, DesignsTheExperimentThatTells) {
-  write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
-levels: [0.1]
-realisations: 3
-validation_realisations: 1
-period: 500
-settling_periods: 4
-periods: 3
-frequencies: {from: 1, to: 50, count: 30, spacing: log}
-)");
-  std::string weak = kFriction;
-  weak.replace(weak.find("0.02"), 4, "0.0003");
-  weak.replace(weak.find("value: 0.1"), 10, "value: 0.2");
-  simulate(weak, 5);
+  write_text(folder_.file("plan.yaml"), example("rotor_short_plan.yaml"));
+  simulate(example("hidden_weak_friction.yaml"), 5);
   const Json first = verdict("-o report");
   ASSERT_EQ(first["verdict"], "ambiguous") << first["words"];
   const Json nearest = first["physics"][0]["alternatives"][0]["law"];
@@ -181,18 +144,7 @@ frequencies: {from: 1, to: 50, count: 30, spacing: log}
 }
 
 TEST_F(Diagnose, FindsALawOfOnesOwn) {
-  const std::string magnet = R"(laws:
-  - name: magnet
-    description: repelling magnets
-    force: k * z^5
-    parameters: {k: {unit: F/x^5, range: positive}}
-)";
-  simulate(magnet + R"(elements:
-  - name: hidden
-    location: {kind: element, mass: motor}
-    law: magnet
-    parameters: {k: {value: 600, unit: N m/rad^5}}
-)");
+  simulate(example("hidden_magnet.yaml"));
   // What the catalogue has draws the curve only together.
   const Json nearest = verdict({}, 1);
   EXPECT_EQ(nearest["verdict"], "unknown");
@@ -200,7 +152,7 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
   for (const Json& effect : nearest["physics"]) EXPECT_EQ(effect["place"], "motor");
   EXPECT_TRUE(nearest["shapes_compared"].get<bool>());
   EXPECT_FALSE(nearest["departures"].empty() && nearest["shared_characteristics"].empty());
-  write_text(folder_.file("laws.yaml"), "format: graybox-laws/1\n" + magnet);
+  write_text(folder_.file("laws.yaml"), example("magnet_law.yaml"));
   const Json found = verdict("--laws laws.yaml -o report");
   ASSERT_EQ(found["physics"].size(), 1U) << found["words"];
   EXPECT_EQ(found["physics"][0]["law"], "magnet") << found["words"];
@@ -210,39 +162,13 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 }
 
-const std::string kChain = R"(format: graybox-lumped/1
-sample_time: 0.002
-motion: rotation
-masses: {first: 0.002, second: 0.003, third: 0.002}
-elements:
-  - {name: mount, location: {kind: element, mass: first}, law: stiffness, parameters: {stiffness: {value: 5, unit: N m/rad}}}
-  - {name: mount damper, location: {kind: element, mass: first}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
-  - {name: shaft 1, location: {kind: element, between: [first, second]}, law: stiffness, parameters: {stiffness: {value: 20, unit: N m/rad}}}
-  - {name: damper 1, location: {kind: element, between: [first, second]}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
-  - {name: shaft 2, location: {kind: element, between: [second, third]}, law: stiffness, parameters: {stiffness: {value: 15, unit: N m/rad}}}
-  - {name: damper 2, location: {kind: element, between: [second, third]}, law: viscous, parameters: {damping: {value: 0.02, unit: N m s/rad}}}
-inputs:
-  - {name: torque, mass: first}
-outputs:
-  - {name: first_speed, mass: first, quantity: velocity}
-  - {name: second_speed, mass: second, quantity: velocity}
-  - {name: third_speed, mass: third, quantity: velocity}
-noise: {first_speed: 0.02, second_speed: 0.02, third_speed: 0.02}
-)";
-
 // A cable that no drawing shows, between two shafts that are no neighbours: what is searched by itself does
 // not explain it.
 TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
-  write_text(folder_.file("model.yaml"), kChain);
-  simulate(R"(elements:
-  - name: cable
-    location: {kind: element, between: [first, third]}
-    law: cubic_spring
-    parameters: {stiffness: {value: 300, unit: N m/rad^3}}
-)");
+  write_text(folder_.file("model.yaml"), example("chain.yaml"));
+  simulate(example("hidden_cable.yaml"));
   EXPECT_EQ(verdict({}, 1)["verdict"], "unknown");
-  const std::string places = "format: graybox-places/1\nplaces:\n  - ";
-  write_text(folder_.file("places.yaml"), places + "{kind: element, between: [third, first]}\n");
+  write_text(folder_.file("places.yaml"), example("cable_place.yaml"));
   const Json found = verdict("--places places.yaml -o report");
   ASSERT_EQ(found["physics"].size(), 1U) << found["words"];
   EXPECT_EQ(found["physics"][0]["law"], "cubic_spring") << found["words"];
@@ -251,7 +177,7 @@ TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 
   const auto refused = [&](const std::string& place, const std::string& why) {
-    write_text(folder_.file("places.yaml"), places + place + "\n");
+    write_text(folder_.file("places.yaml"), "format: graybox-places/1\nplaces:\n  - " + place + "\n");
     expect_refused("diagnose model.yaml campaign --places places.yaml", why);
   };
   refused("{kind: element, between: [second, first]}", "as 'first-second'");
@@ -265,7 +191,11 @@ TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
 TEST_F(Diagnose, SaysThatASignOrUnitIsWrong) {
   simulate();
   replace_in_campaign("name: speed, unit: rad/s", "name: speed, unit: deg/s");
-  const Json unit = verdict({}, 1);
+  // What an earlier diagnosis found is not the answer to this one.
+  std::filesystem::create_directory(folder_.file("report"));
+  write_text(folder_.file("report/model_extended.yaml"), "of an earlier run");
+  const Json unit = verdict("-o report", 1);
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("report/model_extended.yaml")));
   EXPECT_EQ(unit["verdict"], "unknown");
   ASSERT_EQ(unit["channel_faults"].size(), 1U) << unit["words"];
   EXPECT_EQ(unit["channel_faults"][0]["channels"][0], "speed");
@@ -336,6 +266,19 @@ TEST_F(Diagnose, RefusesBadInput) {
   expect_refused("diagnose model.yaml campaign --laws model.yaml", "format");
   expect_refused("diagnose model.yaml campaign --level 2", "level");
   expect_refused("diagnose model.yaml campaign --time-limit 0", "time-limit");
+  write_text(folder_.file("laws.yaml"), R"(format: graybox-laws/1
+laws:
+  - name: two_bristles
+    description: friction with two states
+    states: {s: v - s * abs(v), r: v - 2 * r * abs(v)}
+    force: level * (s + r)
+    parameters: {level: {unit: F, range: positive}}
+)");
+  expect_refused("diagnose model.yaml campaign --laws laws.yaml", "two_bristles: states: there are 2");
+  replace_in_campaign("preprocess: []",
+                      "preprocess:\n  - {kind: low_pass, frequency: 100, order: 8}\n"
+                      "  - {kind: decimate, factor: 2}");
+  expect_refused("diagnose model.yaml campaign", "not decimated");
 }
 
 }  // namespace

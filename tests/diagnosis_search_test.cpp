@@ -187,6 +187,10 @@ class RegressionProblem : public MismatchProblem {
       score.start = {hypothesis, {score.score.amplitudes(0)}};
       score.amplitude = score.score.amplitudes(0);
       score.amplitude_deviation = std::sqrt(score.score.amplitude_covariance(0, 0));
+      if (only_positive_ && score.amplitude < 0.0) {
+        score.score = {};
+        score.start.parameters.clear();
+      }
       test.lower_minimum_p_values(products, table.null_minima);
     }
     return table;
@@ -225,6 +229,7 @@ class RegressionProblem : public MismatchProblem {
     result.chi_square = error.dot(all.llt().solve(error));
     return HeldOutPrediction{result, result.chi_square + std::log(all.determinant())};
   }
+  void allow_only_positive() { only_positive_ = true; }
   // A law that does so many times as much on recordings kept out.
   void do_elsewhere(const std::string& law, double times) { elsewhere_[index_of(law)] = times; }
   // What a fit with laws can take out of the recordings.
@@ -299,6 +304,7 @@ class RegressionProblem : public MismatchProblem {
   std::vector<Hypothesis> hypotheses_;
   std::map<std::size_t, double> further_information_;
   std::optional<double> distance_;
+  bool only_positive_ = false;
   bool never_quite_ends_ = false;
   mutable int fits_without_laws_ = 0;
   bool has_few_ = false;
@@ -1008,6 +1014,31 @@ TEST(DiagnosisSearch, StopsWhenAskedAndSaysSo) {
   EXPECT_TRUE(diagnosis.interrupted);
   EXPECT_TRUE(diagnosis.detection.detected);
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+}
+
+// What changes with time was not looked for: "none" would say more than is known.
+TEST(DiagnosisSearch, DoesNotSayNoneWhereItWasStopped) {
+  RegressionProblem problem;
+  Random random(4);
+  problem.measure(Eigen::VectorXd::Zero(kSamples), random);
+  SearchOptions options;
+  EXPECT_EQ(diagnose(problem, options).verdict, Verdict::kNone);
+  options.proceed = [](const std::string& step) { return step.find("changes") == std::string::npos; };
+  const Diagnosis stopped = diagnose(problem, options);
+  EXPECT_TRUE(stopped.interrupted);
+  EXPECT_EQ(stopped.verdict, Verdict::kUnknown);
+}
+
+// Of the laws whose size can't be negative, noise gives about half a negative one: they were looked for all the same.
+TEST(DiagnosisSearch, ASignThatALawCanNotHaveHidesNothing) {
+  RegressionProblem problem;
+  problem.allow_only_positive();
+  for (std::uint64_t seed = 2; seed < 5; ++seed) {
+    const Diagnosis diagnosis = diagnose_effect(problem, Eigen::VectorXd::Zero(kSamples), seed);
+    for (const DetectableEffect& effect : diagnosis.detectable) {
+      EXPECT_EQ(std::isinf(effect.amplitude), effect.hypothesis == problem.index_of("parabola"));
+    }
+  }
 }
 
 TEST(ScoreTest, DoesNotDependOnTheUnitsOfParametersAndAmplitudes) {

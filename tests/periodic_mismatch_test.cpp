@@ -22,91 +22,22 @@
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/simulation/exact_plant.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/error.hpp"
+#include "recorded_systems.hpp"
 #include "temporary_folder.hpp"
-#include "two_mass_drive.hpp"
 
 namespace graybox {
 namespace {
 
 using Complex = std::complex<double>;
 using Eigen::Index;
-
-const std::string kDrive = testing::two_mass_drive("STIFFNESS", "0.03");
-
-constexpr const char* kPlan = R"(format: graybox-plan/1
-levels: [0.1, 0.3]
-realisations: 3
-validation_realisations: 1
-period: 500
-settling_periods: 6
-periods: 3
-frequencies: {from: 1, to: 60, count: 40, spacing: log}
-detection_lines: 4
-)";
-
-std::string drive(const std::string& stiffness, std::string text = kDrive) {
-  return text.replace(text.find("STIFFNESS"), 9, stiffness);
-}
-
-std::string element(const std::string& location, const std::string& law,
-                    const std::string& parameters) {
-  return "format: graybox-physics/1\nelements:\n  - {name: hidden, location: " + location +
-         ", law: " + law + ", parameters: {" + parameters + "}}\n";
-}
-
-// A campaign simulated with hidden physics and the model, 10 % off in its stiffness, to diagnose it.
-class HiddenPhysics {
- public:
-  explicit HiddenPhysics(const std::string& physics, std::uint64_t seed = 1, int threads = 1)
-      : HiddenPhysics(physics, kDrive, seed, threads) {}
-
-  HiddenPhysics(const std::string& physics, const std::string& model, std::uint64_t seed = 1,
-                int threads = 1) {
-    testing::write_text(folder_.file("truth.yaml"), drive("30", model));
-    testing::write_text(folder_.file("model.yaml"), drive("33", model));
-    testing::write_text(folder_.file("plan.yaml"), kPlan);
-    std::optional<std::filesystem::path> hidden;
-    if (!physics.empty()) {
-      hidden = folder_.file("physics.yaml");
-      testing::write_text(*hidden, physics);
-    }
-    const SimulatedSystem system = load_system(folder_.file("truth.yaml"), hidden);
-    SimulationOptions options;
-    options.seed = seed;
-    simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
-                      folder_.file("campaign"), options);
-    problem_ = problem(threads);
-  }
-
-  [[nodiscard]] std::unique_ptr<MismatchProblem> problem(int threads) const {
-    PeriodicMismatchOptions options;
-    options.threads = threads;
-    return periodic_mismatch_problem(folder_.file("model.yaml"),
-                                     read_campaign(folder_.file("campaign")), options);
-  }
-  [[nodiscard]] const MismatchProblem& operator*() const { return *problem_; }
-  [[nodiscard]] const MismatchProblem* operator->() const { return problem_.get(); }
-
-  [[nodiscard]] std::vector<std::size_t> all() const {
-    std::vector<std::size_t> indices(problem_->hypotheses().size());
-    for (std::size_t i = 0; i < indices.size(); ++i) indices[i] = i;
-    return indices;
-  }
-
-  [[nodiscard]] std::size_t index_of(const std::string& place, const std::string& law) const {
-    for (const std::size_t i : all()) {
-      const Hypothesis& hypothesis = problem_->hypotheses()[i];
-      if (hypothesis.place == place && hypothesis.law == law) return i;
-    }
-    throw InputError("no such hypothesis");
-  }
-
- private:
-  testing::TemporaryFolder folder_;
-  std::unique_ptr<MismatchProblem> problem_;
-};
+using testing::drive;
+using testing::element;
+using testing::HiddenPhysics;
+using testing::kDrive;
+using testing::RecordedRobot;
 
 const HypothesisScore& best_of(const ScoreTable& table) {
   return *std::ranges::max_element(table.scores, {}, [](const HypothesisScore& score) {
@@ -516,54 +447,6 @@ TEST(PeriodicMismatch, RaisesFewFalseAlarms) {
   EXPECT_LE(alarms, 2);
 }
 
-// The whole robot of three axes moves far beyond its linear model; its stiffnesses are off by up to 15 %.
-class RecordedRobot {
- public:
-  // `hidden`: elements of a graybox-physics/1 file, or nothing.
-  explicit RecordedRobot(const std::string& hidden, const std::string& positions = "[[20, 30, 40]]",
-                         const std::string& noise = "1e-13") {
-    const std::filesystem::path robot =
-        std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
-    testing::write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
-plant: robot
-levels: [2.0]
-realisations: 2
-validation_realisations: 1
-period: 1000
-settling_periods: 5
-periods: 2
-frequencies: {from: 2, to: 60, count: 20, spacing: log}
-positions: )" + positions + "\nnoise: " + noise + "\n");
-    std::optional<std::filesystem::path> physics;
-    if (!hidden.empty()) {
-      physics = folder_.file("hidden.yaml");
-      testing::write_text(*physics, "format: graybox-physics/1\nelements:\n" + hidden);
-    }
-    const SimulatedSystem system = load_system(robot, physics);
-    simulate_campaign(system, read_plan(folder_.file("plan.yaml"), system),
-                      folder_.file("campaign"), {});
-    std::string text = testing::read_text(robot.string());
-    for (const auto& [nominal, changed] :
-         {std::pair{"4.0e4", "3.5e4"}, {"5.0e4", "5.6e4"}, {"1.5e4", "1.4e4"}}) {
-      text.replace(text.find(nominal), 5, changed);
-    }
-    testing::write_text(folder_.file("model.yaml"), text);
-    std::filesystem::copy(robot.parent_path() / "three_axis.urdf", folder_.file("three_axis.urdf"));
-  }
-
-  // The model with elements of its own, or none.
-  [[nodiscard]] std::unique_ptr<MismatchProblem> problem(const std::string& elements = "") const {
-    const std::string file = folder_.file("believed.yaml");
-    std::string text = testing::read_text(folder_.file("model.yaml"));
-    if (!elements.empty()) text += "\nelements:\n" + elements;
-    testing::write_text(file, text);
-    return periodic_mismatch_problem(file, read_campaign(folder_.file("campaign")));
-  }
-
- private:
-  testing::TemporaryFolder folder_;
-};
-
 TEST(PeriodicMismatch, FindsNothingMissingInARobotWithItsOwnNonLinearities) {
   const RecordedRobot robot("");
   const auto problem = robot.problem();
@@ -572,6 +455,55 @@ TEST(PeriodicMismatch, FindsNothingMissingInARobotWithItsOwnNonLinearities) {
   EXPECT_NEAR(fit.estimation.chi_square_per_dof(), 1.0, 0.1);
   EXPECT_NEAR(fit.model_parameters[0].value, 4.0 / 3.5, 1e-4);
   EXPECT_NEAR(problem->validate(fit)->chi_square_per_dof(), 1.0, 0.1);
+}
+
+// The commonest missing physics is a wiring fault: said before anything is fitted, and nothing is searched.
+TEST(PeriodicMismatch, SaysThatARobotIsWiredWrongly) {
+  const auto said = [](const RecordedRobot& robot) {
+    const auto problem = robot.problem();
+    const Diagnosis diagnosis = diagnose(*problem);
+    EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+    EXPECT_TRUE(diagnosis.effects.empty());
+    std::string all;
+    for (const ChannelFault& fault : diagnosis.channel_faults) all += fault.message + "\n";
+    return all;
+  };
+  const RecordedRobot reversed("");
+  reversed.change("model.yaml", "gear_ratio: 80", "gear_ratio: -80");
+  EXPECT_NE(said(reversed).find("both have the wrong sign: that of the gear ratio?"),
+            std::string::npos)
+      << said(reversed);
+  const RecordedRobot swapped("");
+  const std::string file = "campaign/campaign.yaml";
+  swapped.change(file, "name: motor_velocity_1", "name: other");
+  swapped.change(file, "name: motor_velocity_2", "name: motor_velocity_1");
+  swapped.change(file, "name: other", "name: motor_velocity_2");
+  EXPECT_NE(said(swapped).find("are swapped"), std::string::npos) << said(swapped);
+}
+
+// Cells of the map: p-values of noise that is estimated from few periods are uniform, too.
+TEST(PeriodicMismatch, CellsOfTheMapAreNoiseWhereNothingIsMissing) {
+  std::size_t cells = 0, below_5 = 0, below_1 = 0, rejected = 0;
+  for (std::uint64_t seed = 31; seed < 55; ++seed) {
+    const HiddenPhysics nothing("", seed);
+    const std::vector<MismatchCell> map = nothing->mismatch(nothing->fit({}, nullptr));
+    for (const MismatchCell& cell : map) {
+      const double p_value = cell_p_value(cell);
+      ++cells;
+      if (p_value < 0.05) ++below_5;
+      if (p_value < 0.01) ++below_1;
+      EXPECT_LE(cell.effective, cell.degrees_of_freedom);
+    }
+    if (std::ranges::count(rejected_cells(map, 0.05), true) > 0) ++rejected;
+  }
+  // Three standard deviations of binomial counts.
+  const auto limit = [](double rate, std::size_t of) {
+    const double mean = rate * static_cast<double>(of);
+    return mean + 3.0 * std::sqrt(mean * (1.0 - rate));
+  };
+  EXPECT_LE(static_cast<double>(below_5), limit(0.05, cells));
+  EXPECT_LE(static_cast<double>(below_1), limit(0.01, cells));
+  EXPECT_LE(static_cast<double>(rejected), limit(0.05, 24));
 }
 
 // Where its transition velocity is never reached, dry friction is viscous: one that the recordings do not tell from

@@ -384,6 +384,39 @@ outputs: [{name: speed, mass: motor, quantity: velocity}]
   EXPECT_EQ(added.elements[0].parameters, extended.elements[0].parameters);
 }
 
+// Laws that a model has already, of robots, too: estimates without a unit are no factors, and a parameter may have been left out.
+TEST_F(ExtendedModel, TakesTheEstimatesOfItsOwnLaws) {
+  const std::string elements = R"(
+elements:
+  - {name: error, location: {kind: sensor, joint: joint_2}, law: gain, parameters: {error: {value: 0.02, unit: 1}}}
+  - {name: limit, location: {kind: actuator, joint: joint_1}, law: saturation, parameters: {limit: {value: 3, unit: N m}}}
+)";
+  const std::filesystem::path robot = default_robot_file();
+  std::ifstream stream(robot);
+  const std::string text(std::istreambuf_iterator<char>(stream), {});
+  for (const auto& entry : std::filesystem::directory_iterator(robot.parent_path())) {
+    if (entry.path().extension() == ".urdf") {
+      std::filesystem::copy(entry.path(), folder_ / entry.path().filename());
+    }
+  }
+  const std::filesystem::path model = write("robot.yaml", text + elements);
+  ExtendedFit fit;
+  fit.model_parameters = {{"joint_1.gearbox", "1", 1.5, 0.1},
+                          {"error.error", "1", 0.03, 1e-3},
+                          {"limit.limit", "N m", 2.5, 0.1},
+                          {"limit.corner", "N m", 0.25, 0.1}};
+  const std::filesystem::path target = folder_ / "extended.yaml";
+  write("extended.yaml", extended_model_text(model, target, fit, {}));
+  const ExtendedRobot before = load_extended_robot(model), after = load_extended_robot(target);
+  ASSERT_EQ(after.elements.size(), 2U);
+  EXPECT_DOUBLE_EQ(after.elements[0].parameters[0], 0.03);
+  EXPECT_EQ(after.elements[1].parameters, (std::vector<double>{2.5, 0.25}));
+  for (std::size_t i = 0; i < before.robot.springs.size(); ++i) {
+    const double factor = before.robot.springs[i].name == "joint_1.gearbox" ? 1.5 : 1.0;
+    EXPECT_DOUBLE_EQ(after.robot.springs[i].stiffness, factor * before.robot.springs[i].stiffness);
+  }
+}
+
 TEST_F(ExtendedModel, RefusesAnEstimateThatHasNoPlace) {
   ExtendedFit fit;
   fit.model_parameters = {{"joint_9.gearbox", "1", 1.0, 0.1}};

@@ -25,7 +25,7 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kShownCurves = 6;
+constexpr Index kShownCurves = 6;  // of the recordings of one role
 
 // Columns of several terms over `noise`: coordinate after coordinate.
 Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
@@ -139,6 +139,23 @@ class ForceBalanceProblem : public MismatchProblem {
     return 100.0 * std::sqrt(square / centred_square(rows.measured));
   }
 
+  [[nodiscard]] std::vector<ChannelRest> channel_rests(const ExtendedFit& fit) const override {
+    const ForceBalanceRows& rows = data_.estimation;
+    const Eigen::MatrixXd rest = residuals(fit, rows), unseen = unpredicted(rows, rest);
+    std::vector<ChannelRest> channels;
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double left = rest.col(j).squaredNorm(), signal = centred_square(rows.measured.col(j));
+      ChannelRest& channel = channels.emplace_back();
+      channel.channel = channel_name(j);
+      if (!(left > 0.0) || !(signal > 0.0)) continue;
+      channel.nrmse = 100.0 * std::sqrt(left / signal);
+      channel.structure = std::max(0.0, 1.0 - unseen.col(j).squaredNorm() / left);
+      const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
+      channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
+    }
+    return channels;
+  }
+
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
     std::vector<ForcePicture> pictures;
     for (const FittedLaw& law : fit.laws) {
@@ -179,6 +196,8 @@ class ForceBalanceProblem : public MismatchProblem {
       result.trouble = "a law's parameter leaves its range";
     } else if (!slides(laws)) {
       result.trouble = "a friction never slides: it is a damper here";
+    } else if (!comes_back(laws)) {
+      result.trouble = "less than half a wave of a ripple was recorded: it is a spring here";
     } else {
       result.usable = true;
       describe(starts, laws, fitted, result);
@@ -230,6 +249,19 @@ class ForceBalanceProblem : public MismatchProblem {
             law.parameters[i] > scales_[place].rate(kSliding)) {
           return false;
         }
+      }
+    }
+    return true;
+  }
+
+  // As the waves that are tried (law_shapes.cpp).
+  [[nodiscard]] bool comes_back(const std::vector<PlacedLaw>& laws) const {
+    for (const PlacedLaw& law : laws) {
+      const auto place = static_cast<std::size_t>(law.place - data_.places.data());
+      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+        const bool is_wave =
+            law.entry->name == "ripple" && law.entry->parameters[i].name == "period";
+        if (is_wave && law.parameters[i] > 2.0 * scales_[place].range) return false;
       }
     }
     return true;
@@ -448,17 +480,20 @@ class ForceBalanceProblem : public MismatchProblem {
     return result;
   }
 
+  [[nodiscard]] std::string channel_name(Index coordinate) const {
+    const BalanceCoordinate& moving = data_.coordinates[static_cast<std::size_t>(coordinate)];
+    return (moving.units.force == "N m" ? "torque of " : "force of ") + moving.name;
+  }
+
   // The first recording of a role, every coordinate.
   void add_curves(const ExtendedFit& fit, const ForceBalanceRows& rows, bool held_out,
                   std::vector<ResidualCurve>& curves) const {
     const Eigen::MatrixXd error = residuals(fit, rows);
     const Motion& piece = rows.pieces.front();
-    for (Index j = 0; j < coordinates() && curves.size() < kShownCurves; ++j) {
-      const BalanceCoordinate& coordinate = data_.coordinates[static_cast<std::size_t>(j)];
+    for (Index j = 0; j < std::min(coordinates(), kShownCurves); ++j) {
       ResidualCurve curve;
-      curve.channel = "force of " + coordinate.name;
-      if (coordinate.units.force == "N m") curve.channel = "torque of " + coordinate.name;
-      curve.unit = coordinate.units.force;
+      curve.channel = channel_name(j);
+      curve.unit = data_.coordinates[static_cast<std::size_t>(j)].units.force;
       curve.experiment = rows.names.front() + (held_out ? ", kept out of the fit" : "");
       curve.over_time = true;
       curve.held_out = held_out;
@@ -556,10 +591,11 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
       CandidateScore score = test.score(products);
       if (score.statistic <= best.score.statistic) continue;
       std::vector<double> parameters = shape.parameters(score.amplitudes);
-      if (parameters.empty()) continue;
-      best.start.parameters = std::move(parameters);
+      if (parameters.empty() && !best.start.parameters.empty()) continue;
       best.amplitude = score.amplitudes(0);
       best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0) / worth);
+      if (parameters.empty()) continue;  // the sign that it found is impossible
+      best.start.parameters = std::move(parameters);
       best.explained_share = score.statistic / square;
       best.score = std::move(score);
     }

@@ -139,9 +139,11 @@ struct HypothesisScore {
   CandidateScore score;          // of that shape
   std::size_t shapes = 1;        // that were tried
   double explained_share = 0.0;  // statistic over the chi-square of the residuals
-  // Estimate of the law's leading amplitude and the least that would be found; its unit.
+  // Estimate of the law's leading amplitude, also where it has a sign that the law can't have (`start` is empty then, and
+  // the score says nothing), and its unit.
   double amplitude = 0.0;
-  double amplitude_deviation = 0.0;  // standard deviation of the estimate
+  double amplitude_deviation =
+      0.0;  // standard deviation of the estimate; 0: the fitted parameters imitate it
   std::string amplitude_unit;
 };
 
@@ -158,6 +160,16 @@ struct MismatchCell {
   double level = 0.0;
   double statistic = 0.0;  // sum of squares of whitened residuals
   double degrees_of_freedom = 0.0;
+  // Those of a chi-square that scatters as much, relative to its mean: fewer where the noise is estimated. 0: the same.
+  double effective = 0.0;
+};
+
+// Where the noise is not known: what a fit leaves of one channel, to say where a model is wrong.
+struct ChannelRest {
+  std::string channel;
+  double nrmse = 0.0;                 // 100 rms(rest) / std(signal), %
+  double structure = 0.0;             // share that depends on the motion, 0 to 1
+  double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
 };
 
 // The picture of a law: the force that the data ask for at a place, against the motion there, sample
@@ -243,6 +255,11 @@ class MismatchProblem {
   // told, from what these laws may make of the plant's free motion either.
   [[nodiscard]] virtual std::optional<TimeVariation> time_variation(const ExtendedFit& /*fit*/,
                                                                     double /*gain*/) const {
+    return {};
+  }
+
+  // Where the noise is not known, channel by channel on the recordings of the fit.
+  [[nodiscard]] virtual std::vector<ChannelRest> channel_rests(const ExtendedFit& /*fit*/) const {
     return {};
   }
 

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <map>
+#include <mutex>
 #include <numbers>
 #include <set>
 #include <utility>
@@ -116,8 +118,9 @@ std::vector<std::vector<PlantChange>> body_changes(const PlantFamily& family,
                                                    const std::vector<Candidate>& list,
                                                    int threads) {
   std::vector<std::vector<PlantChange>> changes(data.positions.size());
-#pragma omp parallel for num_threads(threads) schedule(dynamic)
-  for (std::size_t i = 0; i < changes.size(); ++i) {
+  std::exception_ptr failure;
+  std::mutex guard;
+  const auto change = [&](std::size_t i) {
     const LinearPlant& plain = model.positions[i].plant;
     for (const Candidate& candidate : list) {
       if (!is_body(*candidate.place, *candidate.entry)) continue;
@@ -138,7 +141,17 @@ std::vector<std::vector<PlantChange>> body_changes(const PlantFamily& family,
                                          (changed.rest - plain.rest) / small}));
       }
     }
+  };
+#pragma omp parallel for num_threads(threads) schedule(dynamic)
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    try {
+      change(i);
+    } catch (...) {  // an arm that finds no rest with such a body; it must not leave a thread
+      const std::scoped_lock lock(guard);
+      failure = std::current_exception();
+    }
   }
+  if (failure) std::rethrow_exception(failure);
   return changes;
 }
 
@@ -311,10 +324,15 @@ ScoreTable score_candidates(const PlantFamily& family, const PeriodicData& data,
       CandidateProducts products{total.information[shape_index++],
                                  total.nuisance.middleRows(column, size),
                                  total.scores.middleRows(column, size)};
-      if (options.null_draws > 0) null_test.lower_minimum_p_values(products, table.null_minima);
+      const bool is_usable = products.information.allFinite() && products.nuisance.allFinite();
+      if (is_usable && options.null_draws > 0) {
+        null_test.lower_minimum_p_values(products, table.null_minima);
+      }
       products.nuisance = total.moved_nuisance.middleRows(column, size);
       products.scores = total.scores.col(0).segment(column, size);
       column += size;
+      // A law that overflows, or leaves where it is defined, in some recording.
+      if (!is_usable || !products.nuisance.allFinite() || !products.scores.allFinite()) continue;
       if (!choice.try_shape(shape, products)) continue;
       choice.best().start.model_parameters =
           parameters_with(family, model, total.blocks[candidate.block], products.nuisance,

@@ -180,6 +180,13 @@ class Reader {
     order.insert(order.end(), inputs.begin(), inputs.end());
     const MatrixXd signals = recording.data.pieces.front().values(Eigen::all, order);
     const PeriodicExcitation& excitation = *recording.data.excitation;
+    const double step = recording.data.sample_time.value_or(0.0);
+    if (excitation.period != data_.period || !(std::abs(step / data_.sample_time - 1.0) <= 1e-6)) {
+      refuse(campaign_, where +
+                            ": preprocess and sample_time must leave periodic recordings as they "
+                            "were sampled, even and "
+                            "not decimated: their inputs are held from sample to sample");
+    }
     PeriodicLayout layout{excitation.period, excitation.periods, {}};
     for (Index k = 1; k <= data_.last_line; ++k)
       layout.lines.push_back(static_cast<std::size_t>(k));

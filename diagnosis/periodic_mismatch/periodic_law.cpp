@@ -1,8 +1,12 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
 #include <string_view>
+
+#include "graybox/problems/error.hpp"
 
 namespace graybox {
 namespace {
@@ -34,6 +38,18 @@ Complex LinearForce::response(double w) const {
 Complex LinearForce::transmission(double w) const {
   const Complex spring(stiffness, w * damping);
   return spring / (spring - w * w * inertia);
+}
+
+void require_one_state(const LawEntry& entry) {
+  if (entry.definition.empty()) return;  // graybox's own have one at most
+  const std::vector<double> any(entry.parameters.size(), 1.0);
+  const std::size_t states = entry.make(any)->state_count();
+  if (states <= 1) return;
+  throw InputError(
+      fmt::format("laws: {}: states: there are {}, but periodic recordings are diagnosed with laws "
+                  "of one state at "
+                  "most; leave one out, or describe the drive as graybox-rigid-robot/1",
+                  entry.name, states));
 }
 
 PeriodicLaw::PeriodicLaw(const LawEntry& entry, std::span<const double> parameters)

@@ -51,6 +51,9 @@ struct LinearForce {
   [[nodiscard]] std::complex<double> transmission(double w) const;
 };
 
+// Throws InputError for a law of several states, which no PeriodicLaw follows.
+void require_one_state(const LawEntry& entry);
+
 class PeriodicLaw {
  public:
   // Keeps the entry, which belongs to the catalogue.

@@ -435,8 +435,9 @@ class Problem : public MismatchProblem {
       place.location = elements[e].location;
       place.shifts_rest = family_->shifts_rest(elements[e].location);
       const bool is_signal = elements[e].location.kind != LocationKind::kElement;
-      base_laws_.push_back({&place, find_law(elements[e].law_name, is_signal),
-                            elements[e].parameters, elements[e].fixed});
+      const LawEntry* entry = find_law(elements[e].law_name, is_signal);
+      require_one_state(*entry);
+      base_laws_.push_back({&place, entry, elements[e].parameters, elements[e].fixed});
       base_names_.push_back(elements[e].name);
     }
   }
@@ -457,6 +458,7 @@ class Problem : public MismatchProblem {
   }
 
   void add_hypothesis(const CandidatePlace& place, const LawEntry& entry) {
+    require_one_state(entry);
     hypotheses_.push_back(
         {place.location.name, place.yaml, entry.name, special_cases_of(entry, true)});
     hypotheses_.back().characteristic = characteristic_of(entry, place);

@@ -78,11 +78,12 @@ MeasuredRecord excited_in(const MeasuredRecord& record, const Band& band, double
     result.input.row(c).segment(first, count) = scale * record.input.row(c).segment(first, count);
   }
   result.output.middleCols(first, count) = factor * record.output.middleCols(first, count);
-  PeriodTransform transform(data.period, first + count - 1, data.period);
-  VectorXd times(result.input_period.cols());
+  // Two points a sample: the last line below half the sample rate needs more than the samples.
+  PeriodTransform transform(data.period, first + count - 1, 2 * data.period);
+  VectorXd times(transform.grid());
   for (Index c = 0; c < result.input.rows(); ++c) {
     transform.to_times(result.input.row(c).head(first + count).transpose(), times);
-    result.input_period.row(c) = times.transpose();
+    result.input_period.row(c) = times(Eigen::seq(0, Eigen::last, 2)).transpose();
   }
   return result;
 }
@@ -117,15 +118,17 @@ std::vector<std::vector<const MeasuredRecord*>> templates_of(const PeriodicData&
   return templates;
 }
 
-// Schur complement of the last diagonal entry, 0 where it or the others are singular.
-double distance_in(const MatrixXd& information) {
+// Schur complement of the last diagonal entry; none where the others are singular or any is no number.
+std::optional<double> distance_in(const MatrixXd& information) {
   const Index n = information.rows() - 1;
+  if (!information.allFinite()) return {};
+  if (information(n, n) == 0.0) return 0.0;  // both explain the same
   const VectorXd scale = information.diagonal().cwiseSqrt();
-  if (!(scale.minCoeff() > 0.0)) return 0.0;
+  if (!(scale.minCoeff() > 0.0)) return {};
   const MatrixXd scaled =
       scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
   const Eigen::LLT<MatrixXd> factor(scaled.topLeftCorner(n, n));
-  if (factor.info() != Eigen::Success) return 0.0;
+  if (factor.info() != Eigen::Success) return {};
   const VectorXd half = factor.matrixL().solve(scaled.col(n).head(n));
   return std::max(0.0, (scaled(n, n) - half.squaredNorm())) * information(n, n);
 }
@@ -205,6 +208,8 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
   if (free.empty()) return {};
   free.push_back(now.rows() - 1);
   now = MatrixXd(now(free, free));
+  const std::optional<double> distance_now = distance_in(now);
+  if (!distance_now) return {};
   const VectorXd scale = parameter_scale(now);
   const auto dimension = static_cast<std::size_t>(now.rows());
   const std::size_t packed = packed_size(dimension);
@@ -214,12 +219,14 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
     const MatrixXd then = now + tasks[known + i](free, free);
     const MatrixXd scaled =
         scale.cwiseInverse().asDiagonal() * then * scale.cwiseInverse().asDiagonal();
-    result.distance_at_best = std::max(result.distance_at_best, distance_in(then));
+    const std::optional<double> distance = distance_in(then);
+    if (!distance) return {};
+    result.distance_at_best = std::max(result.distance_at_best, *distance);
     pack(scaled.data(), dimension, information.data() + i * packed);
     result.options.push_back(described(options[i], *templates[options[i].position].front(), data));
   }
   result.information = InformationSet(dimension, std::move(information), {}, {}, "next experiment");
-  result.distance_now = distance_in(now);
+  result.distance_now = *distance_now;
   result.recordings = static_cast<double>(known);
   return result;
 }

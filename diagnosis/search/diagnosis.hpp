@@ -102,6 +102,7 @@ struct Diagnosis {
   std::vector<DetectableEffect> detectable;                         // in the light of the first fit
   std::vector<HypothesisScore> ranking;                             // of the first fit, best first
   std::vector<MismatchCell> mismatch_before, mismatch_after;
+  std::vector<ChannelRest> channels_before, channels_after;  // where the noise is not known
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
 };

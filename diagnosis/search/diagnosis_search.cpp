@@ -47,7 +47,7 @@ void look_for_change(SearchState& state) {
 }
 
 Verdict verdict_of(const Diagnosis& result) {
-  if (!result.detection.detected) return Verdict::kNone;
+  if (!result.detection.detected) return result.interrupted ? Verdict::kUnknown : Verdict::kNone;
   if (result.effects.empty() || !result.verified || result.time_variation ||
       !result.departures.empty() || !result.shared_characteristics.empty() || result.interrupted) {
     return Verdict::kUnknown;

@@ -31,7 +31,7 @@ ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t 
   if (is_better(other, best)) best = other;
   // Laws can't make a fit worse than it is without any: that one began in another valley.
   if (!best.usable || best.deviance > state.result.before.deviance) {
-    const ExtendedFit afresh = state.refits.refit(laws, {});
+    const ExtendedFit afresh = state.problem->fit(laws, nullptr);
     if (is_better(afresh, best)) best = afresh;
   }
   return best;

@@ -31,9 +31,11 @@ void list_detectable(SearchState& state, const ScoreTable& table) {
   for (const HypothesisScore& score : table.scores) {
     DetectableEffect effect{score.start.hypothesis, std::numeric_limits<double>::infinity(),
                             score.amplitude_unit};
-    if (score.score.degrees_of_freedom > 0.0) {
-      effect.amplitude = score.amplitude_deviation *
-                         std::sqrt(required_noncentrality(state, score.score.degrees_of_freedom));
+    // Also where noise gave it a sign that it can't have, and so no start.
+    if (score.amplitude_deviation > 0.0 && std::isfinite(score.amplitude_deviation)) {
+      const double freedom = std::max(1.0, score.score.degrees_of_freedom);
+      effect.amplitude =
+          score.amplitude_deviation * std::sqrt(required_noncentrality(state, freedom));
     }
     state.result.detectable.push_back(std::move(effect));
   }

@@ -44,6 +44,7 @@ void SearchState::go_on_with(std::unique_ptr<MismatchProblem> freed) {
 void SearchState::describe_fit_as_it_is() {
   result.after = result.before;
   result.mismatch_before = problem->mismatch(result.before);
+  result.channels_before = problem->channel_rests(result.before);
   result.curves_before = problem->residual_curves(result.before);
   result.validation_before = problem->validate(result.before);
 }

@@ -1,6 +1,7 @@
 #include "graybox/diagnosis/search/verification.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "graybox/problems/distributions.hpp"
 
@@ -13,6 +14,7 @@ constexpr double kFitTolerance = 2.0;
 
 // Below the noise floor, or above it by chance.
 bool is_predicted(const SearchState& state, const Assessment& held_out) {
+  if (!std::isfinite(held_out.chi_square)) return false;
   return held_out.chi_square_per_dof() < state.options.noise_floor ||
          chi_square_tail(held_out.chi_square, held_out.degrees_of_freedom) >=
              state.options.verification_level;
@@ -35,6 +37,7 @@ void verify_without_noise(SearchState& state) {
 void verify_rest(SearchState& state) {
   state.result.validation_after = state.problem->validate(state.result.after);
   state.result.mismatch_after = state.problem->mismatch(state.result.after);
+  state.result.channels_after = state.problem->channel_rests(state.result.after);
   state.result.curves_after = state.problem->residual_curves(state.result.after);
   if (!state.result.after.laws.empty()) {
     state.result.pictures = state.problem->force_pictures(state.result.after);

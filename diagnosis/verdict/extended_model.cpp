@@ -20,6 +20,14 @@ YAML::Node exact_number(double value) {
   return node;
 }
 
+YAML::Node parameter_node(const LawParameterEstimate& estimate) {
+  YAML::Node entry;
+  entry["value"] = exact_number(estimate.value);
+  entry["unit"] = estimate.unit;
+  entry.SetStyle(YAML::EmitterStyle::Flow);
+  return entry;
+}
+
 YAML::Node element_node(const FittedLaw& law, std::span<const Hypothesis> hypotheses,
                         std::set<std::string>& names) {
   const Hypothesis& hypothesis = hypotheses[law.hypothesis];
@@ -34,25 +42,17 @@ YAML::Node element_node(const FittedLaw& law, std::span<const Hypothesis> hypoth
   element["law"] = hypothesis.law;
   YAML::Node parameters(YAML::NodeType::Map);
   for (const LawParameterEstimate& estimate : law.parameters) {
-    YAML::Node entry;
-    entry["value"] = exact_number(estimate.value);
-    entry["unit"] = estimate.unit;
-    entry.SetStyle(YAML::EmitterStyle::Flow);
-    parameters[estimate.name] = entry;
+    parameters[estimate.name] = parameter_node(estimate);
   }
   element["parameters"] = parameters;
   return element;
 }
 
 // The number of this node, which may be {value, ...}.
-void replace_number(YAML::Node node, const LawParameterEstimate& estimate) {
-  YAML::Node number = node.IsMap() ? node["value"] : node;
-  const bool relative = estimate.unit.empty() || estimate.unit == "1";
-  const double value = relative ? estimate.value * number.as<double>() : estimate.value;
-  number = fmt::format("{}", value);
-}
+YAML::Node number_of(YAML::Node node) { return node.IsMap() ? node["value"] : node; }
 
 YAML::Node robot_spring(YAML::Node root, std::string_view joint, const std::string& spring) {
+  if (!root["joints"] || !root["joints"].IsMap()) return YAML::Node(YAML::NodeType::Undefined);
   YAML::Node fields = root["joints"][std::string(joint)];
   if (!fields) return YAML::Node(YAML::NodeType::Undefined);
   if (spring == "gearbox") return fields["gearbox"]["stiffness"];
@@ -62,32 +62,38 @@ YAML::Node robot_spring(YAML::Node root, std::string_view joint, const std::stri
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
-YAML::Node lumped_value(YAML::Node root, const std::string& owner, const std::string& parameter) {
+YAML::Node element_parameters(YAML::Node root, const std::string& owner) {
   for (YAML::Node element : root["elements"]) {
-    if (element["name"].as<std::string>() == owner && element["parameters"][parameter]) {
-      return element["parameters"][parameter];
-    }
+    if (element["name"].as<std::string>() == owner) return element["parameters"];
   }
-  const bool is_mass = parameter == "inertia" || parameter == "mass";
-  if (is_mass && root["masses"][owner]) return root["masses"][owner];
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
+// A robot's springs are estimated relative to what the file says, all others as they are.
 void set_parameter(YAML::Node root, const LawParameterEstimate& estimate,
                    const std::filesystem::path& model) {
   const std::size_t dot = estimate.name.rfind('.');
-  YAML::Node node(YAML::NodeType::Undefined);
-  if (dot != std::string::npos) {
-    const std::string owner = estimate.name.substr(0, dot);
-    const std::string parameter = estimate.name.substr(dot + 1);
-    node = root["joints"] ? robot_spring(root, owner, parameter)
-                          : lumped_value(root, owner, parameter);
+  const std::string owner = estimate.name.substr(0, dot);
+  const std::string parameter = dot == std::string::npos ? "" : estimate.name.substr(dot + 1);
+  if (YAML::Node spring = robot_spring(root, owner, parameter); spring.IsDefined()) {
+    YAML::Node number = number_of(spring);
+    number = fmt::format("{}", estimate.value * number.as<double>());
+    return;
   }
-  if (!node.IsDefined()) {
+  YAML::Node parameters = element_parameters(root, owner);
+  const bool is_mass = parameter == "inertia" || parameter == "mass";
+  if (parameters.IsDefined() && parameters[parameter]) {
+    YAML::Node number = number_of(parameters[parameter]);
+    number = fmt::format("{}", estimate.value);
+  } else if (parameters.IsDefined()) {  // files may leave it out
+    parameters[parameter] = parameter_node(estimate);
+  } else if (is_mass && root["masses"] && root["masses"][owner]) {
+    YAML::Node number = number_of(root["masses"][owner]);
+    number = fmt::format("{}", estimate.value);
+  } else {
     throw InputError(fmt::format("{}: has no parameter '{}' to take the estimate of",
                                  model.string(), estimate.name));
   }
-  replace_number(node, estimate);
 }
 
 void redirect(YAML::Node root, const char* key, const std::filesystem::path& model,

@@ -140,23 +140,44 @@ Json detectable_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hyp
   return list;
 }
 
+Json channel_rests_json(const std::vector<ChannelRest>& before,
+                        const std::vector<ChannelRest>& after) {
+  const auto rest_json = [](const ChannelRest& rest) {
+    return Json{{"nrmse", number(rest.nrmse)},
+                {"remaining_structure", number(rest.structure)},
+                {"autocorrelated_error", number(rest.autocorrelated_error)}};
+  };
+  Json list = Json::array();
+  for (std::size_t c = 0; c < before.size(); ++c) {
+    list.push_back({{"channel", before[c].channel},
+                    {"before", rest_json(before[c])},
+                    {"after", c < after.size() ? rest_json(after[c]) : Json(nullptr)}});
+  }
+  return list;
+}
+
 Json mismatch_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
-  const MismatchSummary summary = summarise_mismatch(diagnosis.mismatch_before);
+  MismatchSummary summary = summarise_mismatch(diagnosis.mismatch_before);
+  for (const ChannelRest& rest : diagnosis.channels_before) {
+    if (is_more_than_noise(rest)) summary.channels.push_back(rest.channel);
+  }
   Json bands = Json::array();
   for (const auto& [from, to] : summary.bands) bands.push_back({from, to});
   const Detection& detection = diagnosis.detection;
-  return {{"detected", detection.detected},
-          {"p_value", std::min(detection.lack_of_fit_p_value, detection.smallest_p_value)},
-          {"lack_of_fit_p_value",
-           diagnosis.noise_is_known ? number(detection.lack_of_fit_p_value) : Json(nullptr)},
-          {"smallest_p_value", detection.smallest_p_value},
-          {"threshold", detection.threshold},
-          {"channels", summary.channels},
-          {"bands_hz", bands},
-          {"positions", summary.positions},
-          {"levels", summary.levels},
-          {"nonlinear", nonlinear_json(diagnosis, hypotheses)},
-          {"smallest_detectable", detectable_json(diagnosis, hypotheses)}};
+  return {
+      {"detected", detection.detected},
+      {"p_value", std::min(detection.lack_of_fit_p_value, detection.smallest_p_value)},
+      {"lack_of_fit_p_value",
+       diagnosis.noise_is_known ? number(detection.lack_of_fit_p_value) : Json(nullptr)},
+      {"smallest_p_value", detection.smallest_p_value},
+      {"threshold", detection.threshold},
+      {"channels", summary.channels},
+      {"rest_by_channel", channel_rests_json(diagnosis.channels_before, diagnosis.channels_after)},
+      {"bands_hz", bands},
+      {"positions", summary.positions},
+      {"levels", summary.levels},
+      {"nonlinear", nonlinear_json(diagnosis, hypotheses)},
+      {"smallest_detectable", detectable_json(diagnosis, hypotheses)}};
 }
 
 Json time_variation_json(const std::optional<TimeVariation>& variation) {
@@ -268,13 +289,15 @@ std::vector<std::pair<double, double>> merged(std::vector<std::pair<double, doub
 
 }  // namespace
 
+double cell_p_value(const MismatchCell& cell) {
+  if (!(cell.degrees_of_freedom > 0.0)) return 1.0;
+  const double effective = cell.effective > 0.0 ? cell.effective : cell.degrees_of_freedom;
+  return chi_square_tail(cell.statistic * effective / cell.degrees_of_freedom, effective);
+}
+
 std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate) {
   std::vector<double> p_values;
-  for (const MismatchCell& cell : cells) {
-    p_values.push_back(cell.degrees_of_freedom > 0.0
-                           ? chi_square_tail(cell.statistic, cell.degrees_of_freedom)
-                           : 1.0);
-  }
+  for (const MismatchCell& cell : cells) p_values.push_back(cell_p_value(cell));
   return discoveries(p_values, rate);
 }
 

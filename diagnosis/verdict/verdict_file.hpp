@@ -6,8 +6,10 @@
 //    "autocorrelated_error": null, "rivals_weighed": true,
 //    "words": ["...", ...], "channel_faults": [{"channels": [...], "message": "..."}],
 //    "recording_warnings": ["..."],
-//    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "threshold": ...,
-//                 "channels": ["y_3"], "bands_hz": [[5.0, 12.5]], "positions": ["..."],
+//    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "smallest_p_value": ...,
+//                 "threshold": ..., "channels": ["y_3"], "rest_by_channel": [{"channel", "before": {"nrmse",
+//                 "remaining_structure", "autocorrelated_error"}, "after": {...}}],
+//                 "bands_hz": [[5.0, 12.5]], "positions": ["..."],
 //                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
 //                 "amplitude", "unit"}, ...]},
 //    "time_variation": {"place", "coefficient", "deviation", "unit", "frequency_hz", "duration_s",
@@ -24,7 +26,7 @@
 //    "departures": [{"place", "law", "chi_square", "degrees_of_freedom", "p_value", "share"}],
 //    "shared_characteristics": [{"place", "characteristic": "spring", "laws": ["backlash", "ripple"]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
-//            "validation": {...}}, "after": {...}},
+//            "validation": {...}}, "after": {..., "validation_within_errors": {"chi_square_per_dof"}}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
 //    "next_experiment": {"between": ["...", "..."], "shares": [{"position", "level", "band_hz",
 //                        "weight"}], "duality_gap", "distance_now", "distance_then", "distance_needed",
@@ -32,7 +34,9 @@
 //                        "recordings_needed"}}
 //
 // Channels, bands, positions and levels are those where residuals before any extension are too large
-// at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band.
+// at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band. Where the noise is not
+// known, channels are those of `rest_by_channel` whose rest depends on the motion or on its own past by more than the limits
+// for all of them together, and the other lists are empty.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
 // are null. `predicts_kept_out` is false where recordings kept out are predicted within the errors of the fitted
 // parameters only; `on_few_recordings` is true where few of many recordings excluded a law, `with_free_motion` where it
@@ -63,7 +67,9 @@ struct MismatchSummary {
   std::vector<double> levels;
   std::vector<std::pair<double, double>> bands;  // Hz (or s), merged
 };
-// The cells that are too large at this false discovery rate.
+// That noise alone leaves as much.
+[[nodiscard]] double cell_p_value(const MismatchCell& cell);
+// The cells that are too large at this false discovery rate (Benjamini and Yekutieli 2001).
 [[nodiscard]] std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate);
 [[nodiscard]] MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells,
                                                  double rate = 0.05);

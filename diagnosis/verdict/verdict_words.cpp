@@ -203,6 +203,21 @@ void add_fit(const char* data, const std::optional<Assessment>& before,
   lines.push_back(line + ".");
 }
 
+// "torque of joint_2 (42 %, after 8.1 %)".
+void add_channels(const std::vector<ChannelRest>& before, const std::vector<ChannelRest>& after,
+                  std::vector<std::string>& lines) {
+  std::string channels;
+  for (std::size_t c = 0; c < before.size(); ++c) {
+    if (!is_more_than_noise(before[c])) continue;
+    channels += fmt::format("{}{} ({:.3g} %", channels.empty() ? "" : ", ", before[c].channel,
+                            before[c].nrmse);
+    if (c < after.size()) channels += fmt::format(", after {:.3g} %", after[c].nrmse);
+    channels += ")";
+  }
+  if (!channels.empty())
+    lines.push_back("Where the model leaves more than noise: " + channels + ".");
+}
+
 std::string change_words(const TimeVariation& change, bool has_effects) {
   const std::string unit = change.unit == "1" ? "" : " " + change.unit;
   const bool is_slow = change.frequency * change.duration < 1.5;
@@ -224,8 +239,7 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   return words + " Let the machine warm up, look for what works loose, and record for longer.";
 }
 
-void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
-                    std::vector<std::string>& lines) {
+void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   std::size_t blind = 0;
   for (const DetectableEffect& effect : diagnosis.detectable) {
     blind += std::isinf(effect.amplitude) ? 1U : 0U;
@@ -234,7 +248,7 @@ void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypo
   lines.push_back(
       fmt::format("{} hypotheses were tested; {} of them could not be seen, because the "
                   "fitted parameters imitate them.",
-                  hypotheses.size(), blind));
+                  diagnosis.detectable.size(), blind));
 }
 
 }  // namespace
@@ -248,6 +262,12 @@ std::string experiment_words(const ExperimentOption& option) {
 
 std::string hypothesis_words(const Hypothesis& hypothesis) {
   return fmt::format("{} at {}", spaced(hypothesis.law), hypothesis.place);
+}
+
+bool is_more_than_noise(const ChannelRest& rest) {
+  const SearchOptions limits;
+  return rest.structure > limits.structure_tolerance ||
+         rest.autocorrelated_error > limits.autocorrelation_tolerance;
 }
 
 std::string estimate_words(const LawParameterEstimate& estimate) {
@@ -302,6 +322,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
     lines.push_back(shared_words(shared, hypotheses));
   }
+  add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
           diagnosis.noise_is_known, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
@@ -347,7 +368,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           "laws describes.";
     }
   }
-  add_detectable(diagnosis, hypotheses, lines);
+  add_detectable(diagnosis, lines);
   return lines;
 }
 

@@ -17,6 +17,9 @@ namespace graybox {
 // "in position [0, 30, -60] at level 3 from 1 to 10 Hz".
 [[nodiscard]] std::string experiment_words(const ExperimentOption& option);
 
+// By the limits that a fit's rest must keep where the noise is not known (SearchOptions).
+[[nodiscard]] bool is_more_than_noise(const ChannelRest& rest);
+
 // One sentence a line: the verdict, each effect with its parameters and rivals, the fit before and
 // after, what could not be seen.
 [[nodiscard]] std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
