@@ -474,10 +474,8 @@ TEST(PeriodicMismatch, SaysThatARobotIsWiredWrongly) {
             std::string::npos)
       << said(reversed);
   const RecordedRobot swapped("");
-  const std::string file = "campaign/campaign.yaml";
-  swapped.change(file, "name: motor_velocity_1", "name: other");
-  swapped.change(file, "name: motor_velocity_2", "name: motor_velocity_1");
-  swapped.change(file, "name: other", "name: motor_velocity_2");
+  swapped.change("campaign/campaign.yaml", "{name: y_1,", "{name: y_1, column: y_2,");
+  swapped.change("campaign/campaign.yaml", "{name: y_2,", "{name: y_2, column: y_1,");
   EXPECT_NE(said(swapped).find("are swapped"), std::string::npos) << said(swapped);
 }
 
