@@ -195,14 +195,12 @@ int execute(Arguments& arguments) {
        .keep_going = [patience] { return patience.lasts(); },
        .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
   require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
-  Diagnosis diagnosis;
-  {
-    arguments.search.proceed = [&progress, &patience](const std::string& step) {
-      progress.show(step);
-      return patience.lasts();
-    };
-    diagnosis = diagnose(*problem, arguments.search);
-  }
+  arguments.search.proceed = [&progress, &patience](const std::string& step) {
+    progress.show(step);
+    return patience.lasts();
+  };
+  const Diagnosis diagnosis = diagnose(*problem, arguments.search);
+  progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   if (!arguments.output.empty()) {
     write_report(arguments, diagnosis, problem->hypotheses(), files);

@@ -360,6 +360,10 @@ elements:
     location: {kind: element, between: [motor, load]}
     law: stiffness
     parameters: {stiffness: {value: 45, unit: N m/rad}}
+  - name: load                                  # as a mass is called
+    location: {kind: element, mass: load}
+    law: viscous
+    parameters: {damping: {value: 0.1, unit: N m s/rad}}
 inputs: [{name: torque, mass: motor}]
 outputs: [{name: speed, mass: motor, quantity: velocity}]
 )");

@@ -445,7 +445,7 @@ std::string confusion_table(const Score& score) {
   return text;
 }
 
-// A line a true law: "coulomb: coulomb 11, dahl 1 (elsewhere 2)".
+// A line a true law: "coulomb: coulomb 11, dahl 1 (2)", the second twice elsewhere, besides.
 std::string confusion_text(const Score& score) {
   std::string text = "\ntrue law: laws named first, at the true place (elsewhere)\n";
   for (const auto& [law, answers] : confusion_of(score)) {

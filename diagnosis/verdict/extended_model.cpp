@@ -85,11 +85,11 @@ void set_parameter(YAML::Node root, const LawParameterEstimate& estimate,
   if (parameters.IsDefined() && parameters[parameter]) {
     YAML::Node number = number_of(parameters[parameter]);
     number = fmt::format("{}", estimate.value);
-  } else if (parameters.IsDefined()) {  // files may leave it out
-    parameters[parameter] = parameter_node(estimate);
   } else if (is_mass && root["masses"] && root["masses"][owner]) {
     YAML::Node number = number_of(root["masses"][owner]);
     number = fmt::format("{}", estimate.value);
+  } else if (parameters.IsDefined()) {  // files may leave it out
+    parameters[parameter] = parameter_node(estimate);
   } else {
     throw InputError(fmt::format("{}: has no parameter '{}' to take the estimate of",
                                  model.string(), estimate.name));
