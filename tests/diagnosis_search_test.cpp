@@ -191,7 +191,10 @@ class RegressionProblem : public MismatchProblem {
         score.score = {};
         score.start.parameters.clear();
       }
-      test.lower_minimum_p_values(products, table.null_minima);
+      test.lower_minimum_p_values(
+          products,
+          [&](const Eigen::VectorXd& amplitude) { return !only_positive_ || amplitude(0) >= 0.0; },
+          table.null_minima);
     }
     return table;
   }
@@ -1106,6 +1109,31 @@ TEST(ScoreTest, FamilyThresholdIsMetInTheMean) {
   }
   EXPECT_NEAR(below / static_cast<double>(repeats), 0.05, 4.0 * std::sqrt(0.0475 / repeats));
   EXPECT_THROW((void)family_threshold(std::vector<double>(10, 0.5), 0.05), InputError);
+}
+
+// What can have one sign only is found by half of all noise: with draws of both signs the level would be half of the one
+// that is stated.
+TEST(ScoreTest, OneSidedTermsMeetTheirLevel) {
+  constexpr int kDraws = 199, kRepeats = 4000;
+  constexpr double kLevel = 0.05;
+  Random random(12);
+  const Eigen::VectorXd term = Eigen::VectorXd::LinSpaced(10, 0.5, 2.0);
+  const ScoreTest test({Eigen::MatrixXd(0, 0), Eigen::MatrixXd(0, 1 + kDraws)});
+  const auto is_possible = [](const Eigen::VectorXd& amplitude) { return amplitude(0) > 0.0; };
+  int alarms = 0;
+  for (int i = 0; i < kRepeats; ++i) {
+    Eigen::MatrixXd noise(10, 1 + kDraws);
+    for (double& value : noise.reshaped()) value = random.normal();
+    const CandidateProducts products{Eigen::MatrixXd::Constant(1, 1, term.squaredNorm()),
+                                     Eigen::MatrixXd(1, 0), term.transpose() * noise};
+    std::vector<double> minima(kDraws, 1.0);
+    test.lower_minimum_p_values(products, is_possible, minima);
+    const CandidateScore score = test.score(products);
+    alarms +=
+        is_possible(score.amplitudes) && score.p_value < family_threshold(minima, kLevel) ? 1 : 0;
+  }
+  EXPECT_NEAR(alarms / static_cast<double>(kRepeats), kLevel,
+              4.0 * std::sqrt(kLevel * (1.0 - kLevel) / kRepeats));
 }
 
 TEST(ScoreTest, RefusesProductsThatDoNotBelongTogether) {

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
@@ -249,6 +250,42 @@ TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
 }
 
 // Of five positions the three that have the most information of all choices of three, or nearly; of few all.
+// A motion that is in part the recording's own predicts nothing of that part. Friction with transitions ever narrower does
+// ever the same to the motion, also where that is no longer found.
+TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
+  const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
+  const auto family = plant_family(chain.model(), {});
+  const PeriodicData data = read_periodic_data(chain.campaign(), *family, {});
+  SteadyStateSolver solver(*family, data, {});
+  const double numbers = data.numbers_in(data.estimation);
+  struct Sums {
+    double found = 0.0, left = 0.0, assessed = 0.0;
+  };
+  const auto sums_at = [&](double transition) {
+    const ModelState model =
+        evaluate_model(*family, data, family->start_values(),
+                       acting(*family, "second", "coulomb", {0.008, transition}), true, 1);
+    Sums sums;
+    for (const MeasuredRecord& record : data.estimation) {
+      const SteadyState& state = solver.solve(model, record, nullptr);
+      sums.found += state.chi_square;
+      sums.left = std::max(sums.left, state.unsettled);
+    }
+    const Assessment all = assess_records(*family, data, model, data.estimation, 0, 1);
+    sums.assessed = all.chi_square_per_dof() * numbers;
+    return sums;
+  };
+  const Sums settled = sums_at(1e-3);
+  ASSERT_LT(settled.left, SteadyStateOptions{}.tolerance);
+  EXPECT_NEAR(settled.assessed, settled.found, 1e-9 * settled.found);
+  for (const double transition : {1e-4, 5e-5, 3e-5, 1e-5}) {
+    const Sums lost = sums_at(transition);
+    EXPECT_GT(lost.left, 0.3) << transition;
+    EXPECT_LT(lost.found, 0.92 * settled.found) << transition;
+    EXPECT_NEAR(lost.assessed, settled.assessed, 0.05 * settled.assessed) << transition;
+  }
+}
+
 TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
   const RecordedArm arm(
       "[1.0]", "[[20, 30, 40], [21, 30, 40], [22, 31, 40], [-60, 80, -70], [0, -40, 90]]", {});

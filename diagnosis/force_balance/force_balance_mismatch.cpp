@@ -587,7 +587,9 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
       first += count;
       if (!products.information.allFinite() || !(products.information.trace() > 0.0)) continue;
       ++best.shapes;
-      test.lower_minimum_p_values(products, table.null_minima);
+      test.lower_minimum_p_values(
+          products, [&](const Eigen::VectorXd& amplitudes) { return shape.allows(amplitudes); },
+          table.null_minima);
       CandidateScore score = test.score(products);
       if (score.statistic <= best.score.statistic) continue;
       std::vector<double> parameters = shape.parameters(score.amplitudes);

@@ -36,6 +36,9 @@ struct LawShape {
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
   // Of the score statistic, where shapes are compared: of one that leaves a parameter at its physical value.
   double head_start = 0.0;
+  [[nodiscard]] bool allows(const Eigen::VectorXd& amplitudes) const {
+    return !parameters(amplitudes).empty();
+  }
   // Fits that start at shapes of the same one end alike: of each the best is tried. Below zero: a valley of its own.
   int valley = -1;
 };

@@ -105,6 +105,7 @@ CandidateScore ScoreTest::score(const CandidateProducts& candidate) const {
 }
 
 void ScoreTest::lower_minimum_p_values(const CandidateProducts& candidate,
+                                       const IsPossible& is_possible,
                                        std::span<double> minima) const {
   const Projected projected = project(candidate);
   const Eigen::Index rank = projected.root.rows();
@@ -116,7 +117,8 @@ void ScoreTest::lower_minimum_p_values(const CandidateProducts& candidate,
       projected.root * projected.scores.rightCols(projected.scores.cols() - 1);
   for (Eigen::Index b = 0; b < white.cols(); ++b) {
     double& least = minima[static_cast<std::size_t>(b)];
-    least = std::min(least, p_value(white.col(b).squaredNorm(), static_cast<double>(rank), true));
+    const double drawn = p_value(white.col(b).squaredNorm(), static_cast<double>(rank), true);
+    if (drawn < least && is_possible(projected.root.transpose() * white.col(b))) least = drawn;
   }
 }
 

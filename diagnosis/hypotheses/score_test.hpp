@@ -23,6 +23,7 @@
 #include <Eigen/Core>
 #include <Eigen/QR>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -61,8 +62,12 @@ class ScoreTest {
   ScoreTest(NuisanceProducts nuisance, const ResidualScale& scale = {});
 
   [[nodiscard]] CandidateScore score(const CandidateProducts& candidate) const;
-  // Lowers minima[b] to the candidate's p-value in draw b, if that is smaller.
-  void lower_minimum_p_values(const CandidateProducts& candidate, std::span<double> minima) const;
+  // Whether a term can have these amplitudes: friction can't drive.
+  using IsPossible = std::function<bool(const Eigen::VectorXd& amplitudes)>;
+  // Lowers minima[b] to the candidate's p-value in draw b, if that is smaller and the amplitudes found there are
+  // possible. What the data must meet the draws must meet, or one-sided terms are tested at half the level.
+  void lower_minimum_p_values(const CandidateProducts& candidate, const IsPossible& is_possible,
+                              std::span<double> minima) const;
 
  private:
   struct Projected {

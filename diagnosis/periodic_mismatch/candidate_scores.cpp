@@ -326,7 +326,9 @@ ScoreTable score_candidates(const PlantFamily& family, const PeriodicData& data,
                                  total.scores.middleRows(column, size)};
       const bool is_usable = products.information.allFinite() && products.nuisance.allFinite();
       if (is_usable && options.null_draws > 0) {
-        null_test.lower_minimum_p_values(products, table.null_minima);
+        null_test.lower_minimum_p_values(
+            products, [&](const VectorXd& amplitudes) { return shape.allows(amplitudes); },
+            table.null_minima);
       }
       products.nuisance = total.moved_nuisance.middleRows(column, size);
       products.scores = total.scores.col(0).segment(column, size);

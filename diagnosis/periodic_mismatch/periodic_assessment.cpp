@@ -27,6 +27,41 @@ Assessment judged(const PeriodicData& data, const std::vector<MeasuredRecord>& r
   return result;
 }
 
+// The steady states of recordings, and what they are worth.
+class Prediction {
+ public:
+  Prediction(const PeriodicData& data, const ModelState& model,
+             const std::vector<MeasuredRecord>& records)
+      : model_(model), numbers_(data.numbers_in(records) / static_cast<double>(records.size())) {}
+
+  // Sought from the recording, and on from where that led until it is found.
+  const SteadyState& solve(SteadyStateSolver& solver, const MeasuredRecord& record) const {
+    constexpr int kAttempts = 4;
+    const SteadyState* state = &solver.solve(model_, record, nullptr);
+    for (int attempt = 1; attempt < kAttempts && !is_found(*state); ++attempt) {
+      const MatrixXcd reached = state->forces;
+      state = &solver.solve(model_, record, &reached);
+    }
+    return *state;
+  }
+
+  // A state that was not found is in part the recording itself, and predicts nothing of that: by how much it differs
+  // from one under the laws is counted as error.
+  [[nodiscard]] double chi_square(const SteadyState& state) const {
+    if (is_found(state)) return state.chi_square;
+    return state.chi_square + state.unsettled * state.unsettled * numbers_;
+  }
+
+ private:
+  // Of a model without laws the motion is its own, whatever that is worth.
+  [[nodiscard]] bool is_found(const SteadyState& state) const {
+    return model_.laws.empty() || is_settled(state.unsettled, state.chi_square, numbers_);
+  }
+
+  const ModelState& model_;
+  double numbers_;  // of each recording
+};
+
 // J^T J, J^T r and r^T r of all parameters over some recordings.
 struct Linearised {
   MatrixXd information;
@@ -35,18 +70,19 @@ struct Linearised {
 };
 Linearised linearised(const PlantFamily& family, const PeriodicData& data, const ModelState& model,
                       const std::vector<MeasuredRecord>& records, int threads) {
+  const Prediction prediction(data, model, records);
   std::vector<Linearised> sums(records.size());
   for_each_record(
       family, data, records, threads,
       [&](SteadyStateSolver& solver, const MeasuredRecord& record, std::size_t i, std::size_t) {
-        const SteadyState& state = solver.solve(model, record, nullptr);
+        const SteadyState& state = prediction.solve(solver, record);
         VectorXcd residual = state.residual.reshaped();
         MatrixXcd jacobian;
         solver.differentiate(model, record, true, jacobian);
         record.decorrelate(residual);
         record.decorrelate(jacobian);
         sums[i] = {as_real(jacobian).transpose() * as_real(jacobian),
-                   as_real(jacobian).transpose() * as_real(residual), state.chi_square};
+                   as_real(jacobian).transpose() * as_real(residual), prediction.chi_square(state)};
       });
   Linearised total = sums.front();
   for (std::size_t i = 1; i < sums.size(); ++i) {
@@ -63,13 +99,14 @@ Assessment assess_records(const PlantFamily& family, const PeriodicData& data,
                           const ModelState& model, const std::vector<MeasuredRecord>& records,
                           std::size_t parameters, int threads) {
   const auto outputs = static_cast<Index>(data.outputs.size());
+  const Prediction prediction(data, model, records);
   std::vector<double> chi_square(records.size());
   std::vector<VectorXd> error(records.size()), signal(records.size());
   for_each_record(
       family, data, records, threads,
       [&](SteadyStateSolver& solver, const MeasuredRecord& record, std::size_t i, std::size_t) {
-        const SteadyState& state = solver.solve(model, record, nullptr);
-        chi_square[i] = state.chi_square;
+        const SteadyState& state = prediction.solve(solver, record);
+        chi_square[i] = prediction.chi_square(state);
         const Index count = data.line_count();
         error[i] = (record.output - state.output).rightCols(count).rowwise().squaredNorm();
         signal[i] = record.output.rightCols(count).rowwise().squaredNorm();

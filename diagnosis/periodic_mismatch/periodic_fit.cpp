@@ -65,10 +65,6 @@ constexpr double kEnough = 0.1;
 // large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
 
-// Of the rms of the residuals, noise or more: where the steady state under the laws is found to no better than this, it is
-// half what the recordings say (it was sought from there), and fits them better than any motion that the laws allow.
-constexpr double kUnsettled = 0.1;
-
 constexpr double kFirstDamping = 1e-3;
 // A small step may be small for its damping: that is lifted by this, and the fit counts as done at so many small steps.
 constexpr double kReleased = 0.04;
@@ -225,8 +221,7 @@ class PeriodicFitter {
   // Of a model without laws the motion is its own, whatever that is worth.
   [[nodiscard]] bool is_settled(const Evaluation& at) const {
     if (!std::isfinite(at.chi_square)) return false;
-    return laws_.empty() ||
-           at.unsettled <= kUnsettled * std::sqrt(std::max(1.0, at.chi_square / expected_));
+    return laws_.empty() || graybox::is_settled(at.unsettled, at.chi_square, expected_);
   }
 
   // In chi-square. Nothing makes up for a steady state.

@@ -88,21 +88,34 @@ MeasuredRecord excited_in(const MeasuredRecord& record, const Band& band, double
   return result;
 }
 
-// [J  y_B - y_A]^T [J  y_B - y_A] of one record.
-MatrixXd information_of(SteadyStateSolver& solver, MeasuredRecord record, const ModelState& a,
-                        const ModelState& b) {
+struct Comparison {
+  MatrixXd information;  // [J  y_B - y_A]^T [J  y_B - y_A]
+  bool is_found = true;  // the steady state under each rival's laws
+};
+
+// Of one record, with so many numbers.
+Comparison compare(SteadyStateSolver& solver, MeasuredRecord record, const ModelState& a,
+                   const ModelState& b, double numbers) {
+  const auto is_found = [&](const ModelState& model) {
+    const SteadyState& state = solver.state();
+    return model.laws.empty() || is_settled(state.unsettled, state.chi_square, numbers);
+  };
+  Comparison result;
   MatrixXcd jacobian;
   // A's own answer takes the place of the recording: the start of B's iteration is B's explanation of
   // it.
   record.output = solver.solve(a, record, nullptr).output;
   solver.solve(a, record, nullptr);
+  result.is_found = is_found(a);
   solver.differentiate(a, record, true, jacobian);
   const MatrixXcd difference = -solver.solve(b, record, nullptr).residual;
+  result.is_found = result.is_found && is_found(b);
   MatrixXcd columns(jacobian.rows(), jacobian.cols() + 1);
   columns.leftCols(jacobian.cols()) = jacobian;
   columns.rightCols(1) = Eigen::Map<const Eigen::VectorXcd>(difference.data(), difference.size());
   record.decorrelate(columns);
-  return (columns.adjoint() * columns).real();
+  result.information = (columns.adjoint() * columns).real();
+  return result;
 }
 
 // Records of each position at its largest level; two tell about as much as all that differ in their
@@ -178,6 +191,7 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
   const auto templates = templates_of(data);
   const std::vector<Option> options = options_of(data, templates);
   const std::size_t known = data.estimation.size();
+  const double numbers = data.numbers_in(data.estimation) / static_cast<double>(known);
   std::vector<MatrixXd> tasks(known + options.size());
 #pragma omp parallel num_threads(threads)
   {
@@ -185,16 +199,20 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
 #pragma omp for schedule(dynamic)
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       if (i < known) {
-        tasks[i] = information_of(solver, data.estimation[i], a, b);
+        tasks[i] = compare(solver, data.estimation[i], a, b, numbers).information;
         continue;
       }
       const Option& option = options[i - known];
       const auto& records = templates[option.position];
+      bool is_found = true;
       for (const MeasuredRecord* record : records) {
-        const MatrixXd one =
-            information_of(solver, excited_in(*record, option.band, option.factor, data), a, b);
-        tasks[i] = tasks[i].size() == 0 ? one : MatrixXd(tasks[i] + one);
+        const Comparison one =
+            compare(solver, excited_in(*record, option.band, option.factor, data), a, b, numbers);
+        is_found = is_found && one.is_found;
+        tasks[i] = tasks[i].size() == 0 ? one.information : MatrixXd(tasks[i] + one.information);
       }
+      // What is left of a search would pass for a difference: such an experiment promises nothing.
+      if (!is_found) tasks[i].setZero();
       tasks[i] *= static_cast<double>(known) / static_cast<double>(records.size());
     }
   }

@@ -57,6 +57,11 @@ void SteadyStateSolver::list_laws(const ModelState& model) {
   }
 }
 
+bool is_settled(double unsettled, double chi_square, double numbers) {
+  constexpr double kUnsettled = 0.1;
+  return unsettled <= kUnsettled * std::sqrt(std::max(1.0, chi_square / numbers));
+}
+
 const SteadyState& SteadyStateSolver::solve(const ModelState& model, const MeasuredRecord& record,
                                             const MatrixXcd* start) {
   model_ = &model;

@@ -53,6 +53,11 @@ struct SteadyState {
   double chi_square = 0.0;  // of the decorrelated residuals
 };
 
+// Whether a motion is one that the laws allow, with `unsettled` and the chi-square of so many numbers: where the steady
+// state is found to no better than a tenth of the rms of the residuals, noise or more, it is half what the recordings say
+// (it was sought from there), and fits them better than any motion under the laws.
+[[nodiscard]] bool is_settled(double unsettled, double chi_square, double numbers);
+
 struct SteadyStateOptions {
   int iteration_limit = 25;
   double tolerance = 0.02;      // whitened rms that a last step may change
