@@ -1,4 +1,8 @@
 // `graybox fit` of a graybox-robot/1 model: stiffness from frequency responses.
+#include <fmt/format.h>
+
+#include <string>
+
 #include "console.hpp"
 #include "fit_arguments.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -9,7 +13,7 @@
 namespace graybox::cli {
 
 FitReport fit_robot(const FitArguments& arguments) {
-  const RobotModel robot = load_linear_robot(arguments.model);
+  const LinearRobot linear = load_linear_robot(arguments.model);
   const Campaign campaign = read_campaign(arguments.campaign);
   CountProgress progress("recording", campaign.experiments.size());
   RobotFitOptions options;
@@ -22,7 +26,13 @@ FitReport fit_robot(const FitArguments& arguments) {
                                                : LineStage::kNone;
   options.keep_going = [] { return !interrupted(); };
   options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
-  FitReport report = fit_robot_campaign(robot, campaign, options);
+  FitReport report = fit_robot_campaign(linear.robot, campaign, options);
+  for (const std::string& element : linear.left_out) {
+    report.notes.push_back(
+        fmt::format("the element {} is not in the fitted model, which is linear: the estimates "
+                    "hold what it does to the responses",
+                    element));
+  }
   report.model = arguments.model;
   report.campaign = campaign.file.string();
   return report;

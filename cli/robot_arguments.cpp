@@ -1,8 +1,13 @@
 #include "robot_arguments.hpp"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cstddef>
+#include <cstdio>
+#include <filesystem>
 #include <system_error>
+#include <utility>
 
 #include "graybox/problems/elements/robot_elements.hpp"
 
@@ -23,8 +28,17 @@ void add_robot_options(CLI::App& command, RobotArguments& arguments) {
 }
 
 RobotModel load_robot(const RobotArguments& arguments) {
-  return load_linear_robot(arguments.model.empty() ? default_robot_file()
-                                                   : std::filesystem::path(arguments.model));
+  const std::filesystem::path file =
+      arguments.model.empty() ? default_robot_file() : std::filesystem::path(arguments.model);
+  LinearRobot linear = load_linear_robot(file);
+  if (!linear.left_out.empty()) {
+    fmt::print(
+        stderr,
+        "graybox: warning: {}: a linear model of the robot leaves out {}; it describes motions in "
+        "which that is only a disturbance\n",
+        file.string(), fmt::join(linear.left_out, ", "));
+  }
+  return std::move(linear.robot);
 }
 
 PositionTable load_positions(const RobotArguments& arguments, const RobotModel& robot) {

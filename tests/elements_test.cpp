@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "graybox/problems/elements/element_dynamics.hpp"
@@ -654,42 +655,66 @@ TEST_F(ElementFiles, LinearElementsJoinTheRobotsOwnParts) {
     VectorXd b = VectorXd::Unit(18, gearbox);
     b(13) = -1.0;
     const LocalModel stiff =
-        LocalModelBuilder(load_linear_robot(file)).build_at(local(own).position.head(12), position);
+        LocalModelBuilder(load_linear_robot(file).robot).build_at(local(own).position.head(12), position);
     EXPECT_LT((stiff.stiffness - local(own).stiffness - 1e5 * b * b.transpose()).norm(), 1e-6);
   }
   {
-    const RobotModel damped = load_linear_robot(
+    const auto [damped, left_out] = load_linear_robot(
         extended_by("kind: element, joint: joint_3, axis: motor",
                     "viscous\n    parameters: {damping: {value: 0.25, unit: N m s/rad}}"));
+    EXPECT_TRUE(left_out.empty());
     const VectorXd turned = own.transmission.row(2).transpose();
     Eigen::MatrixXd expected = local(own).damping;
     expected.bottomRightCorner(6, 6) += 0.25 * turned * turned.transpose();
     EXPECT_LT((local(damped).damping - expected).norm(), 1e-9 * expected.norm());
   }
-  const RobotModel loaded = load_linear_robot(extended_by(
+  const auto [loaded, left_out] = load_linear_robot(extended_by(
       "kind: element, axis: flange",
       "payload\n    parameters: {mass: {value: 50, unit: kg}, x: {value: 0.1, unit: m}, "
       "y: {value: 0, unit: m}, z: {value: 0.2, unit: m}}"));
   EXPECT_GT((local(loaded).mass - local(own).mass).norm(), 1.0);
+  EXPECT_TRUE(left_out.empty());
 }
 
-TEST_F(ElementFiles, LinearModelsRefuseOtherElementsByName) {
+TEST_F(ElementFiles, LinearModelsNameTheElementsThatTheyLeaveOut) {
   const std::string robot_file = testing::read_text(folder_.file("irb6600_like.yaml"));
-  for (const auto& [location, law] :
-       {std::pair{"kind: element, joint: joint_2, axis: motor",
-                  "coulomb\n    parameters: {level: {value: 1, unit: N m}, transition_velocity: "
-                  "{value: 0.01, unit: rad/s}}"},
-        {"kind: element, joint: joint_2, axis: arm",
-         "viscous\n    parameters: {damping: {value: 1, unit: N m s/rad}}"},
-        {"kind: element, joint: joint_2, axis: gearbox",
-         "stiffness\n    parameters: {stiffness: {value: -1e12, unit: N m/rad}}"}}) {
+  const auto load_with = [&](const std::string& location, const std::string& law) {
     testing::write_text(
         folder_.file("extended.yaml"),
         robot_file +
             physics(location, law).substr(std::string("format: graybox-physics/1\n").size()));
-    testing::expect_refused([&] { (void)load_linear_robot(folder_.file("extended.yaml")); },
-                            "a linear model takes");
+    return load_linear_robot(folder_.file("extended.yaml"));
+  };
+  const LocalModel own = LocalModelBuilder(load_robot_model(folder_.file("irb6600_like.yaml")))
+                             .build(VectorXd::Constant(6, 0.3));
+  for (const auto& [location, law, name] :
+       {std::tuple{"kind: element, joint: joint_2, axis: motor",
+                   "coulomb\n    parameters: {level: {value: 1, unit: N m}, transition_velocity: "
+                   "{value: 0.01, unit: rad/s}}",
+                   "(coulomb at joint_2.motor)"},
+        {"kind: element, joint: joint_2, axis: arm",
+         "viscous\n    parameters: {damping: {value: 1, unit: N m s/rad}}",
+         "(viscous at joint_2.arm)"}}) {
+    const LinearRobot linear = load_with(location, law);
+    ASSERT_EQ(linear.left_out.size(), 1U);
+    EXPECT_NE(linear.left_out.front().find(name), std::string::npos) << linear.left_out.front();
+    const LocalModel same = LocalModelBuilder(linear.robot).build(VectorXd::Constant(6, 0.3));
+    EXPECT_EQ(same.mass, own.mass);
+    EXPECT_EQ(same.damping, own.damping);
+    EXPECT_EQ(same.stiffness, own.stiffness);
   }
+  testing::expect_refused(
+      [&] {
+        (void)load_with("kind: element, joint: joint_2, axis: gearbox",
+                        "stiffness\n    parameters: {stiffness: {value: -1e12, unit: N m/rad}}");
+      },
+      "must be positive");
+  testing::expect_refused(
+      [&] {
+        (void)load_with("kind: element, joint: joint_2, axis: motor",
+                        "viscous\n    parameters: {damping: {value: -100, unit: N m s/rad}}");
+      },
+      "must not be negative");
 }
 
 }  // namespace

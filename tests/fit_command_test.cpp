@@ -9,6 +9,7 @@
 
 #include "command_runner.hpp"
 #include "graybox/problems/distributions.hpp"
+#include "graybox/problems/formats/information_set_file.hpp"
 
 namespace graybox {
 namespace {
@@ -189,6 +190,47 @@ TEST_F(FitCommand, SaysWhatOneFrequencyInOnePositionDoesNotShow) {
   EXPECT_GT(without, 0);
   EXPECT_TRUE(fit["fit"]["validation"].is_null());
   EXPECT_NE(fit["notes"].dump().find("no recording has the role validation"), std::string::npos);
+}
+
+// What a diagnosis writes every other command reads: what a linear model can hold is in it, and the rest is named.
+TEST_F(FitCommand, AModelWithFurtherPhysicsIsReadByTheCommandsOfLinearModels) {
+  const std::string model = read_text(folder_.file("irb6600_like.yaml"));
+  const std::string stiffer = R"(elements:
+  - name: brace
+    location: {kind: element, joint: joint_2, axis: gearbox}
+    law: stiffness
+    parameters: {stiffness: {value: 3e5, unit: N m/rad}}
+)";
+  const std::string rubbing = R"(  - name: grease
+    location: {kind: element, joint: joint_1, axis: motor}
+    law: coulomb
+    parameters: {level: {value: 1, unit: N m}, transition_velocity: {value: 0.5, unit: rad/s}}
+)";
+  write_text(folder_.file("stiffer.yaml"), model + stiffer);
+  write_text(folder_.file("extended.yaml"), model + stiffer + rubbing);
+  for (const char* command :
+       {"problem robot --grid 20 -o set.h5 --model", "design robust --grid 20 --samples 4 -o robust.json --model"}) {
+    const std::string text = command;
+    const Outcome whole = graybox(text + " stiffer.yaml");
+    ASSERT_EQ(whole.exit_code, 0) << text << whole.err;
+    EXPECT_EQ(whole.err, "");
+    const Outcome part = graybox(text + " extended.yaml");
+    ASSERT_EQ(part.exit_code, 0) << text << part.err;
+    EXPECT_NE(part.err.find("leaves out 'grease' (coulomb at joint_1.motor)"), std::string::npos)
+        << part.err;
+  }
+  ASSERT_EQ(graybox("problem robot --grid 20 -o own.h5").exit_code, 0);
+  ASSERT_EQ(graybox("problem robot --grid 20 -o stiffer.h5 --model stiffer.yaml").exit_code, 0);
+  const auto hash_of = [&](const std::string& file) {
+    return read_information_set(folder_.file(file)).content_hash();
+  };
+  EXPECT_EQ(hash_of("set.h5"), hash_of("stiffer.h5"));
+  EXPECT_NE(hash_of("set.h5"), hash_of("own.h5"));
+  simulate(kPlan);
+  const Outcome fit = graybox("fit extended.yaml campaign --starts 1 --json");
+  ASSERT_EQ(fit.exit_code, 0) << fit.err;
+  EXPECT_NE(json::parse(fit.out)["notes"].dump().find("'grease' (coulomb at joint_1.motor)"),
+            std::string::npos);
 }
 
 TEST_F(FitCommand, RefusesWrongInput) {

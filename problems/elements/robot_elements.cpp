@@ -181,40 +181,41 @@ ExtendedRobot load_extended_robot(const std::filesystem::path& file,
 
 namespace {
 
-// Adds a spring or damper to the robot's own at that place; false where there is none.
-bool add_to_own(RobotModel& robot, const Element& element) {
+// The robot's own spring or damper at the element's place that has the element's law; null where it has none.
+double* own_part(RobotModel& robot, const Element& element) {
   const Location& place = element.location;
-  if (place.kind != LocationKind::kElement || place.output != place.input) return false;
-  const double value = element.parameters.front();
+  if (place.kind != LocationKind::kElement || place.output != place.input) return nullptr;
   const auto spring = std::ranges::find(robot.springs, place.name, &ArmSpring::name);
-  if (element.law_name == "stiffness" && spring != robot.springs.end()) {
-    spring->stiffness += value;
-    return spring->stiffness > 0.0;
-  }
-  if (element.law_name != "viscous") return false;
-  if (spring != robot.springs.end()) {
-    spring->damping += value;
-    return spring->damping >= 0.0;
-  }
+  const bool is_at_spring = spring != robot.springs.end();
+  if (element.law_name == "stiffness") return is_at_spring ? &spring->stiffness : nullptr;
+  if (element.law_name != "viscous") return nullptr;
+  if (is_at_spring) return &spring->damping;
   const bool is_motor = place.output.head(robot.arm_size()).isZero(0.0);
-  if (is_motor) robot.motor_friction(place.channel) += value;
-  return is_motor && robot.motor_friction(place.channel) >= 0.0;
+  return is_motor ? &robot.motor_friction(place.channel) : nullptr;
 }
 
 }  // namespace
 
-RobotModel load_linear_robot(const std::filesystem::path& file) {
+LinearRobot load_linear_robot(const std::filesystem::path& file) {
   ExtendedRobot extended = load_extended_robot(file);
+  LinearRobot result{std::move(extended.robot), {}};
   for (const Element& element : extended.elements) {
-    const bool is_built_in = element.use == LawUse::kInertia || element.use == LawUse::kPayload;
-    if (is_built_in || add_to_own(extended.robot, element)) continue;
-    throw InputError(fmt::format(
-        "{}: elements: '{}' ({} at {}): a linear model takes inertia, payload, stiffness at "
-        "gearboxes and bearings and viscous friction at these and at motors, in sum not negative; "
-        "leave it out here (graybox simulate and graybox diagnose take it)",
-        file.string(), element.name, element.law_name, element.location.name));
+    if (element.use == LawUse::kInertia || element.use == LawUse::kPayload) continue;  // built in
+    const std::string name =
+        fmt::format("'{}' ({} at {})", element.name, element.law_name, element.location.name);
+    double* const part = own_part(result.robot, element);
+    if (part == nullptr) {
+      result.left_out.push_back(name);
+      continue;
+    }
+    *part += element.parameters.front();
+    const bool may_be_zero = element.law_name == "viscous";
+    if (*part > 0.0 || (may_be_zero && *part == 0.0)) continue;
+    throw InputError(
+        fmt::format("{}: elements: {}: in sum with the robot's own it is {:g}, but must {}",
+                    file.string(), name, *part, may_be_zero ? "not be negative" : "be positive"));
   }
-  return std::move(extended.robot);
+  return result;
 }
 
 namespace {

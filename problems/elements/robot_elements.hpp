@@ -18,6 +18,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "graybox/problems/elements/element.hpp"
@@ -51,11 +52,18 @@ struct ExtendedRobot {
 [[nodiscard]] ExtendedRobot load_extended_robot(
     const std::filesystem::path& file, const std::optional<std::filesystem::path>& physics = {});
 
-// The robot of a file whose elements are all linear and beside parts of its own: inertia and payload,
-// stiffness and viscous friction at gearboxes and bearings, viscous friction at motors. They are added to
-// those parts, so that all that knows springs and dampers alone (local models, information matrices, fits
-// of responses) takes them. Throws InputError, for other elements with the name of the first.
-[[nodiscard]] RobotModel load_linear_robot(const std::filesystem::path& file);
+// What springs, dampers and masses alone can hold of a robot: all that local models, information matrices and fits of
+// responses know.
+struct LinearRobot {
+  RobotModel robot;
+  std::vector<std::string>
+      left_out;  // elements that they can't hold: "'grease' (coulomb at joint_1.motor)"
+};
+
+// Inertia and payload, stiffness and viscous friction at gearboxes and bearings, and viscous friction at motors are added
+// to the robot's own parts. Other elements are left out: what such a model says is about a motion in which these
+// are no more than a disturbance. Throws InputError, also where a spring or damper in sum is negative.
+[[nodiscard]] LinearRobot load_linear_robot(const std::filesystem::path& file);
 
 // The robot with the elements at rest: motors at the commanded joint angles, the arm where springs,
 // gravity and elements balance, laws at rest.
