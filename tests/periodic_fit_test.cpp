@@ -249,7 +249,6 @@ TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
   EXPECT_GE(without, 1);
 }
 
-// Of five positions the three that have the most information of all choices of three, or nearly; of few all.
 // A motion that is in part the recording's own predicts nothing of that part. Friction with transitions ever narrower does
 // ever the same to the motion, also where that is no longer found.
 TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
@@ -286,6 +285,7 @@ TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
   }
 }
 
+// Of five positions the three that have the most information of all choices of three, or nearly; of few all.
 TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
   const RecordedArm arm(
       "[1.0]", "[[20, 30, 40], [21, 30, 40], [22, 31, 40], [-60, 80, -70], [0, -40, 90]]", {});

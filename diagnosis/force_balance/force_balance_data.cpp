@@ -178,8 +178,9 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
       (is_fitted ? fitted_names : held_out_names).push_back(record.name);
     }
   }
-  thin(fitted);
   ForceBalanceData data;
+  data.recorded = fitted;
+  thin(fitted);
   TorqueColumns columns(robot);
   data.estimation = rows_of(std::move(fitted), std::move(fitted_names), robot, columns);
   data.validation = rows_of(std::move(held_out), std::move(held_out_names), robot, columns);
@@ -192,6 +193,7 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
     data.coordinates.push_back({joint.name, units_of(joint)});
   }
   data.flange = robot.flange;
+  data.robot = robot;
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
   add_neighbours(robot, data.places);

@@ -47,6 +47,8 @@ struct ForceBalanceData {
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
+  RigidRobotModel robot;
+  std::vector<Motion> recorded;  // for estimation, every sample
 };
 
 // Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can tell

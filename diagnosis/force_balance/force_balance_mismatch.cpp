@@ -14,6 +14,7 @@
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
+#include "graybox/diagnosis/force_balance/wiring_faults.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/diagnosis/long_run_variance.hpp"
 #include "graybox/problems/error.hpp"
@@ -73,6 +74,9 @@ class ForceBalanceProblem : public MismatchProblem {
     return count;
   }
   [[nodiscard]] bool noise_is_known() const override { return false; }
+  [[nodiscard]] std::vector<ChannelFault> channel_faults() const override {
+    return find_wiring_faults(data_.robot, data_.recorded, options_.keep_going);
+  }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> starts,
                                 const ExtendedFit* nearby) const override {

@@ -266,37 +266,8 @@ class Detective {
 
   static std::string unit_words(const std::string& channel, const std::vector<std::string>& units,
                                 Index index, double factor) {
-    struct Known {
-      double factor;
-      std::string_view dimension;  // the unit begins with it
-      std::string_view words;
-    };
-    constexpr double kDegrees = 180.0 / std::numbers::pi;
-    static constexpr std::array<Known, 8> kKnown{{
-        {kDegrees, "rad", "degrees"},
-        {30.0 / std::numbers::pi, "rad/s", "revolutions a minute"},
-        {0.5 / std::numbers::pi, "rad", "revolutions"},
-        {1000.0, "", "thousandths of the unit stated"},
-        {0.001, "", "thousands of the unit stated"},
-        {1.0 / kDegrees, "", "radians, where degrees are stated"},
-        {1e6, "", "millionths of the unit stated"},
-        {1e-6, "", "millions of the unit stated"},
-    }};
-    constexpr double kClose = 0.25;  // of the logarithm: parameters are off, too
-    const std::string unit = static_cast<std::size_t>(index) < units.size()
-                                 ? units[static_cast<std::size_t>(index)]
-                                 : "";
-    std::string guess;
-    for (const Known& known : kKnown) {
-      if (std::abs(std::log(factor / known.factor)) < kClose && unit.starts_with(known.dimension)) {
-        guess = fmt::format(": {}?", known.words);
-        break;
-      }
-    }
-    return fmt::format("{} is {:.3g} times too {} for {}{}", channel,
-                       factor > 1.0 ? factor : 1.0 / factor, factor > 1.0 ? "large" : "small",
-                       unit.empty() ? "its unit" : unit,
-                       guess.empty() ? ": another unit, a gear ratio or a gain?" : guess);
+    const auto at = static_cast<std::size_t>(index);
+    return unit_fault_words(channel, at < units.size() ? units[at] : "", factor);
   }
 
   const ComparedResponses& compared_;
@@ -308,6 +279,37 @@ class Detective {
 
 std::vector<ChannelFault> find_channel_faults(const ComparedResponses& compared) {
   return Detective(compared).run();
+}
+
+std::string unit_fault_words(const std::string& channel, const std::string& unit, double factor) {
+  struct Known {
+    double factor;
+    std::string_view dimension;  // the unit begins with it
+    std::string_view words;
+  };
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  static constexpr std::array<Known, 8> kKnown{{
+      {kDegrees, "rad", "degrees"},
+      {30.0 / std::numbers::pi, "rad/s", "revolutions a minute"},
+      {0.5 / std::numbers::pi, "rad", "revolutions"},
+      {1000.0, "", "thousandths of the unit stated"},
+      {0.001, "", "thousands of the unit stated"},
+      {1.0 / kDegrees, "rad", "radians, where degrees are stated"},
+      {1e6, "", "millionths of the unit stated"},
+      {1e-6, "", "millions of the unit stated"},
+  }};
+  constexpr double kClose = 0.25;  // of the logarithm: parameters are off, too
+  std::string guess;
+  for (const Known& known : kKnown) {
+    if (std::abs(std::log(factor / known.factor)) < kClose && unit.starts_with(known.dimension)) {
+      guess = fmt::format(": {}?", known.words);
+      break;
+    }
+  }
+  return fmt::format("{} is {:.3g} times too {} for {}{}", channel,
+                     factor > 1.0 ? factor : 1.0 / factor, factor > 1.0 ? "large" : "small",
+                     unit.empty() ? "its unit" : unit,
+                     guess.empty() ? ": another unit, a gear ratio or a gain?" : guess);
 }
 
 }  // namespace graybox

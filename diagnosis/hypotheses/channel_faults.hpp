@@ -39,8 +39,13 @@ struct ChannelFault {
   std::vector<std::string> channels;
   std::string message;  // what is wrong, in one sentence without a final stop
   double dissimilarity_before = 0.0, dissimilarity_after = 0.0;
+  std::string measure = "dissimilarity of responses";  // of what these are
 };
 
 [[nodiscard]] std::vector<ChannelFault> find_channel_faults(const ComparedResponses& compared);
+
+// "torque is 1e+03 times too large for N m: thousandths of the unit stated?"
+[[nodiscard]] std::string unit_fault_words(const std::string& channel, const std::string& unit,
+                                           double factor);
 
 }  // namespace graybox

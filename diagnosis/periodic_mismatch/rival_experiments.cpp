@@ -105,8 +105,9 @@ Comparison compare(SteadyStateSolver& solver, MeasuredRecord record, const Model
   // A's own answer takes the place of the recording: the start of B's iteration is B's explanation of
   // it.
   record.output = solver.solve(a, record, nullptr).output;
-  solver.solve(a, record, nullptr);
   result.is_found = is_found(a);
+  solver.solve(a, record, nullptr);
+  result.is_found = result.is_found && is_found(a);
   solver.differentiate(a, record, true, jacobian);
   const MatrixXcd difference = -solver.solve(b, record, nullptr).residual;
   result.is_found = result.is_found && is_found(b);
@@ -199,6 +200,7 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
 #pragma omp for schedule(dynamic)
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       if (i < known) {
+        // These were fitted, and are there whatever a search leaves.
         tasks[i] = compare(solver, data.estimation[i], a, b, numbers).information;
         continue;
       }

@@ -1,7 +1,7 @@
 // The search for missing physics: is something missing, where, which law, and is that all?
 //
-//   0. Look for swapped wires, wrong signs and units (channel_faults.hpp). Where there are any the search ends,
-//      verdict unknown, for what it would find is no physics.
+//   0. Look for swapped wires, wrong signs and units (channel_faults.hpp, wiring_faults.hpp). Where there are any the
+//      search ends, verdict unknown, for what it would find is no physics.
 //   1. Fit the model as it is.
 //   2. Detect, at family-wise level alpha: the chi-square of the residuals (alpha/2) or the smallest p-value of
 //      all hypotheses' score tests against its own distribution under pure noise (alpha/2). Where the noise is

@@ -299,9 +299,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   std::vector<std::string> lines{headline(diagnosis)};
   for (const ChannelFault& fault : diagnosis.channel_faults) {
     lines.push_back(fmt::format(
-        "{} (dissimilarity of responses {:.2f}, without this {:.2f}). Mend it in campaign.yaml or "
-        "in the model; --ignore-faults searches all the same.",
-        fault.message, fault.dissimilarity_before, fault.dissimilarity_after));
+        "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "
+        "--ignore-faults searches all the same.",
+        fault.message, fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
   }
   if (!diagnosis.trouble.empty()) return lines;
   if (!diagnosis.rivals_weighed) {
