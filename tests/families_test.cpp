@@ -126,7 +126,7 @@ TEST(Wishart, HasTheMomentsOfGG) {
   constexpr std::size_t kDimension = 4;
   for (const std::size_t degrees : {4U, 30U}) {
     const InformationSet set =
-        wishart_family(kCandidates, kDimension, degrees, ParameterScale::kNone, 5);
+        wishart_family(kCandidates, kDimension, degrees, ScaleDistribution::kNone, 5);
     for (std::size_t j = 0; j < kDimension; ++j) {
       for (std::size_t k = 0; k <= j; ++k) {
         const double expected = j == k ? 1.0 : 0.0;
@@ -142,7 +142,7 @@ TEST(Wishart, HasTheMomentsOfGG) {
       }
     }
   }
-  EXPECT_THROW(wishart_family(10, 4, 3, ParameterScale::kNone, 1), InputError);
+  EXPECT_THROW(wishart_family(10, 4, 3, ScaleDistribution::kNone, 1), InputError);
 }
 
 TEST(Wishart, LogNormalScalesGiveOutliers) {

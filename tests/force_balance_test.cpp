@@ -234,7 +234,7 @@ TEST_F(ForceBalance, FindsPlayInASpring) {
 TEST(LawForce, FollowsABristleOfAnyStiffnessUnderConstantVelocity) {
   // Dahl: x' = z' (1 - x sign(z') s/F): x(t) = F/s (1 - exp(-s z/F)) from rest.
   const LawEntry& entry = *find_law("dahl", false);
-  PlaceMotion motion;
+  RecordedPlaceMotion motion;
   motion.time = Eigen::VectorXd::LinSpaced(200, 0.0, 1.0);
   motion.deflection = 0.4 * motion.time;
   motion.rate = Eigen::VectorXd::Constant(200, 0.4);

@@ -204,7 +204,7 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   return data;
 }
 
-PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {
+RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {
   return {piece.time, piece.position * place.location.input, piece.velocity * place.location.input,
           piece.acceleration * place.location.input};
 }
@@ -229,11 +229,11 @@ Eigen::VectorXd place_samples(const CandidatePlace& place, const ForceBalanceRow
 Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
                             const ForceBalanceRows& rows) {
   return place_samples(place, rows,
-                       [&law](const PlaceMotion& motion) { return law_force(law, motion); });
+                       [&law](const RecordedPlaceMotion& motion) { return law_force(law, motion); });
 }
 
 Eigen::VectorXd inertia_samples(const CandidatePlace& place, const ForceBalanceRows& rows) {
-  return place_samples(place, rows, [](const PlaceMotion& motion) { return motion.acceleration; });
+  return place_samples(place, rows, [](const RecordedPlaceMotion& motion) { return motion.acceleration; });
 }
 
 }  // namespace graybox

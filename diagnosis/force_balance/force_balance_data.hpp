@@ -58,7 +58,7 @@ struct ForceBalanceData {
     std::span<const std::filesystem::path> place_files = {});
 
 // Deflection and rate of a place in one piece: z = b_in^T q.
-[[nodiscard]] PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);
+[[nodiscard]] RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);
 
 // A law's force in all rows: b_out f(z, z'), pieces one after another.
 [[nodiscard]] Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,

@@ -165,7 +165,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const Motion& piece : rows.pieces) {
-    const PlaceMotion motion = motion_at(place, piece);
+    const RecordedPlaceMotion motion = motion_at(place, piece);
     const double mean = motion.deflection.mean();
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {
       scale.deflections.push_back(std::abs(motion.deflection(t)));

@@ -474,7 +474,7 @@ class ForceBalanceProblem : public MismatchProblem {
     ForcePicture result{
         law.hypothesis, units.deflection, units.deflection + "/s", units.force, {}, {}, {}, {}};
     for (const Motion& piece : data_.estimation.pieces) {
-      const PlaceMotion motion = motion_at(*placed_law.place, piece);
+      const RecordedPlaceMotion motion = motion_at(*placed_law.place, piece);
       result.deflection.insert(result.deflection.end(), motion.deflection.begin(),
                                motion.deflection.end());
       result.rate.insert(result.rate.end(), motion.rate.begin(), motion.rate.end());

@@ -12,7 +12,7 @@ double phi_1(double x) { return std::abs(x) < 1e-8 ? 1.0 + 0.5 * x : std::expm1(
 
 }  // namespace
 
-Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion) {
+Eigen::VectorXd law_force(const Law& law, const RecordedPlaceMotion& motion) {
   constexpr double kShare = 1e-3;  // of the step, for the slope along it
   const Eigen::Index n = motion.deflection.size();
   const std::size_t states = law.state_count();

@@ -13,10 +13,10 @@
 
 namespace graybox {
 
-struct PlaceMotion {
+struct RecordedPlaceMotion {
   Eigen::VectorXd time, deflection, rate, acceleration;
 };
 
-[[nodiscard]] Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion);
+[[nodiscard]] Eigen::VectorXd law_force(const Law& law, const RecordedPlaceMotion& motion);
 
 }  // namespace graybox

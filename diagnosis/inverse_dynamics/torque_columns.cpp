@@ -130,7 +130,7 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
 Eigen::MatrixXd TorqueColumns::remembered(const Motion& piece) const {
   Eigen::MatrixXd torque = Eigen::MatrixXd::Zero(piece.samples(), piece.position.cols());
   for (const Force& force : with_memory_) {
-    const PlaceMotion motion{piece.time, piece.position * force.input, piece.velocity * force.input,
+    const RecordedPlaceMotion motion{piece.time, piece.position * force.input, piece.velocity * force.input,
                              piece.acceleration * force.input};
     torque += law_force(*force.law, motion) * force.output.transpose();
   }

@@ -34,7 +34,7 @@ std::vector<ForcePicture> law_pictures(const PlantFamily& family, const Periodic
         continue;
       }
       answer_at(solver, model, record, place, answer);
-      const PlaceMotion seen =
+      const SteadyPlaceMotion seen =
           PlaceObserver(solver, model, data, true).observe(record, place, answer);
       solver.motion_of(seen.deflection, motion);
       solver.motion_of(seen.force, left);

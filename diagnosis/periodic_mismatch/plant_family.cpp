@@ -555,8 +555,8 @@ std::unique_ptr<PlantFamily> plant_family(const std::filesystem::path& model,
   return family;
 }
 
-std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot, RobotDynamics dynamics) {
-  if (dynamics == RobotDynamics::kFull) return std::make_unique<RobotFamily>(robot);
+std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot, PlantKind dynamics) {
+  if (dynamics == PlantKind::kFull) return std::make_unique<RobotFamily>(robot);
   return std::make_unique<LocalRobotFamily>(robot);
 }
 
