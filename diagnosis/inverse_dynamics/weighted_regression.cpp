@@ -52,8 +52,13 @@ Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
 double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   Eigen::MatrixXd scaled = row_weights(noise, rows.torque.size()).asDiagonal() * rows.columns;
   scaled.array().rowwise() /= scaled.colwise().norm().array().eval();
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(scaled);
-  return svd.singularValues()(0) / svd.singularValues().tail(1)(0);
+  // The triangle has the columns' singular values. The general decompositions of Eigen would take a
+  // minute to compile.
+  const Eigen::HouseholderQR<Eigen::MatrixXd> factor(scaled);
+  const Index p = scaled.cols();
+  const Eigen::MatrixXd triangle = factor.matrixQR().topRows(p).triangularView<Eigen::Upper>();
+  const Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner> svd(triangle);
+  return svd.singularValues()(0) / svd.singularValues()(p - 1);
 }
 
 WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::VectorXd& rms,
