@@ -154,7 +154,9 @@ InformationSet make_regression(const RegressionArguments& arguments) {
 void add_regression(CLI::App& problem) {
   auto arguments = std::make_shared<RegressionArguments>();
   auto* command = problem.add_subcommand("regression", "Linear regression: one candidate a point");
-  command->add_option("--model", arguments->model, "polynomial, splines, exponentials, factorial or cube")
+  command
+      ->add_option("--model", arguments->model,
+                   "polynomial, splines, exponentials, factorial or cube")
       ->check(CLI::IsMember({"polynomial", "splines", "exponentials", "factorial", "cube"}))
       ->capture_default_str();
   command->add_option("--degree", arguments->degree, "polynomial: degree")->capture_default_str();

@@ -209,8 +209,8 @@ void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_s
 MethodOutcome ColumnGenerationRun::finish(SolveStatus status, std::string message) const {
   Design design;
   if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
-  return {std::move(design),    status,  best_.gap(),
-          working_.sensitivity_error(), rounds_, std::move(message)};
+  return {std::move(design), status, best_.gap(), working_.sensitivity_error(), rounds_,
+          std::move(message)};
 }
 
 // A D-optimal design that is good enough to start from, then the criterion's own method.

@@ -54,7 +54,8 @@ void price(const InformationSet& set, const SolveOptions& options, Tracer& trace
   all.sensitivity = AlignedArray(all.count);
   price_pool(set, inverse.trace_dual(), options.threads, all);
   tracer.count_passes(1.0);
-  const auto support = std::ranges::count_if(outcome.design.weights, [](double w) { return w > 0; });
+  const auto support =
+      std::ranges::count_if(outcome.design.weights, [](double w) { return w > 0; });
   outcome.gap = all.largest() / static_cast<double>(set.dimension()) - 1.0;
   outcome.gap_error = sensitivity_error(matrix, inverse.trace_dual(), set.dimension(),
                                         static_cast<std::size_t>(support));
@@ -63,13 +64,15 @@ void price(const InformationSet& set, const SolveOptions& options, Tracer& trace
 
 MethodOutcome run(const Solver& solver, const InformationSet& set, SolveOptions options,
                   std::int64_t iterations_before, Tracer& tracer) {
-  options.time_limit -= tracer.seconds();
+  options.time_limit = std::max(1e-6, options.time_limit - tracer.seconds());
   options.iteration_limit = 0;
   ContinuedTrace progress(tracer, iterations_before);
   Solution solution = solver.solve(set, options, &progress);
   progress.count_up_to(solution.counters.passes);
-  MethodOutcome outcome{std::move(solution.design), solution.status,
-                        std::numeric_limits<double>::infinity(), 0.0,
+  MethodOutcome outcome{std::move(solution.design),
+                        solution.status,
+                        std::numeric_limits<double>::infinity(),
+                        0.0,
                         iterations_before + solution.counters.iterations,
                         std::move(solution.message)};
   if (!outcome.design.weights.empty()) price(set, options, tracer, outcome);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
-#include <span>
+#include <utility>
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
@@ -81,8 +81,8 @@ std::vector<std::size_t> WeightedPool::heaviest(std::size_t wanted) {
     std::iota(order_.begin(), order_.end(), std::size_t{0});
   }
   const auto middle = order_.begin() + static_cast<std::ptrdiff_t>(wanted - 1);
-  std::ranges::nth_element(
-      order_, middle, [&](std::size_t a, std::size_t b) { return weights_[a] > weights_[b]; });
+  std::ranges::nth_element(order_, middle,
+                           [&](std::size_t a, std::size_t b) { return weights_[a] > weights_[b]; });
   return {order_.begin(), middle + 1};
 }
 

@@ -114,7 +114,8 @@ TEST(TwofoldCongruence, CancellationCostsNoDigits) {
 }
 
 TEST(WellConditionedStart, LosesLittleInformationAgainstThePool) {
-  for (const char* name : {"legendre", "chebyshev", "splines", "exponentials", "wis", "rob", "r1l"}) {
+  for (const char* name :
+       {"legendre", "chebyshev", "splines", "exponentials", "wis", "rob", "r1l"}) {
     for (const std::size_t count : {100U, 1000U, 8000U}) {
       const InformationSet set = make_family(name, count, 8);
       Random random(count);
@@ -163,10 +164,10 @@ Finished finish_equal_weights(const InformationSet& set, const SolveOptions& opt
   const double gap = duality_gap(set, equal.weights);
   tracer.count_passes(3.0);
   tracer.record(gap, 7);
-  Finished finished{finish_with_another(
-                        set, options, "a_method",
-                        {equal, SolveStatus::kNumericalFailure, gap, 0.0, 7, "gave up"}, tracer),
-                    {}};
+  Finished finished{
+      finish_with_another(set, options, "a_method",
+                          {equal, SolveStatus::kNumericalFailure, gap, 0.0, 7, "gave up"}, tracer),
+      {}};
   finished.solution = tracer.finish(finished.outcome.design, finished.outcome.status,
                                     finished.outcome.iterations, finished.outcome.message);
   return finished;

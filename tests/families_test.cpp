@@ -257,8 +257,8 @@ TEST(Polynomial, EqualWeightsAtTheLegendreRootsAreOptimal) {
     ASSERT_TRUE(std::ranges::is_sorted(points));
     const std::size_t optimal = points.size();
     for (const double x : even_points(201)) points.push_back(x);
-    for (const auto basis : {PolynomialBasis::kMonomial, PolynomialBasis::kLegendre,
-                             PolynomialBasis::kChebyshev}) {
+    for (const auto basis :
+         {PolynomialBasis::kMonomial, PolynomialBasis::kLegendre, PolynomialBasis::kChebyshev}) {
       const InformationSet set = polynomial_regression(degree, points, basis);
       std::vector<std::size_t> support(optimal);
       for (std::size_t i = 0; i < optimal; ++i) support[i] = i;

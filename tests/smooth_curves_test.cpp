@@ -117,8 +117,8 @@ TEST(SmoothCurves, BasesBeyondDoublePrecisionAreRefusedWithTheBasisToUse) {
     return {};
   };
   const auto points = even_points(2001);
-  const std::string monomials = refusal(
-      [&] { (void)polynomial_regression(25, points, PolynomialBasis::kMonomial); });
+  const std::string monomials =
+      refusal([&] { (void)polynomial_regression(25, points, PolynomialBasis::kMonomial); });
   EXPECT_NE(monomials.find("legendre or chebyshev"), std::string::npos) << monomials;
   EXPECT_NE(refusal([&] { (void)exponential_regression(25, points); }).find("orthogonal basis"),
             std::string::npos);
@@ -164,19 +164,19 @@ InformationSet hostile_curve(std::uint64_t seed) {
   std::vector<double> points = even_points(count);
   const std::size_t grid = random.below(4);
   for (double& x : points) {
-    if (grid == 1) x = std::sin(0.5 * std::numbers::pi * x);    // dense at the ends
-    if (grid == 2) x = x * std::abs(x);                         // dense in the middle
+    if (grid == 1) x = std::sin(0.5 * std::numbers::pi * x);                  // dense at the ends
+    if (grid == 2) x = x * std::abs(x);                                       // dense in the middle
     if (grid == 3) x += 0.3 / static_cast<double>(count) * random.uniform();  // uneven
     x = std::clamp(x, -1.0, 1.0);
   }
-  const double width = 1.0 + 2.0 * random.uniform(), shift = random.uniform();
+  const double width = 1.0 + 0.6 * random.uniform(), shift = random.uniform();
   const auto gaussians = [&](double x, std::size_t k) {
     const double step = 2.0 / static_cast<double>(d);
     const double z = (x + 1.0 - (static_cast<double>(k) + shift) * step) / (width * step);
     return std::exp(-0.5 * z * z);
   };
   const auto waves = [&](double x, std::size_t k) {
-    const double turn = std::numbers::pi * (0.4 + 0.6 * shift) * static_cast<double>((k + 1) / 2);
+    const double turn = std::numbers::pi * (0.7 + 0.3 * shift) * static_cast<double>((k + 1) / 2);
     return k % 2 == 0 ? std::cos(turn * x) : std::sin(turn * x);
   };
   const InformationSet set = [&] {

@@ -12,7 +12,7 @@
 
 namespace graybox {
 
-__extension__ using Quadruple = __float128;
+__extension__ typedef __float128 Quadruple;  // NOLINT(modernize-use-using)
 
 // M^-1 by way of M = L D L^T, packed; empty where a pivot is not positive.
 inline std::vector<Quadruple> quadruple_inverse(std::vector<Quadruple> m, std::size_t d) {

@@ -27,14 +27,15 @@ InformationSet robot_set(std::size_t candidates) {
 }  // namespace
 
 const std::vector<std::string>& study_families() {
-  static const std::vector<std::string> names{"rob",   "wis", "flat",     "smo",     "smr6",        "r1g",
-                                              "cube3", "dup", "legendre", "splines", "exponentials"};
+  static const std::vector<std::string> names{"rob",      "wis",     "flat",        "smo",
+                                              "smr6",     "r1g",     "cube3",       "dup",
+                                              "legendre", "splines", "exponentials"};
   return names;
 }
 
 InformationSet make_study_set(const std::string& family, std::size_t candidates) {
   if (const auto end = family.find_last_not_of("0123456789");
-      end + 1 < family.size() && family[end] == '_') {
+      end != std::string::npos && end + 1 < family.size() && family[end] == '_') {
     return make_family(family.substr(0, end), candidates, std::stoul(family.substr(end + 1)));
   }
   if (family == "robot") return robot_set(candidates);

@@ -174,12 +174,11 @@ InformationSet polynomial_regression(std::size_t degree, std::span<const double>
   std::vector<std::string> parameters;
   for (std::size_t k = 0; k <= degree; ++k) parameters.push_back(fmt::format("{}{}", letter, k));
   const auto regressors = monomial ? monomials : is_legendre ? legendre : chebyshev;
-  const std::string what =
-      fmt::format("{} up to degree {}",
-                  monomial      ? "monomials"
-                  : is_legendre ? "Legendre polynomials"
-                                : "Chebyshev polynomials",
-                  degree);
+  const std::string what = fmt::format("{} up to degree {}",
+                                       monomial      ? "monomials"
+                                       : is_legendre ? "Legendre polynomials"
+                                                     : "Chebyshev polynomials",
+                                       degree);
   return require_regular(curve_set(points, std::move(parameters), regressors), what,
                          monomial ? "take the basis legendre or chebyshev: the optimal designs are "
                                     "the same"
