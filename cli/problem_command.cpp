@@ -92,7 +92,7 @@ void add_spectrum(CLI::App& problem) {
 std::string family_list() {
   std::string text = "Families:\n";
   for (const Family& family : families()) {
-    text += fmt::format("  {:<8} {}\n", family.name, family.description);
+    text += fmt::format("  {:<12} {}\n", family.name, family.description);
   }
   return text;
 }
@@ -130,6 +130,7 @@ struct RegressionArguments {
   std::size_t degree = 3;
   std::size_t points = 1001;
   std::string basis = "monomial";
+  std::size_t parameters = 8;
   std::size_t factors = 4;
   std::size_t interactions = 1;
   std::size_t levels = 3;
@@ -138,9 +139,16 @@ struct RegressionArguments {
 
 InformationSet make_regression(const RegressionArguments& arguments) {
   if (arguments.model == "polynomial") {
-    const auto basis =
-        arguments.basis == "legendre" ? PolynomialBasis::kLegendre : PolynomialBasis::kMonomial;
+    const auto basis = arguments.basis == "legendre"    ? PolynomialBasis::kLegendre
+                       : arguments.basis == "chebyshev" ? PolynomialBasis::kChebyshev
+                                                        : PolynomialBasis::kMonomial;
     return polynomial_regression(arguments.degree, even_points(arguments.points), basis);
+  }
+  if (arguments.model == "splines") {
+    return spline_regression(arguments.parameters, even_points(arguments.points));
+  }
+  if (arguments.model == "exponentials") {
+    return exponential_regression(arguments.parameters, even_points(arguments.points));
   }
   if (arguments.model == "factorial") {
     return two_level_factorial(arguments.factors, arguments.interactions);
@@ -151,14 +159,22 @@ InformationSet make_regression(const RegressionArguments& arguments) {
 void add_regression(CLI::App& problem) {
   auto arguments = std::make_shared<RegressionArguments>();
   auto* command = problem.add_subcommand("regression", "Linear regression: one candidate a point");
-  command->add_option("--model", arguments->model, "polynomial, factorial or cube")
-      ->check(CLI::IsMember({"polynomial", "factorial", "cube"}))
+  command
+      ->add_option("--model", arguments->model,
+                   "polynomial, splines, exponentials, factorial or cube")
+      ->check(CLI::IsMember({"polynomial", "splines", "exponentials", "factorial", "cube"}))
       ->capture_default_str();
   command->add_option("--degree", arguments->degree, "polynomial: degree")->capture_default_str();
-  command->add_option("--points", arguments->points, "polynomial: even points on [-1, 1]")
+  command
+      ->add_option("--points", arguments->points,
+                   "polynomial, splines, exponentials: even points on [-1, 1]")
       ->capture_default_str();
-  command->add_option("--basis", arguments->basis, "polynomial: monomial or legendre")
-      ->check(CLI::IsMember({"monomial", "legendre"}))
+  command->add_option("--basis", arguments->basis, "polynomial: monomial, legendre or chebyshev")
+      ->check(CLI::IsMember({"monomial", "legendre", "chebyshev"}))
+      ->capture_default_str();
+  command
+      ->add_option("--parameters", arguments->parameters, "splines, exponentials: how many of them")
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command->add_option("--factors", arguments->factors, "factorial: factors at two levels")
       ->capture_default_str();
@@ -172,6 +188,8 @@ void add_regression(CLI::App& problem) {
   command->footer(
       "Examples:\n"
       "  graybox problem regression --model polynomial --degree 5 --points 1001 -o polynomial.h5\n"
+      "  graybox problem regression --degree 19 --basis legendre --points 10000 -o legendre.h5\n"
+      "  graybox problem regression --model splines --parameters 12 --points 1001 -o splines.h5\n"
       "  graybox problem regression --model factorial --factors 7 --interactions 2 -o "
       "factorial.h5\n"
       "  graybox problem regression --model cube --levels 3 -o cube.h5");

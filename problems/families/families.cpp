@@ -54,6 +54,21 @@ InformationSet duplicated(std::size_t q, std::size_t d, std::uint64_t seed) {
   return duplicated_family(q, kCopies, d, seed);
 }
 
+// Regression on even points of [-1, 1]; the seed does not matter.
+Maker polynomials(PolynomialBasis basis) {
+  return [basis](std::size_t q, std::size_t d, std::uint64_t) {
+    return polynomial_regression(d - 1, even_points(q), basis);
+  };
+}
+
+InformationSet splines(std::size_t q, std::size_t d, std::uint64_t) {
+  return spline_regression(d, even_points(q));
+}
+
+InformationSet exponentials(std::size_t q, std::size_t d, std::uint64_t) {
+  return exponential_regression(d, even_points(q));
+}
+
 struct Entry {
   Family family;
   Maker make;
@@ -81,6 +96,15 @@ const std::vector<Entry>& entries() {
       {{"dup", "every matrix of rob ten times", 5000, d, false}, duplicated},
       {{"decades", "Wishart matrices whose diagonals spread over twelve decades", q, d, false},
        wishart(ScaleDistribution::kDecades)},
+      {{"legendre", "Legendre polynomials on even points of [-1, 1]", q, d, false, false},
+       polynomials(PolynomialBasis::kLegendre)},
+      {{"chebyshev", "Chebyshev polynomials on the same points", q, d, false, false},
+       polynomials(PolynomialBasis::kChebyshev)},
+      {{"monomials", "1, x, x^2, ... on the same points: ill-conditioned", q, d, false, false},
+       polynomials(PolynomialBasis::kMonomial)},
+      {{"splines", "cubic B-splines on the same points", q, d, false, false}, splines},
+      {{"exponentials", "decays exp(-2^k t) at even times of [0, 1]", q, 8, false, false},
+       exponentials},
   };
   return list;
 }
