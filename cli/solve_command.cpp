@@ -71,8 +71,12 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const InformationSet set = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set);
+    InformationSet read = read_information_set(arguments.set, {.variable = arguments.variable});
+    read.validate();
+    return read;
+  }();
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
   const Solution solution = run(solver, set, options);

@@ -10,6 +10,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 
 namespace graybox {
@@ -145,6 +146,7 @@ void ConditionedSet::whiten() {
   coordinates_.assign(r.begin(), r.end());
   AlignedArray information(count * p);
   for (std::size_t i = 0; i < count; ++i) {
+    if (stop_requested()) return coordinates_.clear();  // the caller has no time for more
     transform(original_.information(i), r, d, product, information.data() + i * p);
   }
   copy_.emplace(d, std::move(information));
