@@ -12,12 +12,12 @@
 #include "criterion_arguments.hpp"
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/registry.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "trace_file.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -32,18 +32,6 @@ struct SolveArguments {
   std::string output;
   bool json = false;
 };
-
-void write_trace(const std::string& path, const std::vector<TracePoint>& trace) {
-  std::string lines;
-  for (const TracePoint& point : trace) {
-    const nlohmann::ordered_json line{{"seconds", point.seconds},
-                                      {"passes", point.passes},
-                                      {"duality_gap", point.duality_gap},
-                                      {"iteration", point.iteration}};
-    lines += line.dump() + "\n";
-  }
-  write_text_file(path, lines);
-}
 
 Solution run(const Solver& solver, const InformationSet& set, const SolveOptions& options) {
   Progress progress{std::string(solver.name())};

@@ -48,6 +48,26 @@ TEST_F(ExactCommand, EveryMethodReportsTheSameKeys) {
   }
 }
 
+// Finding in section 3 of S6: keys of the relaxed problem passed for those of the exact design.
+TEST_F(ExactCommand, JsonTellsTheExactDesignFromTheRelaxedProblem) {
+  const Json line = run("exact set.h5 -M 6 --json -o design.json");
+  const double d = line["dimension"].get<double>();
+  const double log_det = line["log_det"].get<double>();
+  // log det sum m_i H_i = d log M + log det sum (m_i / M) H_i.
+  EXPECT_NEAR(log_det - line["relaxed_log_det"].get<double>(), d * std::log(6.0), 1e-9);
+  EXPECT_NEAR(std::exp(-log_det / d), line["covariance"].get<double>(), 1e-9);
+  const double efficiency = line["efficiency"].get<double>();
+  EXPECT_EQ(efficiency, line["proven_efficiency"].get<double>());
+  EXPECT_NEAR(1.0 / efficiency - 1.0, line["duality_gap"].get<double>(), 1e-12);
+  EXPECT_LE(line["duality_gap"].get<double>(), line["asked_gap"].get<double>());
+  // Six experiments are not the relaxed optimum.
+  EXPECT_GT(line["relaxed_duality_gap"].get<double>(), 1e-3);
+  EXPECT_LT(line["relaxed_efficiency"].get<double>(), efficiency);
+  const Json file = Json::parse(read_text(folder_.file("design.json")));
+  EXPECT_EQ(file["log_det"], line["log_det"]);
+  EXPECT_EQ(file["certificate"]["duality_gap"], line["relaxed_duality_gap"]);
+}
+
 TEST_F(ExactCommand, DesignFilesAreCheckedAsExactDesigns) {
   const Json made = run("exact set.h5 -M 6 --json -o design.json");
   const Json file = Json::parse(read_text(folder_.file("design.json")));
