@@ -55,7 +55,6 @@ struct Samples {
   std::vector<Eigen::VectorXd> thetas;  // empty where the sets came from files
   std::vector<SemidefiniteChange> changed;  // empty where the sets were made here
   std::string description;
-  bool interrupted = false;
 };
 
 ProjectedSet read_sample(const RobustArguments& arguments, const std::string& file) {
@@ -85,10 +84,7 @@ Samples make_samples(const RobustArguments& arguments) {
   samples.sets.reserve(stiffness.samples);
   CountProgress progress("information matrices of sample", stiffness.samples);
   for (const Eigen::VectorXd& theta : samples.thetas) {
-    if (!progress.update(samples.sets.size() + 1)) {
-      samples.interrupted = true;
-      return samples;
-    }
+    static_cast<void>(progress.update(samples.sets.size() + 1));
     samples.sets.push_back(robot_information_set(with_stiffness_factors(robot, theta), positions,
                                                  {.threads = arguments.options.threads})
                                .renamed(fmt::format("sample {}", samples.sets.size())));
@@ -215,12 +211,11 @@ int design_for_samples(const RobustArguments& arguments) {
   }
   RobustProblem problem;
   problem.objective = robust_objective(arguments.objective);
-  const Samples samples =
-      arguments.sets.empty() ? make_samples(arguments) : read_samples(arguments);
-  if (samples.interrupted) {
-    fmt::print(stderr, "graybox: interrupted before there was a design\n");
-    return kShort;
-  }
+  const Samples samples = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, "the samples");
+    return arguments.sets.empty() ? make_samples(arguments) : read_samples(arguments);
+  }();
+  catch_interrupts();
   for (const InformationSet& set : samples.sets) problem.samples.push_back(&set);
   require_shared_candidates(problem);
 
@@ -377,7 +372,6 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
   command->callback([command, arguments, &invocation] {
     require_consistent(*command, *arguments);
     bench::pin_threads(arguments->options.threads, invocation.arguments);
-    catch_interrupts();
     invocation.exit_code =
         arguments->limited() ? design_under_limit(*arguments) : design_for_samples(*arguments);
   });

@@ -4,12 +4,12 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,6 +26,7 @@
 #include "graybox/problems/elements/law_file.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/problems/yaml_field.hpp"
 #include "interrupt.hpp"
 
@@ -39,19 +40,6 @@ struct Arguments {
   bool json = false;
   std::optional<double> time_limit;  // s
   SearchOptions search;
-};
-
-// Whether to go on: not after Ctrl-C, nor after the time that was given.
-class Patience {
- public:
-  explicit Patience(std::optional<double> seconds) {
-    if (seconds) until_ = Clock::now() + std::chrono::duration<double>(*seconds);
-  }
-  [[nodiscard]] bool lasts() const { return !interrupted() && (!until_ || Clock::now() < *until_); }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  std::optional<std::chrono::time_point<Clock, std::chrono::duration<double>>> until_;
 };
 
 // The steps of the search, on one line of a terminal that is rewritten.
@@ -179,8 +167,21 @@ int exit_code_of(const Diagnosis& diagnosis) {
   return diagnosis.verdict == Verdict::kUnknown ? kShort : kDone;
 }
 
+// Null where it was stopped before there was a problem to search in.
+std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign& campaign) {
+  try {
+    return load_mismatch_problem(
+        arguments.model, campaign,
+        {.threads = arguments.threads,
+         .keep_going = [] { return !stop_requested(); },
+         .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
+  } catch (const Stopped&) {
+    return nullptr;
+  }
+}
+
 int execute(Arguments& arguments) {
-  const Patience patience(arguments.time_limit);
+  if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
   std::optional<ReportFolder> folder;
@@ -189,28 +190,27 @@ int execute(Arguments& arguments) {
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const StepProgress progress;
   progress.show("reading the recordings, fitting the model");
-  const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
-      arguments.model, campaign,
-      {.threads = arguments.threads,
-       .keep_going = [patience] { return patience.lasts(); },
-       .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
-  require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
-  arguments.search.proceed = [&progress, &patience](const std::string& step) {
+  const std::unique_ptr<MismatchProblem> problem = load(arguments, campaign);
+  if (problem) require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
+  arguments.search.proceed = [&progress](const std::string& step) {
     progress.show(step);
-    return patience.lasts();
+    return !stop_requested();
   };
-  const Diagnosis diagnosis = diagnose(*problem, arguments.search);
+  const Diagnosis diagnosis =
+      problem ? diagnose(*problem, arguments.search) : Diagnosis{.interrupted = true};
+  const std::span<const Hypothesis> hypotheses =
+      problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   if (!arguments.output.empty()) {
-    write_report(arguments, diagnosis, problem->hypotheses(), files);
+    write_report(arguments, diagnosis, hypotheses, files);
     write_next_plans(arguments, campaign, diagnosis);
   }
   if (arguments.json) {
-    fmt::print("{}\n", verdict_json(diagnosis, problem->hypotheses(), files).dump());
+    fmt::print("{}\n", verdict_json(diagnosis, hypotheses, files).dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
-    for (const std::string& line : verdict_words(diagnosis, problem->hypotheses())) {
+    for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
       fmt::print("{}\n", line);
     }
     for (const std::string& line : files.warnings) fmt::print("The recordings: {}\n", line);

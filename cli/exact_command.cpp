@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -23,6 +24,8 @@
 
 namespace graybox::cli {
 namespace {
+
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 struct ExactArguments {
   SetArguments set;
@@ -71,10 +74,12 @@ ExactReport run(const ExactArguments& arguments, const InformationSet& set) {
   const ExactMethod& method = exact_method(arguments.method);
   const ExactOptions& options = arguments.options;
   require_exact_options(options);
-  const Relaxation relaxation =
-      solve_relaxation(set, {.seed = options.seed, .threads = options.threads});
-  ExactLine line{arguments.method};
   catch_interrupts();
+  const Relaxation relaxation =
+      solve_relaxation(set, {.time_limit = options.time_limit,
+                             .seed = options.seed,
+                             .threads = options.threads});
+  ExactLine line{arguments.method};
   ExactSolution solution = method.solve(set, relaxation, options, &line);
   if (interrupted() && solution.status == ExactStatus::kTimeLimit) {
     solution.message = "interrupted; this is the best design so far";
@@ -111,7 +116,11 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
   require_one_run(arguments, runs.size());
   arguments.options.experiments = runs.front();
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const ProjectedSet read = read_set(arguments.set);
+  const bool one_run = arguments.table.empty();  // else the limit is each run's
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(one_run ? arguments.options.time_limit : kNoLimit, arguments.set.path);
+    return read_set(arguments.set);
+  }();
   const InformationSet& set = read.set;
   if (!arguments.table.empty()) return table(arguments, set);
   ExactReport report = run(arguments, set);

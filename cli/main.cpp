@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 #include "option_checks.hpp"
 
 namespace {
@@ -78,6 +79,9 @@ int main(int argc, char** argv) {
     return complain(std::string(error.what()) + "; see " + command_name(app) + " --help");
   } catch (const graybox::InputError& error) {
     return complain(error.what());
+  } catch (const graybox::Stopped&) {
+    complain("stopped before there was anything to hand over");
+    return graybox::cli::kShort;
   } catch (const std::bad_alloc&) {
     complain("not enough memory for this problem");
     return graybox::cli::kShort;

@@ -52,7 +52,7 @@ SimulationOutcome run(const SimulateArguments& arguments) {
   if (!arguments.hidden.empty()) hidden = arguments.hidden;
   const SimulatedSystem system = load_system(arguments.model, hidden);
   const ExcitationPlan plan = read_plan(arguments.plan, system);
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   CountProgress progress(
       "recording",
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size())).size());

@@ -18,6 +18,7 @@
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
 #include "set_arguments.hpp"
+#include "trace_file.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -31,18 +32,6 @@ struct SolveArguments {
   std::string output;
   bool json = false;
 };
-
-void write_trace(const std::string& path, const std::vector<TracePoint>& trace) {
-  std::string lines;
-  for (const TracePoint& point : trace) {
-    const nlohmann::ordered_json line{{"seconds", point.seconds},
-                                      {"passes", point.passes},
-                                      {"duality_gap", point.duality_gap},
-                                      {"iteration", point.iteration}};
-    lines += line.dump() + "\n";
-  }
-  write_text_file(path, lines);
-}
 
 Solution run(const Solver& solver, const InformationSet& set, const SolveOptions& options) {
   Progress progress{std::string(solver.name())};
@@ -74,7 +63,10 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const ProjectedSet read = read_set(arguments.set);
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
+    return read_set(arguments.set);
+  }();
   const InformationSet& set = read.set;
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "graybox/diagnosis/constitutive_residuals.hpp"
+#include "graybox/diagnosis/stop_when_asked.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -51,6 +52,8 @@ bool minimise(const RobotModel& robot, const std::vector<ResponseMeasurement>& m
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options.iteration_limit;
   solver.function_tolerance = kTolerance;
+  StopWhenAsked stop;
+  solver.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
   const Eigen::VectorXd end = parameters.array().exp();

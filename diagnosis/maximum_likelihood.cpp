@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/stop_when_asked.hpp"
 #include "graybox/diagnosis/whitened_residuals.hpp"
 #include "graybox/problems/error.hpp"
 
@@ -121,7 +122,10 @@ class Fit {
                                parameters.data());
     }
     ceres::Solver::Summary summary;
-    ceres::Solve(solver_options(kind), &problem, &summary);
+    ceres::Solver::Options solver = solver_options(kind);
+    StopWhenAsked stop;
+    solver.callbacks.push_back(&stop);
+    ceres::Solve(solver, &problem, &summary);
     result_.iterations += static_cast<int>(summary.iterations.size());
     if (!summary.IsSolutionUsable() || !external(parameters).allFinite()) return false;
     result_.theta = external(parameters);

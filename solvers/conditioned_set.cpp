@@ -10,6 +10,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/twofold_congruence.hpp"
 
@@ -127,7 +128,9 @@ void ConditionedSet::whiten(int threads) {
   if (!inverse_factor(sum, d, r)) refuse_singular(original_);
   coordinates_.assign(r.begin(), r.end());
   AlignedArray information(count * p);
-  twofold_congruence(original_.data(), count, d, coordinates_, information.data(), threads);
+  if (!twofold_congruence(original_.data(), count, d, coordinates_, information.data(), threads)) {
+    return coordinates_.clear();  // the caller has no time for more
+  }
   copy_.emplace(d, std::move(information));
   const std::vector<double> weights(count, 1.0 / static_cast<double>(count));
   information_matrix(*copy_, weights, uniform_);

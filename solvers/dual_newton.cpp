@@ -176,8 +176,8 @@ Solution solve_dual(const InformationSet& set, const SolveOptions& options, Solv
   coordinates.accuracy = kRowAccuracy * options.duality_gap;
   const NormalizedSet normal(set, coordinates);
   tracer.count_passes(normal.passes());
-  if (!normal.regular()) return unsupported(tracer, normal.message());
-  AugmentedSystem system(normal, make_system(normal, options.threads));
+  if (!normal.regular()) return unsupported(set, tracer, normal.message());
+  AugmentedSystem system(normal, make_system(normal, options.threads), options.threads);
   return DualNewton(normal, system, options, tracer).run();
 }
 

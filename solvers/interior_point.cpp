@@ -133,6 +133,10 @@ double InteriorPointRun::centring(double product, double predicted) const {
 }
 
 void InteriorPointRun::fail(std::string message) {
+  if (tracer_.out_of_time()) {  // that is why
+    status_ = SolveStatus::kTimeLimit;
+    return;
+  }
   message_ =
       fmt::format("{}; best duality gap {:.3g} in {} iterations", message, best_gap_, iteration_);
   const bool solved = std::isfinite(best_gap_) && best_gap_ <= options_.duality_gap;
@@ -181,7 +185,12 @@ Solution InteriorPointRun::finish(std::span<const double> reduced_costs) {
                         std::move(message_));
 }
 
-Solution unsupported(Tracer& tracer, std::string message) {
+Solution unsupported(const InformationSet& set, Tracer& tracer, std::string message) {
+  if (tracer.out_of_time()) {  // equal weights are a design, too
+    const auto count = set.candidate_count();
+    return tracer.finish({std::vector<double>(count, 1.0 / static_cast<double>(count))},
+                         SolveStatus::kTimeLimit, 0, std::move(message));
+  }
   return tracer.finish({}, SolveStatus::kUnsupported, 0, std::move(message));
 }
 

@@ -107,6 +107,6 @@ class InteriorPointRun {
 };
 
 // The answer for a set that has no regular design.
-[[nodiscard]] Solution unsupported(Tracer& tracer, std::string message);
+[[nodiscard]] Solution unsupported(const InformationSet& set, Tracer& tracer, std::string message);
 
 }  // namespace graybox

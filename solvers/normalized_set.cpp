@@ -6,6 +6,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/kernels/gram_kernels.hpp"
 #include "graybox/solvers/lapack.hpp"
 
@@ -58,6 +59,10 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
     passes_ += 1.0;
   } else if (choose_transform(set, options.accuracy)) {
     transform_rows(set, options.threads);
+    if (stop_requested()) {
+      message_ = "time was up before the candidates were whitened";
+      return;
+    }
   } else {
     message_ = "the mean information matrix is singular: no design can estimate all parameters";
     return;
@@ -109,12 +114,14 @@ void NormalizedSet::transform_rows(const InformationSet& set, int threads) {
   const std::size_t d = dimension_, p = packed_size_;
   constexpr std::size_t kChunk = 256;
   const std::size_t chunks = (candidate_count_ + kChunk - 1) / kChunk;
+  const StopClock clock;
 #pragma omp parallel num_threads(threads) if (threads > 1)
   {
     std::vector<double> workspace(congruence_workspace_size(d));
     std::vector<long double> product(ill_conditioned_ ? d * d : 0);
 #pragma omp for schedule(static)
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+      if (clock.stops()) continue;
       const std::size_t begin = chunk * kChunk;
       const std::size_t size = std::min(kChunk, candidate_count_ - begin);
       if (!ill_conditioned_) {
@@ -122,7 +129,7 @@ void NormalizedSet::transform_rows(const InformationSet& set, int threads) {
                                   rows_.data() + begin * p, workspace.data());
         continue;
       }
-      for (std::size_t i = begin; i < begin + size; ++i) {
+      for (std::size_t i = begin; i < begin + size && !clock.stops(); ++i) {
         congruence_extended(set.data() + i * p, d, transform_.data(), rows_.data() + i * p,
                             product);
       }

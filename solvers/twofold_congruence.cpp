@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <vector>
 
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -74,21 +76,26 @@ void transform_batch(const double* in, std::size_t count, std::size_t d, std::sp
 
 }  // namespace
 
-void twofold_congruence(const double* in, std::size_t count, std::size_t d,
+bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
                         std::span<const double> r, double* out, int threads) {
   const std::size_t p = packed_size(d);
   const std::size_t batches = (count + kLanes - 1) / kLanes;
+  const StopClock clock;
+  std::atomic<bool> stopped = false;
 #pragma omp parallel num_threads(threads) if (threads > 1)
   {
     std::vector<Lanes> entries(p, Lanes{});
     std::vector<TwofoldSum> product(d * d);
 #pragma omp for schedule(static)
     for (std::size_t batch = 0; batch < batches; ++batch) {
+      if (stopped.load(std::memory_order_relaxed)) continue;
+      if (clock.stops()) stopped = true;
       const std::size_t begin = batch * kLanes;
       transform_batch(in + begin * p, std::min(kLanes, count - begin), d, r, entries, product,
                       out + begin * p);
     }
   }
+  return !stopped;
 }
 
 }  // namespace graybox

@@ -18,8 +18,9 @@
 namespace graybox {
 
 // `r`: d x d row-major, lower triangular. `in` and `out`: `count` packed matrices each. Magnitudes
-// must be within 1e-140 and 1e140.
-void twofold_congruence(const double* in, std::size_t count, std::size_t d,
+// must be within 1e-140 and 1e140. False where it was asked to stop (stop.hpp): `out` is then
+// incomplete.
+[[nodiscard]] bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
                         std::span<const double> r, double* out, int threads);
 
 }  // namespace graybox

@@ -19,6 +19,7 @@
 #include "graybox/diagnosis/long_run_variance.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -105,14 +106,17 @@ class ForceBalanceProblem : public MismatchProblem {
   [[nodiscard]] std::vector<ExtendedFit> fit_each(std::span<const std::vector<LawStart>> laws,
                                                   const ExtendedFit* nearby) const override {
     std::vector<ExtendedFit> fits(laws.size());
+    const StopClock clock;
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t i = 0; i < laws.size(); ++i) {
+      if (clock.stops()) continue;
       try {
         fits[i] = fit(laws[i], nearby);
       } catch (const InputError& error) {  // must not leave a thread
         fits[i].trouble = error.what();
       }
     }
+    stop_if_requested();
     return fits;
   }
 

@@ -13,6 +13,7 @@
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -320,15 +321,18 @@ class PeriodicFitter {
     }
     const std::size_t records = data_.estimation.size();
     std::vector<RecordSums> sums(records);
+    const StopClock clock;
 #pragma omp parallel num_threads(options_.threads)
     {
       Workspace work{SteadyStateSolver(family_, data_, {}), {}, {}, {}};
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
+        if (clock.stops()) continue;
         sums[i] = sums_of(work, *model, data_.estimation[i],
                           starts != nullptr ? &(*starts)[i] : nullptr, exact);
       }
     }
+    stop_if_requested();
     if (options_.freed != nullptr) result.imitated = imitated_by(*model, *options_.freed);
     add_up(sums, result);
     return result;

@@ -13,6 +13,7 @@
 #include "graybox/diagnosis/search/search_state.hpp"
 #include "graybox/diagnosis/search/shape_check.hpp"
 #include "graybox/diagnosis/search/verification.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -59,18 +60,29 @@ Verdict verdict_of(const Diagnosis& result) {
   return is_clear ? Verdict::kExplained : Verdict::kAmbiguous;
 }
 
-}  // namespace
-
-Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
-  SearchState state(problem, options);
-  if (!options.ignore_channel_faults && has_channel_faults(state)) return std::move(state.result);
-  if (!fit_as_it_is(state)) return std::move(state.result);
+// False where there is nothing to search in.
+bool search(SearchState& state) {
+  if (!state.options.ignore_channel_faults && has_channel_faults(state)) return false;
+  if (!fit_as_it_is(state)) return false;
   detect_mismatch(state);
   while (state.result.detection.detected && fit_better(state)) detect_mismatch(state);
   if (state.result.detection.detected) find_laws(state);
   verify_rest(state);
   look_for_departures(state);
   look_for_change(state);
+  return true;
+}
+
+}  // namespace
+
+Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
+  SearchState state(problem, options);
+  try {
+    if (!search(state)) return std::move(state.result);
+  } catch (const Stopped&) {  // in the middle of a step
+    state.result.interrupted = true;
+    if (!state.result.after.usable) state.result.after = state.result.before;
+  }
   state.result.verdict = verdict_of(state.result);
   return std::move(state.result);
 }

@@ -94,7 +94,10 @@ Relaxation certified_relaxation(const InformationSet& set, Design design, int th
 Relaxation solve_relaxation(const InformationSet& set, const RelaxationOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   Solution solution = ColumnGeneration().solve(
-      set, {.duality_gap = options.duality_gap, .seed = options.seed, .threads = options.threads});
+      set, {.duality_gap = options.duality_gap,
+            .time_limit = options.time_limit,
+            .seed = options.seed,
+            .threads = options.threads});
   Relaxation relaxation = certified_relaxation(set, std::move(solution.design), options.threads);
   relaxation.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
