@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "graybox/diagnosis/constitutive_residuals.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -52,6 +53,7 @@ bool minimise(const RobotModel& robot, const std::vector<ResponseMeasurement>& m
   solver.max_num_iterations = options.iteration_limit;
   solver.function_tolerance = kTolerance;
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(solver, &problem, &summary);
   const Eigen::VectorXd end = parameters.array().exp();
   if (!summary.IsSolutionUsable() || !end.allFinite()) return false;

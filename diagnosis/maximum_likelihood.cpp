@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/diagnosis/whitened_residuals.hpp"
 #include "graybox/problems/error.hpp"
 
@@ -121,6 +122,7 @@ class Fit {
                                parameters.data());
     }
     ceres::Solver::Summary summary;
+    silence_ceres();
     ceres::Solve(solver_options(kind), &problem, &summary);
     result_.iterations += static_cast<int>(summary.iterations.size());
     if (!summary.IsSolutionUsable() || !external(parameters).allFinite()) return false;
