@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -149,6 +150,9 @@ void write_tables(const std::string& folder, const InformationSet& set,
     deviation += fmt::format("\n{}", parameter_name(set, k));
     for (const Row& row : rows) deviation += fmt::format(",{:.6g}", row.deviations[k]);
   }
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError(fmt::format("{}: can't be made: {}", folder, error.message()));
   write_text_file(folder + "/criteria.csv", table);
   write_text_file(folder + "/criteria_efficiency.csv", efficiency + "\n");
   write_text_file(folder + "/criteria_deviations.csv", deviation + "\n");

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <limits>
@@ -43,6 +45,15 @@ Solution run(const Solver& solver, const InformationSet& set, const SolveOptions
   return solution;
 }
 
+// Without a gap on the way the design is the solver's start: no answer.
+bool has_answer(const Solution& solution) {
+  if (solution.status == SolveStatus::kUnsupported) return false;
+  return solution.status == SolveStatus::kSolved ||
+         std::ranges::any_of(solution.trace, [](const TracePoint& point) {
+           return std::isfinite(point.duality_gap);
+         });
+}
+
 void print(const SolveArguments& arguments, const ProjectedSet& read, const Solution& solution,
            const SolveReport& report) {
   const InformationSet& set = read.set;
@@ -52,8 +63,14 @@ void print(const SolveArguments& arguments, const ProjectedSet& read, const Solu
     fmt::print("{}\n", line.dump());
     return;
   }
-  fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-             describe(report));
+  fmt::print("{}: {}\n{}", set.name(), describe(set), change_note(read.changed));
+  if (!has_answer(solution)) {
+    fmt::print("{}: {} ({}); there is no design{}\n", report.solver, to_string(report.status),
+               report.message.empty() ? "no reason given" : report.message,
+               arguments.output.empty() ? "" : ", and nothing is written");
+    return;
+  }
+  fmt::print("{}", describe(report));
   if (!solution.design.weights.empty()) fmt::print("{}", describe_support(set, solution.design));
   if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
 }
@@ -68,13 +85,16 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
     return read_set(arguments.set);
   }();
   const InformationSet& set = read.set;
+  for (const std::string& file : {arguments.output, arguments.trace}) {
+    if (!file.empty()) require_writable(file);
+  }
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
   if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
-  if (!arguments.output.empty() && solution.status != SolveStatus::kUnsupported) {
+  if (!arguments.output.empty() && has_answer(solution)) {
     write_design(arguments.output, set, solution.design, report);
   }
   print(arguments, read, solution, report);

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "graybox/diagnosis/constitutive_residuals.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/diagnosis/stop_when_asked.hpp"
 #include "graybox/problems/error.hpp"
 
@@ -55,6 +56,7 @@ bool minimise(const RobotModel& robot, const std::vector<ResponseMeasurement>& m
   StopWhenAsked stop;
   solver.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(solver, &problem, &summary);
   const Eigen::VectorXd end = parameters.array().exp();
   if (!summary.IsSolutionUsable() || !end.allFinite()) return false;

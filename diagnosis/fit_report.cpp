@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -117,6 +118,7 @@ Json fit_json(const FitReport& report) {
   Json json{{"format", "graybox-fit/1"},
             {"model", report.model},
             {"campaign", report.campaign},
+            {"written_by", written_by()},
             {"method", report.method},
             {"status", report.status},
             {"parameters", parameters_json(report)},

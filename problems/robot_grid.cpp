@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
@@ -123,13 +124,14 @@ std::vector<JointRange> paper_ranges() {
 PositionTable paper_grid() { return full_grid(paper_intervals()); }
 
 PositionTable robot_grid(std::size_t count) {
-  if (count == 0) throw InputError("grid: at least one position is needed");
+  if (count == 0) throw InputError("--grid 0: at least one position is needed");
   const PositionTable grid = full_grid(refine(count));
   if (grid.count() == count) return grid;
   return grid.subset(nested_subset(grid.count(), count, kThinningSeed));
 }
 
 PositionTable read_positions(const std::filesystem::path& file, std::size_t joint_count) {
+  note_input(file.string());
   std::ifstream stream(file);
   if (!std::filesystem::is_regular_file(file) || !stream) {
     throw InputError(fmt::format("{}: no such file", file.string()));

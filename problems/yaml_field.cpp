@@ -8,6 +8,8 @@
 #include <set>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
+#include "graybox/problems/shortened.hpp"
 
 namespace graybox {
 
@@ -18,6 +20,7 @@ YamlField YamlField::load(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) {
     throw InputError(fmt::format("{}: no such file", file.string()));
   }
+  note_input(file.string());
   try {
     YAML::Node node = YAML::LoadFile(file.string());
     YamlField root(file.string(), "", node);
@@ -90,9 +93,9 @@ double YamlField::number() const {
   if (!node_.IsScalar()) fail("must be a number");
   double value = 0.0;
   if (!YAML::convert<double>::decode(node_, value)) {
-    fail(fmt::format("must be a number, is '{}'", node_.Scalar()));
+    fail(fmt::format("must be a number, is '{}'", shortened(node_.Scalar())));
   }
-  if (!std::isfinite(value)) fail(fmt::format("must be finite, is {}", node_.Scalar()));
+  if (!std::isfinite(value)) fail(fmt::format("must be finite, is {}", shortened(node_.Scalar())));
   return value;
 }
 
@@ -111,7 +114,7 @@ double YamlField::non_negative() const {
 std::size_t YamlField::count() const {
   const double value = number();
   if (value < 1.0 || value > 1e9 || value != std::floor(value)) {
-    fail(fmt::format("must be a whole number from 1 on, is {}", value));
+    fail(fmt::format("must be a whole number from 1 to 1000000000, is {}", value));
   }
   return static_cast<std::size_t>(value);
 }
@@ -128,7 +131,7 @@ std::vector<double> YamlField::numbers(std::size_t expected_size) const {
 std::string YamlField::choice(std::initializer_list<std::string_view> words) const {
   const std::string word = text();
   if (std::ranges::find(words, word) == words.end()) {
-    fail(fmt::format("must be one of {}; is '{}'", fmt::join(words, ", "), word));
+    fail(fmt::format("must be one of {}; is '{}'", fmt::join(words, ", "), shortened(word)));
   }
   return word;
 }

@@ -8,6 +8,8 @@
 #include <memory>
 #include <utility>
 
+#include "graybox/diagnosis/quiet_ceres.hpp"
+
 namespace graybox {
 namespace {
 
@@ -207,6 +209,7 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
   Interruption interruption(options.keep_going);
   solver.callbacks.push_back(&interruption);
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(solver, &minimised, &summary);
   result.iterations = static_cast<int>(summary.iterations.size());
   result.theta = options.free_parameters ? scale.outer(shared.inner_theta) : theta;

@@ -8,6 +8,7 @@
 
 #include "graybox/diagnosis/verdict/svg_chart.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -37,6 +38,10 @@ td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
 std::string paragraph(const std::string& text) { return "<p>" + html_escaped(text) + "</p>\n"; }
 
 std::string heading(const std::string& text) { return "<h2>" + html_escaped(text) + "</h2>\n"; }
+
+std::string end_of_page() {
+  return "<p class=\"files\">" + html_escaped(written_by()) + "</p>\n</body></html>\n";
+}
 
 std::string number_cell(double value, const char* format = "{:.4g}") {
   return "<td class=\"n\">" +
@@ -345,7 +350,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   for (const std::string& line : words) page += paragraph(line);
   for (const std::string& line : files.warnings) page += paragraph("The recordings: " + line);
   page += "</div>\n";
-  if (!diagnosis.trouble.empty()) return page + "</body></html>\n";
+  if (!diagnosis.trouble.empty()) return page + end_of_page();
   page += heading("The fit before and after") + fit_table(diagnosis);
   if (!diagnosis.mismatch_before.empty()) {
     page += heading("Where it does not fit") +
@@ -366,7 +371,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   const std::vector<ReportFigure> curves = curve_figures(diagnosis);
   if (!curves.empty()) page += heading("Residuals against noise") + drawn(curves);
   page += parameter_table(diagnosis) + detectable_table(diagnosis, hypotheses);
-  return page + "</body></html>\n";
+  return page + end_of_page();
 }
 
 }  // namespace graybox

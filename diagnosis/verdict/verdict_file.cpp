@@ -11,6 +11,7 @@
 #include "graybox/diagnosis/responses/distortion.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
 #include "graybox/problems/distributions.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -336,6 +337,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
   }
   return {
       {"format", "graybox-verdict/1"},
+      {"written_by", written_by()},
       {"model", files.model},
       {"campaign", files.campaign},
       {"verdict", to_string(diagnosis.verdict)},

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 
 namespace graybox {
 namespace {
@@ -31,6 +32,7 @@ class FirstError : public console_bridge::OutputHandler {
 };
 
 urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file) {
+  note_input(file.string());
   std::ifstream stream(file);
   if (!std::filesystem::is_regular_file(file) || !stream) {
     throw InputError(fmt::format("{}: no such file", file.string()));
