@@ -72,4 +72,8 @@ function(graybox_executable name)
   else()
     graybox_compile_options(${name})
   endif()
+  # Whatever reads HDF5 or MAT files starts it.
+  if(NOT name STREQUAL "graybox_reader" AND NOT GRAYBOX_FUZZ)
+    add_dependencies(${name} graybox_reader)
+  endif()
 endfunction()

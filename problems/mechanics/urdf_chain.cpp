@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/file_kind.hpp"
 
 namespace graybox {
 namespace {
@@ -31,10 +32,9 @@ class FirstError : public console_bridge::OutputHandler {
 };
 
 urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file) {
+  require_file(file);
   std::ifstream stream(file);
-  if (!std::filesystem::is_regular_file(file) || !stream) {
-    throw InputError(fmt::format("{}: no such file", file.string()));
-  }
+  if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
   std::ostringstream text;
   text << stream.rdbuf();
 
