@@ -55,7 +55,9 @@ class ExpressionReader {
   }};
 
   [[noreturn]] void fail(const std::string& message) const {
-    throw ExpressionError(fmt::format("'{}', character {}: {}", text_, at_ + 1, message));
+    constexpr std::size_t kShown = 100;
+    throw ExpressionError(fmt::format("'{}{}', character {}: {}", text_.substr(0, kShown),
+                                      text_.size() > kShown ? "..." : "", at_ + 1, message));
   }
 
   void skip_blanks() {

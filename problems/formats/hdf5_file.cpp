@@ -86,7 +86,6 @@ void read_information(const std::string& path, hid_t file, Part part, StoredSet&
     throw InputError(fmt::format("{}: shape {}: there are no candidates", information.source,
                                  hdf5::shape_text(shape)));
   }
-  information.require_stored();
   if (shape.size() == 2) return read_packed(information, part, set);
   if (part.parts > 1) {
     throw InputError(

@@ -144,6 +144,7 @@ void Dataset::require_stored() const {
 }
 
 StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count) {
+  table.require_stored();
   const hsize_t width = table.shape[1];
   StoredNumbers rows;
   rows.count = count * width;
@@ -177,6 +178,7 @@ AlignedArray read_stack(const Dataset& stack, std::size_t& dimension) {
     throw InputError(fmt::format("{}: shape {}: the matrices are not square; expected [Q x d x d]",
                                  stack.source, shape_text(shape)));
   }
+  stack.require_stored();
   dimension = shape[1];
   const double tolerance =
       H5Tget_size(stack.type) < 8 ? kSingleSymmetryTolerance : kSymmetryTolerance;

@@ -86,10 +86,10 @@ struct Dataset {
 
 [[noreturn]] void fail_truncated(const std::string& source);
 
-// Rows of a dataset with two axes; left in the file if they lie there in one piece as float64.
+// Rows of a dataset with two axes, checked by require_stored; left in the file if they lie there in one piece as float64.
 [[nodiscard]] StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count);
 
-// [Q x d x d] to packed lower triangles, in blocks; checks symmetry.
+// [Q x d x d] to packed lower triangles, in blocks; checks what is stored, and symmetry.
 [[nodiscard]] AlignedArray read_stack(const Dataset& stack, std::size_t& dimension);
 
 }  // namespace graybox::hdf5

@@ -58,6 +58,7 @@ std::vector<std::string> fitting_variables(const std::string& path, hid_t file) 
 class CellReader {
  public:
   explicit CellReader(const hdf5::Dataset& variable) : variable_(variable) {
+    variable.require_stored();
     const hssize_t count = H5Sget_simple_extent_npoints(variable.space);
     references_.resize(static_cast<std::size_t>(std::max<hssize_t>(count, 0)));
     // An empty cell array is marked by an attribute and holds its dimensions instead.
@@ -141,7 +142,6 @@ StoredSet stored_mat73(const std::string& path, const std::string& variable) {
   const std::string chosen = choose_variable(path, fitting_variables(path, file), variable);
   const hdf5::Dataset contents(fmt::format("{}: variable {}", path, chosen),
                                H5Dopen2(file, chosen.c_str(), H5P_DEFAULT));
-  contents.require_stored();
   StoredSet set;
   set.source = contents.source;
   set.information.values = is_cell(contents) ? CellReader(contents).read(set.dimension)

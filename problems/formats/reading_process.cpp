@@ -160,6 +160,8 @@ void ReadingProcess::fork_task(const ReadingTask& task,
   child_ = fork();
   if (child_ == 0) {
     const int nothing = open("/dev/null", O_RDWR | O_CLOEXEC);
+    // The parent's handlers are not for this process: a crash here only ends it.
+    for (int number = 1; number < NSIG; ++number) std::signal(number, SIG_DFL);
     for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
       dup2(nothing, standard);
     }
