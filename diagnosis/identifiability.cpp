@@ -241,8 +241,12 @@ Identifiability examine_identifiability(const Eigen::MatrixXd& information,
                                  information.rows(), information.cols(), values.size(),
                                  names.size()));
   }
-  if (!information.allFinite() || !values.allFinite()) {
-    throw InputError("identifiability: information and values must be finite");
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (std::isfinite(values(i)) && information.row(i).allFinite()) continue;
+    throw InputError(fmt::format(
+        "parameter {}: its value or what the recordings tell of it is no finite number; look for "
+        "absurd numbers in the recordings (graybox recordings) and in the model",
+        names[static_cast<std::size_t>(i)]));
   }
   return Examination(information, values, names).run();
 }

@@ -32,6 +32,10 @@ std::size_t difference(std::size_t limit, std::size_t used) {
 
 }  // namespace
 
+std::size_t used_address_space() {
+  return number_in("/proc/self/status", "VmSize:").value_or(0) * 1024;
+}
+
 std::size_t available_memory() {
   std::size_t least = std::numeric_limits<std::size_t>::max();
   if (const auto kilobytes = number_in("/proc/meminfo", "MemAvailable:")) {
@@ -41,9 +45,8 @@ std::size_t available_memory() {
   const auto group_used = number_in("/sys/fs/cgroup/memory.current", "");
   if (group_limit && group_used) least = std::min(least, difference(*group_limit, *group_used));
   rlimit space{};
-  const auto used = number_in("/proc/self/status", "VmSize:");
-  if (used && getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY) {
-    least = std::min(least, difference(space.rlim_cur, *used * 1024));
+  if (getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY) {
+    least = std::min(least, difference(space.rlim_cur, used_address_space()));
   }
   return least;
 }
@@ -54,6 +57,16 @@ void require_memory(std::size_t bytes, const std::string& what, const std::strin
   throw InputError(fmt::format("{} takes {:.2f} GB of memory, {:.2f} GB are available; {}", what,
                                static_cast<double>(bytes) / 1e9,
                                static_cast<double>(available) / 1e9, fix));
+}
+
+void require_memory_for_numbers(long double count, const std::string& source) {
+  const long double bytes = count * sizeof(double);
+  const std::size_t available = available_memory();
+  if (bytes <= static_cast<long double>(available)) return;
+  throw InputError(
+      fmt::format("{}: needs {:.2g} bytes of memory, {:.2g} are there; use a part of it, or a "
+                  "machine with more",
+                  source, bytes, static_cast<double>(available)));
 }
 
 }  // namespace graybox

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/information_set.hpp"
 
@@ -131,11 +132,10 @@ PositionTable robot_grid(std::size_t count) {
 }
 
 PositionTable read_positions(const std::filesystem::path& file, std::size_t joint_count) {
+  require_file(file);
   note_input(file.string());
   std::ifstream stream(file);
-  if (!std::filesystem::is_regular_file(file) || !stream) {
-    throw InputError(fmt::format("{}: no such file", file.string()));
-  }
+  if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
   PositionTable table{joint_count, {}};
   std::string line;
   bool header_allowed = true;

@@ -5,20 +5,30 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <set>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/shortened.hpp"
 
 namespace graybox {
+namespace {
+
+constexpr double kLargestCount = 1e9;
+constexpr std::uintmax_t kLargestFile = 100'000'000;
+
+}  // namespace
 
 YamlField::YamlField(std::string file, std::string path, YAML::Node node)
     : file_(std::move(file)), path_(std::move(path)), node_(std::move(node)) {}
 
 YamlField YamlField::load(const std::filesystem::path& file) {
-  if (!std::filesystem::is_regular_file(file)) {
-    throw InputError(fmt::format("{}: no such file", file.string()));
+  require_file(file);
+  if (const std::uintmax_t size = std::filesystem::file_size(file); size > kLargestFile) {
+    throw InputError(fmt::format("{}: {} bytes are no file written by hand; at most {} are read",
+                                 file.string(), size, kLargestFile));
   }
   note_input(file.string());
   try {
@@ -113,9 +123,10 @@ double YamlField::non_negative() const {
 
 std::size_t YamlField::count() const {
   const double value = number();
-  if (value < 1.0 || value > 1e9 || value != std::floor(value)) {
-    fail(fmt::format("must be a whole number from 1 to 1000000000, is {}", value));
+  if (value < 1.0 || value != std::floor(value)) {
+    fail(fmt::format("must be a whole number from 1 on, is {}", value));
   }
+  if (value > kLargestCount) fail(fmt::format("must be at most {}, is {}", kLargestCount, value));
   return static_cast<std::size_t>(value);
 }
 

@@ -34,7 +34,7 @@ class YamlField {
   [[nodiscard]] double number() const;  // finite
   [[nodiscard]] double positive() const;
   [[nodiscard]] double non_negative() const;
-  [[nodiscard]] std::size_t count() const;  // a whole number, at least 1
+  [[nodiscard]] std::size_t count() const;  // a whole number from 1 to 1e9
   [[nodiscard]] std::vector<double> numbers(std::size_t expected_size) const;
   // One of the words given.
   [[nodiscard]] std::string choice(std::initializer_list<std::string_view> words) const;

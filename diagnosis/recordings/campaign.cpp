@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/units.hpp"
 #include "graybox/problems/yaml_field.hpp"
 
@@ -260,7 +261,7 @@ std::string expanded(const YamlField& field) {
 
 fs::path data_file(const YamlField& field, const fs::path& folder) {
   const fs::path path = folder / expanded(field);  // an absolute path stays what it is
-  if (!fs::is_regular_file(path)) {
+  if (!is_file(path)) {
     field.fail(fmt::format("there is no file {}; correct the name or remove the experiment",
                            path.string()));
   }
@@ -400,7 +401,7 @@ const char* name_of(ChannelRole role) {
 
 Campaign read_campaign(const fs::path& path) {
   Campaign campaign;
-  campaign.file = fs::is_directory(path) ? path / "campaign.yaml" : path;
+  campaign.file = is_folder(path) ? path / "campaign.yaml" : path;
   const YamlField root = YamlField::load(campaign.file);
   root.allow_keys({"format", "model", "sample_time", "time", "channels", "hold", "noise",
                    "preprocess", "experiments"});

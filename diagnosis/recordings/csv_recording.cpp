@@ -12,37 +12,6 @@
 namespace graybox::formats {
 namespace {
 
-// The first of these that occurs in the first line separates fields; else runs of blanks do.
-char separator_of(std::string_view line) {
-  for (const char separator : {';', ',', '\t'}) {
-    if (line.find(separator) != std::string_view::npos) return separator;
-  }
-  return ' ';
-}
-
-std::vector<std::string_view> fields_of(std::string_view line, char separator) {
-  std::vector<std::string_view> fields;
-  while (true) {
-    const std::size_t end = line.find(separator);
-    std::string_view field = trimmed(line.substr(0, end));
-    if (field.size() >= 2 && field.front() == '"' && field.back() == '"') {
-      field = trimmed(field.substr(1, field.size() - 2));
-    }
-    fields.push_back(field);
-    if (end == std::string_view::npos) return fields;
-    line.remove_prefix(end + 1);
-    if (separator == ' ') line = trimmed(line);  // a run of blanks separates once
-  }
-}
-
-bool all_numbers(const std::vector<std::string_view>& fields) {
-  double ignored = 0.0;
-  for (const std::string_view field : fields) {
-    if (!field.empty() && !parse_number(field, ignored)) return false;
-  }
-  return true;
-}
-
 // "speed [rpm]" or "speed (rpm)" is the column speed in rpm.
 RecordedColumn titled(std::string_view title) {
   for (const auto& [open, close] : {std::pair{'[', ']'}, std::pair{'(', ')'}}) {
@@ -74,13 +43,11 @@ std::vector<RecordedColumn> header_columns(const std::string& path,
   return columns;
 }
 
-double number_in(const std::string& path, std::size_t line, const std::string& column,
+// An empty field is a sample that is not there.
+double sample_in(const std::string& path, std::size_t line, const std::string& column,
                  std::string_view field) {
-  double value = std::numeric_limits<double>::quiet_NaN();
-  if (field.empty() || parse_number(field, value)) return value;
-  const bool decimal_comma = field.find(',') != std::string_view::npos;
-  throw InputError(fmt::format("{}: line {}, column '{}': '{}' is no number{}", path, line, column,
-                               field, decimal_comma ? "; write a decimal point" : ""));
+  if (field.empty()) return std::numeric_limits<double>::quiet_NaN();
+  return number_in_table(path, line, fmt::format("'{}'", column), field);
 }
 
 }  // namespace
@@ -90,26 +57,25 @@ RecordingFile read_csv_recording(const std::string& path) {
   LineReader lines(path);
   std::string_view line;
   if (!lines.next(line)) throw InputError(path + ": there are no numbers");
-  const char separator = separator_of(line);
-  std::vector<std::string_view> fields = fields_of(line, separator);
+  FieldSplitter splitter(line);
   bool more = true;
-  if (all_numbers(fields)) {
-    for (std::size_t k = 0; k < fields.size(); ++k) {
+  if (const auto& titles = splitter.split(line); is_header(titles)) {
+    file.columns = header_columns(path, titles);
+    more = lines.next(line);
+  } else {
+    for (std::size_t k = 0; k < titles.size(); ++k) {
       file.columns.push_back({std::to_string(k + 1), {}, {}});
     }
-  } else {
-    file.columns = header_columns(path, fields);
-    more = lines.next(line);
   }
   std::vector<std::vector<double>> values(file.columns.size());
   for (; more; more = lines.next(line)) {
-    fields = fields_of(line, separator);
+    const auto& fields = splitter.split(line);
     if (fields.size() != values.size()) {
       throw InputError(fmt::format("{}: line {}: {} fields, but there are {} columns", path,
                                    lines.number(), fields.size(), values.size()));
     }
     for (std::size_t k = 0; k < values.size(); ++k) {
-      values[k].push_back(number_in(path, lines.number(), file.columns[k].name, fields[k]));
+      values[k].push_back(sample_in(path, lines.number(), file.columns[k].name, fields[k]));
     }
   }
   if (values.front().empty()) throw InputError(path + ": there is a header and no numbers");

@@ -183,6 +183,29 @@ SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>&
   return piece;
 }
 
+// A wild sample passes every other check and spoils every sum of squares.
+void check_wild_samples(const Campaign& campaign, const ChannelColumn& channel,
+                        const Eigen::VectorXd& times, const Segment& segment,
+                        ExperimentRecording& recording) {
+  const auto first = static_cast<Index>(segment.first);
+  const auto size = static_cast<Index>(segment.last - segment.first + 1);
+  const Eigen::VectorXd& values = channel.column->values;
+  const std::vector<Index> wild = wild_samples(values.segment(first, size));
+  if (wild.empty()) return;
+  const Index row = first + wild.front();
+  const double time = times.size() > 0
+                          ? times(row)
+                          : static_cast<double>(row) * campaign.sample_time.value_or(0.0);
+  const std::string more =
+      wild.size() > 1 ? fmt::format(", and so are {} more", wild.size() - 1) : std::string();
+  add_warning(
+      recording, "wild sample",
+      fmt::format("{}: {}: row {} ({:g} s) is {:g}, alone between {:g} and {:g}{}; is it a fault of "
+                  "the recording? repair it or use segments without it",
+                  channel.file->path, channel.channel->name, row + 1, time, values(row),
+                  values(row - 1), values(row + 1), more));
+}
+
 void check_piece(const Campaign& campaign, const Experiment& experiment,
                  const std::vector<ChannelColumn>& columns, const Eigen::VectorXd& times,
                  const Segment& segment, ExperimentRecording& recording) {
@@ -192,10 +215,11 @@ void check_piece(const Campaign& campaign, const Experiment& experiment,
     check_times(experiment.name, times.segment(first, size), campaign.sample_time, segment.first,
                 recording.findings);
   }
-  for (const auto& [channel, column, file] : columns) {
-    check_signal(fmt::format("{}: {}", experiment.name, channel->name),
-                 column->values.segment(first, size), channel->range, segment.first,
+  for (const ChannelColumn& each : columns) {
+    check_signal(fmt::format("{}: {}", experiment.name, each.channel->name),
+                 each.column->values.segment(first, size), each.channel->range, segment.first,
                  recording.findings);
+    if (recording.sound()) check_wild_samples(campaign, each, times, segment, recording);
   }
   check_period(experiment, segment, recording);
 }

@@ -31,7 +31,8 @@ void add_dataset(const std::string& path, hid_t parent, const std::string& name,
   const auto rows = static_cast<Eigen::Index>(dataset.shape[0]);
   const auto columns =
       dataset.shape.size() == 2 ? static_cast<Eigen::Index>(dataset.shape[1]) : Eigen::Index{1};
-  if (rows * columns == 0) return;
+  if (rows == 0 || columns == 0) return;
+  dataset.require_stored();
   std::vector<double> values(static_cast<std::size_t>(rows * columns));
   if (H5Dread(dataset.dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) <
       0) {
@@ -56,6 +57,8 @@ std::vector<std::string> dataset_names(hid_t root) {
 std::optional<double> sample_time_in(hid_t file) {
   if (H5Aexists(file, "sample_time") <= 0) return {};
   const hdf5::Handle attribute(H5Aopen(file, "sample_time", H5P_DEFAULT), H5Aclose);
+  const hdf5::Handle space(H5Aget_space(attribute), H5Sclose);
+  if (H5Sget_simple_extent_npoints(space) != 1) return {};
   double value = 0.0;
   if (H5Aread(attribute, H5T_NATIVE_DOUBLE, &value) < 0) return {};
   return value;

@@ -12,6 +12,8 @@ namespace {
 
 using Json = nlohmann::json;
 
+constexpr int kDeepest = 64;
+
 [[noreturn]] void fail(const std::string& path, const std::string& name, const char* problem) {
   throw InputError(fmt::format("{}: {}: {}", path, name.empty() ? "the array" : name, problem));
 }
@@ -50,10 +52,11 @@ bool holds_numbers(const Json& value) {
   return first.is_number() || first.is_null();
 }
 
-void add_value(const std::string& name, const Json& value, RecordingFile& file) {
+void add_value(const std::string& name, const Json& value, int depth, RecordingFile& file) {
+  if (depth > kDeepest) fail(file.path, name.substr(0, 40), "nested too deep; write fewer levels");
   if (value.is_object()) {
     for (const auto& [key, child] : value.items()) {
-      add_value(name.empty() ? key : name + "." + key, child, file);
+      add_value(name.empty() ? key : name + "." + key, child, depth + 1, file);
     }
   } else if (holds_numbers(value)) {
     add_numbers(name, value, file);
@@ -70,7 +73,7 @@ RecordingFile read_json_recording(const std::string& path) {
                      ": not valid JSON, or truncated; note that JSON has no NaN, write null");
   }
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
-  add_value("", root, file);
+  add_value("", root, 0, file);
   return file;
 }
 

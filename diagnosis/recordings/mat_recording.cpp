@@ -9,6 +9,7 @@
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/mat_file.hpp"
 #include "graybox/problems/formats/mat_handles.hpp"
+#include "graybox/problems/formats/mat_sizes.hpp"
 
 namespace graybox::formats {
 namespace {
@@ -53,7 +54,7 @@ std::vector<double> numbers_in(const matvar_t& variable, std::size_t count) {
 void add_variable(const std::string& name, matvar_t* variable, RecordingFile& file);
 
 void add_fields(const std::string& name, matvar_t* structure, RecordingFile& file) {
-  if (structure->rank != 2 || structure->dims[0] * structure->dims[1] != 1) return;
+  if (structure->rank != 2 || element_count(*structure) != 1) return;
   const unsigned count = Mat_VarGetNumberOfFields(structure);
   char* const* names = Mat_VarGetStructFieldnames(structure);
   for (unsigned k = 0; k < count; ++k) {
@@ -68,8 +69,8 @@ void add_variable(const std::string& name, matvar_t* variable, RecordingFile& fi
     return;
   }
   if (variable->rank != 2 || variable->isComplex != 0 || variable->data == nullptr) return;
-  const std::size_t count = variable->dims[0] * variable->dims[1];
-  if (count == 0) return;
+  const std::size_t count = element_count(*variable);
+  if (count == 0 || !holds_its_numbers(*variable)) return;
   const std::vector<double> values = numbers_in(*variable, count);
   if (values.empty()) return;
   // MATLAB's columns are the rows of the transpose.
@@ -97,6 +98,11 @@ RecordingFile read_mat_recording(const std::string& path) {
     throw InputError(path + ": no MATLAB file, or truncated; save it again");
   }
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
+  while (const MatVariable info{Mat_VarReadNextInfo(mat.get())}) {
+    if (info->name == nullptr) continue;
+    require_plausible_size(fmt::format("{}: variable {}", path, info->name), path, *info);
+  }
+  Mat_Rewind(mat.get());
   while (const MatVariable variable{Mat_VarReadNext(mat.get())}) {
     if (variable->name != nullptr) add_variable(variable->name, variable.get(), file);
   }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <mutex>
 
 #include "graybox/diagnosis/recordings/recording_formats.hpp"
 #include "graybox/problems/error.hpp"
@@ -13,12 +12,6 @@ namespace graybox {
 namespace {
 
 constexpr std::size_t kListedNames = 30;
-
-// HDF5, and matio on top of it, serve one thread at a time.
-std::mutex& hdf5_reading() {
-  static std::mutex mutex;
-  return mutex;
-}
 
 std::string names_in(const RecordingFile& file) {
   std::string text;
@@ -60,11 +53,9 @@ RecordingFile read_recording_file(const std::filesystem::path& path) {
   if (ending == ".csv" || ending == ".txt") {
     file = formats::read_csv_recording(name);
   } else if (ending == ".h5" || ending == ".hdf5") {
-    const std::scoped_lock lock(hdf5_reading());
-    file = formats::read_hdf5_recording(name);
+    file = formats::read_isolated(formats::kReadHdf5Recording, name);
   } else if (ending == ".mat") {
-    const std::scoped_lock lock(hdf5_reading());
-    file = formats::read_mat_recording(name);
+    file = formats::read_isolated(formats::kReadMatRecording, name);
   } else if (ending == ".npy") {
     file = formats::read_npy_recording(name);
   } else if (ending == ".json") {

@@ -5,14 +5,22 @@
 #include <vector>
 
 #include "graybox/diagnosis/recordings/recording_file.hpp"
+#include "graybox/problems/formats/reading_process.hpp"
 
 namespace graybox::formats {
 
 [[nodiscard]] RecordingFile read_csv_recording(const std::string& path);
-[[nodiscard]] RecordingFile read_hdf5_recording(const std::string& path);
-[[nodiscard]] RecordingFile read_mat_recording(const std::string& path);
 [[nodiscard]] RecordingFile read_npy_recording(const std::string& path);
 [[nodiscard]] RecordingFile read_json_recording(const std::string& path);
+
+// These call libhdf5 and matio, which a damaged file can crash or hang: in a process of their own,
+// through read_isolated.
+[[nodiscard]] RecordingFile read_hdf5_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_mat_recording(const std::string& path);
+
+extern const ReadingTask kReadHdf5Recording;
+extern const ReadingTask kReadMatRecording;
+[[nodiscard]] RecordingFile read_isolated(const ReadingTask& task, const std::string& path);
 
 // Adds an array as columns, or to the unclear arrays. `values` is row-major [rows x columns]; its
 // transpose gives the same columns. `name` is empty for an array without one.

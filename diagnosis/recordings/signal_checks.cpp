@@ -12,6 +12,9 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr std::size_t kSwitchingValues = 16;
+constexpr double kWildSpreads = 20.0;  // median absolute deviations
+constexpr double kWildSteps = 10.0;
+constexpr double kLargestValue = 1e50;
 constexpr Index kFlatRun = 4;
 constexpr std::size_t kFlatRuns = 2;
 
@@ -60,7 +63,32 @@ std::size_t clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double l
   return runs >= kFlatRuns && entered_abruptly ? samples : 0;
 }
 
+// The value that a share of all values stays below.
+double quantile_of(Eigen::VectorXd values, double share) {
+  const auto rank = static_cast<Index>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + rank, values.end());
+  return values(rank);
+}
+
 }  // namespace
+
+std::vector<Index> wild_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  std::vector<Index> wild;
+  const Index size = values.size();
+  if (size < 3 || switches(values)) return wild;
+  const double median = quantile_of(values, 0.5);
+  const double spread = quantile_of((values.array() - median).abs(), 0.5);
+  const double step = quantile_of((values.tail(size - 1) - values.head(size - 1)).cwiseAbs(), 0.95);
+  for (Index k = 1; k + 1 < size; ++k) {
+    const double distance = std::abs(values(k) - median);
+    if (distance <= kWildSpreads * spread) continue;
+    const double rise = values(k) - values(k - 1);
+    const double fall = values(k) - values(k + 1);
+    const double both = rise * fall > 0.0 ? std::min(std::abs(rise), std::abs(fall)) : 0.0;
+    if (both > 0.5 * distance && both > kWildSteps * step) wild.push_back(k);
+  }
+  return wild;
+}
 
 std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
   if (values.size() < 2 || switches(values)) return 0;
@@ -83,6 +111,14 @@ void check_signal(const std::string& source, const Eigen::Ref<const Eigen::Vecto
         fmt::format("{} of {} samples are not finite, the first is sample {}; repair them or use "
                     "segments without them",
                     count, values.size(), static_cast<std::size_t>(first) + offset));
+    return;
+  }
+  Index largest = 0;
+  if (values.cwiseAbs().maxCoeff(&largest) > kLargestValue) {
+    add(Severity::kError, "too large",
+        fmt::format("sample {} is {:g}: no measurement is beyond {:g}; repair it or use segments "
+                    "without it",
+                    static_cast<std::size_t>(largest) + offset, values(largest), kLargestValue));
     return;
   }
   const double lowest = values.minCoeff();

@@ -266,6 +266,19 @@ LawEntry read_law_entry(const YamlField& field) {
   return entry;
 }
 
+YamlField laws_of(const std::filesystem::path& file) {
+  const YamlField root = YamlField::load(file);
+  root.allow_keys({"format", "laws"});
+  (void)root.at("format").choice({"graybox-laws/1"});
+  return root.at("laws");
+}
+
+std::vector<LawEntry> read_laws(const YamlField& list) {
+  std::vector<LawEntry> laws;
+  for (const YamlField& item : list.items()) laws.push_back(read_law_entry(item));
+  return laws;
+}
+
 }  // namespace
 
 std::vector<std::string> add_laws(const YamlField& list) {
@@ -283,10 +296,11 @@ std::vector<std::string> add_laws(const YamlField& list) {
 }
 
 std::vector<std::string> add_law_file(const std::filesystem::path& file) {
-  const YamlField root = YamlField::load(file);
-  root.allow_keys({"format", "laws"});
-  (void)root.at("format").choice({"graybox-laws/1"});
-  return add_laws(root.at("laws"));
+  return add_laws(laws_of(file));
+}
+
+std::vector<LawEntry> read_law_file(const std::filesystem::path& file) {
+  return read_laws(laws_of(file));
 }
 
 }  // namespace graybox

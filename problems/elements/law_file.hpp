@@ -30,12 +30,16 @@
 #include <string>
 #include <vector>
 
+#include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/yaml_field.hpp"
 
 namespace graybox {
 
 // Adds all laws of a file to the catalogue; their names. Throws InputError.
 std::vector<std::string> add_law_file(const std::filesystem::path& file);
+
+// The same laws without adding them.
+[[nodiscard]] std::vector<LawEntry> read_law_file(const std::filesystem::path& file);
 
 // The value of the key `laws`.
 std::vector<std::string> add_laws(const YamlField& list);

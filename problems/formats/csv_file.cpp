@@ -3,12 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <string_view>
 #include <utility>
+#include <vector>
 
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/input_file.hpp"
@@ -19,85 +24,133 @@
 namespace graybox {
 namespace {
 
-// The fields of a line; a separator is a comma, a semicolon or a run of blanks.
-class FieldReader {
- public:
-  explicit FieldReader(std::string_view line) : rest_(line) {}
+// The entry (row, column) of a matrix that a column of the table holds, from 1.
+struct Entry {
+  std::size_t row = 0;
+  std::size_t column = 0;
+};
 
-  bool next(std::string_view& field) {
-    if (done_) return false;
-    const std::size_t end = std::min(rest_.find_first_of(",; \t"), rest_.size());
-    field = rest_.substr(0, end);
-    rest_ = trimmed(rest_.substr(end));
-    if (rest_.empty()) {
-      done_ = true;
-    } else if (rest_.front() == ',' || rest_.front() == ';') {
-      rest_ = trimmed(rest_.substr(1));  // a separator at the end leaves one empty field
+// "H_2_1" or "H21".
+std::optional<Entry> entry_named(std::string_view name) {
+  if (name.empty() || (name.front() != 'H' && name.front() != 'h')) return std::nullopt;
+  name.remove_prefix(1);
+  if (name.size() == 2 && std::isdigit(static_cast<unsigned char>(name[0])) != 0 &&
+      std::isdigit(static_cast<unsigned char>(name[1])) != 0) {
+    return Entry{static_cast<std::size_t>(name[0] - '0'), static_cast<std::size_t>(name[1] - '0')};
+  }
+  Entry entry;
+  for (std::size_t* index : {&entry.row, &entry.column}) {
+    if (name.empty() || name.front() != '_') return std::nullopt;
+    name.remove_prefix(1);
+    const auto [rest, error] = std::from_chars(name.data(), name.data() + name.size(), *index);
+    if (error != std::errc()) return std::nullopt;
+    name.remove_prefix(static_cast<std::size_t>(rest - name.data()));
+  }
+  return name.empty() ? std::optional<Entry>(entry) : std::nullopt;
+}
+
+// Where each column belongs in the packed lower triangle; empty if the header does not say.
+class ColumnOrder {
+ public:
+  ColumnOrder(const std::string& path, const std::vector<std::string_view>& header)
+      : path_(path), names_(header.begin(), header.end()) {
+    const auto is_entry = [](std::string_view name) { return entry_named(name).has_value(); };
+    const auto named = std::ranges::count_if(header, is_entry);
+    if (named == 0) return;
+    if (const auto other = std::ranges::find_if_not(header, is_entry); other != header.end()) {
+      fail(fmt::format("column '{}' is no entry H_i_j, but others are; name all so, or none",
+                       *other));
     }
-    return true;
+    place_columns();
   }
 
+  [[nodiscard]] const std::vector<std::size_t>& positions() const { return positions_; }
+
  private:
-  std::string_view rest_;
-  bool done_ = false;
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(fmt::format("{}: header: {}", path_, problem));
+  }
+
+  void place_columns() {
+    const std::size_t dimension = dimension_from_packed_size(names_.size());
+    if (dimension == 0) {
+      fail(fmt::format("{} columns are no packed size d(d+1)/2 (1, 3, 6, 10, ...); write one "
+                       "triangle, H_1_1, H_2_1, H_2_2, ...",
+                       names_.size()));
+    }
+    std::vector<std::string_view> holder(names_.size());  // the column that fills each place
+    for (const std::string_view name : names_) {
+      const Entry entry = *entry_named(name);
+      const auto [low, high] = std::minmax(entry.row, entry.column);
+      if (low < 1 || high > dimension) {
+        fail(fmt::format("{} is outside a matrix of {} parameters; {} columns are H_1_1 to H_{}_{}",
+                         name, dimension, names_.size(), dimension, dimension));
+      }
+      const std::size_t position = packed_index(high - 1, low - 1);
+      if (!holder[position].empty()) {
+        fail(holder[position] == name
+                 ? fmt::format("{} is there twice; write each entry once", name)
+                 : fmt::format("{} and {} are the same entry; write one triangle",
+                               holder[position], name));
+      }
+      holder[position] = name;
+      positions_.push_back(position);
+    }
+  }
+
+  const std::string& path_;
+  std::vector<std::string> names_;
+  std::vector<std::size_t> positions_;
 };
 
 struct Extent {
   std::size_t rows = 0;
   std::size_t columns = 0;
   bool header = false;
+  std::vector<std::size_t> positions;  // of the columns in the packed triangle; empty: in order
 };
 
 Extent measure(const std::string& path) {
   LineReader lines(path);
   Extent extent;
   std::string_view line;
-  while (lines.next(line)) {
-    if (extent.columns > 0) {
-      ++extent.rows;
-      continue;
-    }
-    bool numeric = true;
-    std::size_t columns = 0;
-    double ignored = 0.0;
-    std::string_view field;
-    for (FieldReader fields(line); fields.next(field); ++columns) {
-      numeric = parse_number(field, ignored) && numeric;
-    }
-    if (!numeric && !extent.header) {
-      extent.header = true;
-      continue;
-    }
-    extent.columns = columns;
-    extent.rows = 1;
+  if (!lines.next(line)) return extent;
+  FieldSplitter fields(line);
+  extent.header = is_header(fields.split(line));
+  if (extent.header) {
+    extent.positions = ColumnOrder(path, fields.split(line)).positions();
+    if (!lines.next(line)) return extent;
+    fields = FieldSplitter(line);  // a title above the table has no separators
+  }
+  extent.columns = fields.split(line).size();
+  do ++extent.rows;
+  while (lines.next(line));
+  if (!extent.positions.empty() && extent.positions.size() != extent.columns) {
+    throw InputError(fmt::format("{}: header: {} columns are named, but a line has {} numbers",
+                                 path, extent.positions.size(), extent.columns));
   }
   return extent;
 }
 
-void parse_line(const std::string& path, std::size_t number, std::string_view line,
-                std::size_t columns, double* values) {
-  std::size_t column = 0;
-  std::string_view field;
-  for (FieldReader fields(line); fields.next(field);) {
-    double value = 0.0;
-    if (!parse_number(field, value)) {
-      throw InputError(
-          fmt::format("{}: line {}, field {}: '{}' is no number", path, number, column + 1, field));
-    }
+void parse_line(const std::string& path, std::size_t number, const Extent& extent,
+                const std::vector<std::string_view>& fields, double* values) {
+  for (std::size_t column = 0; column < fields.size(); ++column) {
+    const std::string_view field = fields[column];
+    const double value = number_in_table(path, number, std::to_string(column + 1), field);
     if (!std::isfinite(value)) {
       throw InputError(
-          fmt::format("{}: line {}, field {}: {} is not finite; remove or repair that "
+          fmt::format("{}: line {}, column {}: {} is not finite; remove or repair that "
                       "candidate",
                       path, number, column + 1, field));
     }
-    if (column < columns) values[column] = value;
-    ++column;
+    if (column >= extent.columns) continue;
+    values[extent.positions.empty() ? column : extent.positions[column]] = value;
   }
-  if (column != columns) {
+  if (fields.size() != extent.columns) {
     throw InputError(
         fmt::format("{}: line {}: {} numbers, but {} in the first; every line is one "
                     "packed matrix of equal size",
-                    path, number, column, columns));
+                    path, number, fields.size(), extent.columns));
   }
 }
 
@@ -117,12 +170,16 @@ InformationSet read_csv(const std::string& path) {
                     "...); expected the lower triangle H11, H21, H22, ...",
                     path, extent.columns));
   }
+  require_memory_for_numbers(
+      static_cast<long double>(extent.rows) * static_cast<long double>(extent.columns), path);
   AlignedArray information(extent.rows * extent.columns);
   LineReader lines(path);
   std::string_view line;
   if (extent.header) lines.next(line);
+  std::optional<FieldSplitter> fields;
   for (std::size_t row = 0; row < extent.rows && lines.next(line); ++row) {
-    parse_line(path, lines.number(), line, extent.columns,
+    if (!fields) fields.emplace(line);
+    parse_line(path, lines.number(), extent, fields->split(line),
                information.data() + row * extent.columns);
   }
   return InformationSet(dimension, std::move(information), {}, {}, path);

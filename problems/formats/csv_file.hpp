@@ -1,9 +1,12 @@
 // Information sets as text: one packed lower triangle (packed_matrix.hpp) a line, p numbers
-// separated by commas, semicolons, tabs or blanks. A first line that is not numbers is taken as a
-// header; empty lines and lines that begin with # are skipped.
+// separated by commas, semicolons, tabs or blanks (text_lines.hpp). A first line without any number
+// is a header; empty lines and lines that begin with # are skipped.
 //
 //   H_1_1,H_2_1,H_2_2
 //   1,0,0.5
+//
+// A header of names H_i_j (or Hij) tells the order: the upper triangle and any other order are read
+// as what they are. Such names that contradict each other are refused. Other names say nothing.
 #pragma once
 
 #include <string>
@@ -12,7 +15,7 @@
 
 namespace graybox {
 
-// Throws InputError naming line and field. Two passes over the file, none over a copy in memory.
+// Throws InputError naming line and column. Two passes over the file, none over a copy in memory.
 [[nodiscard]] InformationSet read_csv(const std::string& path);
 
 // Writes a header and the shortest decimals that read back exactly. Coordinates and names of

@@ -11,6 +11,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/hdf5_support.hpp"
 #include "graybox/problems/formats/hdf5_writer.hpp"
+#include "graybox/problems/formats/stored_set.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 
@@ -25,24 +26,33 @@ bool exists(hid_t file, const char* name) {
   return H5Lexists(file, name, H5P_DEFAULT) > 0 && H5Oexists_by_name(file, name, H5P_DEFAULT) > 0;
 }
 
-AlignedArray read_packed(const hdf5::Dataset& information, std::size_t& dimension) {
+// The part of the candidates that is asked for: `part` of `parts`.
+struct Part {
+  std::size_t part = 0;
+  std::size_t parts = 1;
+};
+
+// Fills the set's dimension, information and place of the part.
+void read_packed(const hdf5::Dataset& information, Part part, StoredSet& set) {
   const hsize_t packed = information.shape[1];
-  dimension = dimension_from_packed_size(packed);
-  if (dimension == 0) {
+  set.dimension = dimension_from_packed_size(packed);
+  if (set.dimension == 0) {
     throw InputError(
         fmt::format("{}: shape {}: {} is no packed size d(d+1)/2; expected [Q x p] "
                     "packed lower triangles or [Q x d x d]",
                     information.source, hdf5::shape_text(information.shape), packed));
   }
-  AlignedArray values(information.shape[0] * packed);
-  if (H5Dread(information.dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT,
-              values.data()) < 0) {
-    hdf5::fail_truncated(information.source);
+  set.total = information.shape[0];
+  if (set.total < part.parts) {
+    throw InputError(fmt::format("{}: {} candidates can't be shared by {} processes; use fewer",
+                                 information.source, set.total, part.parts));
   }
-  return values;
+  set.first = set.total * part.part / part.parts;
+  const std::size_t last = set.total * (part.part + 1) / part.parts;
+  set.information = hdf5::stored_rows(information, set.first, last - set.first);
 }
 
-AlignedArray read_information(const std::string& path, hid_t file, std::size_t& dimension) {
+void read_information(const std::string& path, hid_t file, Part part, StoredSet& set) {
   if (!exists(file, "information")) {
     throw InputError(
         fmt::format("{}: dataset information is missing; expected float64 [Q x p] of "
@@ -50,6 +60,7 @@ AlignedArray read_information(const std::string& path, hid_t file, std::size_t& 
                     path));
   }
   const hdf5::Dataset information(path, file, "information");
+  set.source = information.source;
   information.require_floats();
   const auto& shape = information.shape;
   if (shape.size() != 2 && shape.size() != 3) {
@@ -62,52 +73,53 @@ AlignedArray read_information(const std::string& path, hid_t file, std::size_t& 
     throw InputError(fmt::format("{}: shape {}: there are no candidates", information.source,
                                  hdf5::shape_text(shape)));
   }
-  return shape.size() == 2 ? read_packed(information, dimension)
-                           : hdf5::read_stack(information, dimension);
+  if (shape.size() == 2) return read_packed(information, part, set);
+  if (part.parts > 1) {
+    throw InputError(
+        fmt::format("{}: shape {}: slices are read from packed lower triangles "
+                    "[Q x p]; convert the set with 'graybox problem convert'",
+                    information.source, hdf5::shape_text(shape)));
+  }
+  set.information.values = hdf5::read_stack(information, set.dimension);
+  set.information.count = set.information.values.size();
+  set.total = shape[0];
 }
 
-CandidateTable read_candidates(const std::string& path, hid_t file, std::size_t candidate_count) {
-  CandidateTable table;
-  if (!exists(file, "candidates")) return table;
+void read_candidates(const std::string& path, hid_t file, StoredSet& set) {
+  if (!exists(file, "candidates")) return;
   const hdf5::Dataset candidates(path, file, "candidates");
   candidates.require_floats();
   const auto& shape = candidates.shape;
-  if (shape.size() != 2 || shape[0] != candidate_count) {
+  if (shape.size() != 2 || shape[0] != set.total) {
     throw InputError(fmt::format("{}: shape {}: expected one row for each of the {} candidates",
-                                 candidates.source, hdf5::shape_text(shape), candidate_count));
+                                 candidates.source, hdf5::shape_text(shape), set.total));
   }
-  table.names = hdf5::read_string_attribute(candidates.source, candidates.dataset, "names");
-  table.units = hdf5::read_string_attribute(candidates.source, candidates.dataset, "units");
-  if (table.names.empty()) {
-    for (hsize_t i = 0; i < shape[1]; ++i) table.names.push_back(fmt::format("x{}", i + 1));
+  candidates.require_stored();
+  set.names = hdf5::read_string_attribute(candidates.source, candidates.dataset, "names");
+  set.units = hdf5::read_string_attribute(candidates.source, candidates.dataset, "units");
+  if (set.names.empty()) {
+    for (hsize_t i = 0; i < shape[1]; ++i) set.names.push_back(fmt::format("x{}", i + 1));
   }
-  if (table.units.empty()) table.units.resize(shape[1]);
-  for (const auto& [field, list] : {std::pair{"names", &table.names}, {"units", &table.units}}) {
+  if (set.units.empty()) set.units.resize(shape[1]);
+  for (const auto& [field, list] : {std::pair{"names", &set.names}, {"units", &set.units}}) {
     if (list->size() == shape[1]) continue;
     throw InputError(
         fmt::format("{}: attribute {} has {} entries for {} columns; write one for "
                     "each",
                     candidates.source, field, list->size(), shape[1]));
   }
-  table.values.resize(shape[0] * shape[1]);
-  if (!table.values.empty() && H5Dread(candidates.dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL,
-                                       H5P_DEFAULT, table.values.data()) < 0) {
-    hdf5::fail_truncated(candidates.source);
-  }
-  return table;
+  set.coordinates = hdf5::stored_rows(candidates, 0, shape[0]);
 }
 
-std::vector<std::string> read_parameters(const std::string& path, hid_t file,
-                                         std::size_t dimension) {
-  if (!exists(file, "parameters")) return {};
+void read_parameters(const std::string& path, hid_t file, StoredSet& set) {
+  if (!exists(file, "parameters")) return;
   const hdf5::Dataset parameters(path, file, "parameters");
-  auto names = hdf5::read_strings(parameters.source, {parameters.dataset, &hdf5::read_dataset},
-                                  parameters.type, parameters.space);
-  if (names.size() != dimension) {
+  set.parameters = hdf5::read_strings(parameters.source, {parameters.dataset, &hdf5::read_dataset},
+                                      parameters.type, parameters.space);
+  if (set.parameters.size() != set.dimension) {
     throw InputError(fmt::format("{}: {} names for d = {} parameters; write one for each",
-                                 parameters.source, names.size(), dimension));
+                                 parameters.source, set.parameters.size(), set.dimension));
   }
-  return names;
 }
 
 void require_format(const std::string& path, hid_t file) {
@@ -117,15 +129,44 @@ void require_format(const std::string& path, hid_t file) {
                                format.empty() ? "missing" : "'" + format[0] + "'", kFormat));
 }
 
-void require_hash(const std::string& path, hid_t file, const InformationSet& set) {
-  const auto stated = hdf5::read_string_attribute(path, file, "sha256");
+void require_hash(const std::string& path, const std::string& stated, const InformationSet& set) {
   if (stated.empty()) return;
   const std::string found = set.content_hash();
-  if (stated[0] == found) return;
+  if (stated == found) return;
   throw InputError(
       fmt::format("{}: attribute sha256 starts {:.12} but the data give {:.12}: they "
                   "were changed after writing; make the set again",
-                  path, stated[0], found));
+                  path, stated, found));
+}
+
+hid_t open_to_read(const std::string& path) {
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  if (file >= 0) return file;
+  throw InputError(
+      fmt::format("{}: not readable as HDF5; the path is wrong, or the file is "
+                  "truncated or damaged: copy it again",
+                  path));
+}
+
+StoredSet stored_set(const std::string& path, Part part) {
+  const hdf5::QuietErrors quiet;
+  const hdf5::Handle file(open_to_read(path), H5Fclose);
+  require_format(path, file);
+  StoredSet set;
+  read_information(path, file, part, set);
+  // A part comes without coordinates.
+  if (part.parts == 1) read_candidates(path, file, set);
+  read_parameters(path, file, set);
+  const auto hash = hdf5::read_string_attribute(path, file, "sha256");
+  if (!hash.empty()) set.sha256 = hash[0];
+  return set;
+}
+
+// Arguments: the file; for a part its number and how many there are.
+void send_hdf5(const std::vector<std::string>& arguments, MessageWriter& answer) {
+  Part part;
+  if (arguments.size() == 3) part = {std::stoul(arguments[1]), std::stoul(arguments[2])};
+  send(stored_set(arguments[0], part), answer);
 }
 
 // ---- writing -----------------------------------------------------------------------------------
@@ -145,68 +186,25 @@ void write_contents(const hdf5::Writer& writer, hid_t file, const InformationSet
   if (!set.parameters().empty()) writer.dataset(file, "parameters", set.parameters());
 }
 
-hid_t open_to_read(const std::string& path) {
-  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
-  if (file >= 0) return file;
-  throw InputError(
-      fmt::format("{}: not readable as HDF5; the path is wrong, or the file is "
-                  "truncated or damaged: copy it again",
-                  path));
-}
-
 }  // namespace
 
+const ReadingTask kReadHdf5{"hdf5", &send_hdf5};
+
 InformationSet read_hdf5(const std::string& path) {
-  const hdf5::QuietErrors quiet;
-  const hdf5::Handle file(open_to_read(path), H5Fclose);
-  require_format(path, file);
-  std::size_t dimension = 0;
-  AlignedArray information = read_information(path, file, dimension);
-  require_finite(path + ": dataset information", information, dimension);
-  const std::size_t candidate_count = information.size() / packed_size(dimension);
-  InformationSet set(dimension, std::move(information),
-                     read_candidates(path, file, candidate_count),
-                     read_parameters(path, file, dimension), path);
-  require_hash(path, file, set);
+  StoredSet stored = receive_stored_set(kReadHdf5, {path});
+  const std::string hash = stored.sha256;
+  InformationSet set = information_set(path, std::move(stored));
+  require_hash(path, hash, set);
   return set;
 }
 
 InformationSlice read_hdf5_slice(const std::string& path, std::size_t part, std::size_t parts) {
-  const hdf5::QuietErrors quiet;
-  const hdf5::Handle file(open_to_read(path), H5Fclose);
-  require_format(path, file);
-  if (!exists(file, "information")) throw InputError(path + ": dataset information is missing");
-  const hdf5::Dataset information(path, file, "information");
-  information.require_floats();
-  const std::size_t dimension =
-      information.shape.size() == 2 ? dimension_from_packed_size(information.shape[1]) : 0;
-  if (dimension == 0) {
-    throw InputError(
-        fmt::format("{}: shape {}: slices are read from packed lower triangles "
-                    "[Q x p]; convert the set with 'graybox problem convert'",
-                    information.source, hdf5::shape_text(information.shape)));
-  }
-  const std::size_t total = information.shape[0];
-  if (total < parts) {
-    throw InputError(fmt::format("{}: {} candidates can't be shared by {} processes; use fewer",
-                                 information.source, total, parts));
-  }
-  const std::size_t first = total * part / parts;
-  const std::array<hsize_t, 2> start{first, 0};
-  const std::array<hsize_t, 2> count{total * (part + 1) / parts - first, information.shape[1]};
-  AlignedArray values(count[0] * count[1]);
-  const hdf5::Handle memory(H5Screate_simple(2, count.data(), nullptr), H5Sclose);
-  H5Sselect_hyperslab(information.space, H5S_SELECT_SET, start.data(), nullptr, count.data(),
-                      nullptr);
-  if (H5Dread(information.dataset, H5T_NATIVE_DOUBLE, memory, information.space, H5P_DEFAULT,
-              values.data()) < 0) {
-    hdf5::fail_truncated(information.source);
-  }
-  require_finite(path + ": dataset information", values, dimension);
-  const auto hash = hdf5::read_string_attribute(path, file, "sha256");
-  return {InformationSet(dimension, std::move(values), {}, read_parameters(path, file, dimension),
-                         path),
-          first, total, hash.empty() ? std::string() : hash[0]};
+  StoredSet stored =
+      receive_stored_set(kReadHdf5, {path, std::to_string(part), std::to_string(parts)});
+  const std::size_t first = stored.first;
+  const std::size_t total = stored.total;
+  std::string hash = stored.sha256;
+  return {information_set(path, std::move(stored)), first, total, std::move(hash)};
 }
 
 void write_hdf5(const std::string& path, const InformationSet& set) {

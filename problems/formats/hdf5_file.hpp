@@ -9,14 +9,19 @@
 //
 // Reading is lenient where no doubt arises: `information` may also be [Q x d x d], 32-bit or
 // chunked; sha256 and units may be missing. A hash that is there must match. Contiguous float64
-// [Q x p] goes from the file straight into the set's own array.
+// [Q x p] goes from the file straight into the set's own array. libhdf5 runs in a process of its own
+// (reading_process.hpp): a damaged file can't crash or hang the caller.
 #pragma once
 
 #include <string>
 
+#include "graybox/problems/formats/reading_process.hpp"
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
+
+// The child's part of read_hdf5 and read_hdf5_slice.
+extern const ReadingTask kReadHdf5;
 
 // Throws InputError for a file that is no such set.
 [[nodiscard]] InformationSet read_hdf5(const std::string& path);

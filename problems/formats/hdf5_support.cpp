@@ -4,12 +4,22 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cmath>
+#include <numeric>
 #include <utility>
 
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 
 namespace graybox::hdf5 {
+namespace {
+
+constexpr std::size_t kMostStrings = 1'000'000;
+constexpr std::size_t kMostText = std::size_t{1} << 28;  // bytes
+
+}  // namespace
 
 std::vector<hsize_t> shape_of(hid_t space) {
   const int rank = H5Sget_simple_extent_ndims(space);
@@ -35,6 +45,7 @@ std::vector<std::string> read_strings(const std::string& source, StringSource fr
   const auto count = static_cast<std::size_t>(std::max<hssize_t>(points, 0));
   std::vector<std::string> strings;
   if (count == 0) return strings;
+  if (count > kMostStrings || H5Tget_size(type) > kMostText / count) fail();
   const Handle memory_type(H5Tcopy(type), H5Tclose);  // keeps size, padding and character set
   if (H5Tis_variable_str(type) > 0) {
     std::vector<char*> pointers(count, nullptr);
@@ -84,6 +95,78 @@ void Dataset::require_floats() const {
   throw InputError(fmt::format("{}: numbers must be float64 or float32; convert them", source));
 }
 
+namespace {
+
+// Chunks that hold the shape; of chunks that are not written nothing is known.
+long double chunks_of(const Dataset& dataset, hid_t creation) {
+  std::vector<hsize_t> chunk(dataset.shape.size());
+  if (H5Pget_chunk(creation, static_cast<int>(chunk.size()), chunk.data()) < 0) {
+    fail_truncated(dataset.source);
+  }
+  long double count = 1.0L;
+  for (std::size_t axis = 0; axis < chunk.size(); ++axis) {
+    const auto extent = static_cast<long double>(dataset.shape[axis]);
+    count *= std::ceil(extent / static_cast<long double>(std::max<hsize_t>(chunk[axis], 1)));
+  }
+  return count;
+}
+
+[[noreturn]] void fail_incomplete(const Dataset& dataset, long double needed, long double stored,
+                                  const char* what) {
+  throw InputError(fmt::format("{}: truncated: shape {} needs {:.0f} {}, {:.0f} are there; copy it "
+                               "again, or write all of it",
+                               dataset.source, shape_text(dataset.shape), needed, what, stored));
+}
+
+}  // namespace
+
+void Dataset::require_stored() const {
+  const long double count =
+      std::accumulate(shape.begin(), shape.end(), 1.0L, [](long double product, hsize_t extent) {
+        return product * static_cast<long double>(extent);
+      });
+  const Handle creation(H5Dget_create_plist(dataset), H5Pclose);
+  if (!creation.valid()) fail_truncated(source);
+  const H5D_layout_t layout = H5Pget_layout(creation);
+  if (layout == H5D_CHUNKED) {
+    hsize_t stored = 0;
+    const long double needed = chunks_of(*this, creation);
+    if (H5Dget_num_chunks(dataset, H5S_ALL, &stored) < 0) fail_truncated(source);
+    if (static_cast<long double>(stored) < needed) {
+      fail_incomplete(*this, needed, static_cast<long double>(stored), "chunks");
+    }
+  } else if (layout == H5D_CONTIGUOUS || layout == H5D_COMPACT) {
+    const long double needed = count * static_cast<long double>(H5Tget_size(type));
+    const auto stored = static_cast<long double>(H5Dget_storage_size(dataset));
+    if (stored < needed) fail_incomplete(*this, needed, stored, "bytes");
+  }
+  require_memory_for_numbers(count, source);
+}
+
+StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count) {
+  table.require_stored();
+  const hsize_t width = table.shape[1];
+  StoredNumbers rows;
+  rows.count = count * width;
+  const haddr_t address = H5Dget_offset(table.dataset);
+  if (address != HADDR_UNDEF && H5Tequal(table.type, H5T_IEEE_F64LE) > 0 &&
+      std::endian::native == std::endian::little) {
+    rows.offset = address + first * width * sizeof(double);
+    return rows;
+  }
+  rows.values = AlignedArray(rows.count);
+  if (rows.count == 0) return rows;
+  const std::array<hsize_t, 2> start{first, 0};
+  const std::array<hsize_t, 2> size{count, width};
+  const Handle memory(H5Screate_simple(2, size.data(), nullptr), H5Sclose);
+  H5Sselect_hyperslab(table.space, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr);
+  if (H5Dread(table.dataset, H5T_NATIVE_DOUBLE, memory, table.space, H5P_DEFAULT,
+              rows.values.data()) < 0) {
+    fail_truncated(table.source);
+  }
+  return rows;
+}
+
 void fail_truncated(const std::string& source) {
   throw InputError(source +
                    ": data can't be read; the file is truncated or damaged, copy it again");
@@ -95,6 +178,7 @@ AlignedArray read_stack(const Dataset& stack, std::size_t& dimension) {
     throw InputError(fmt::format("{}: shape {}: the matrices are not square; expected [Q x d x d]",
                                  stack.source, shape_text(shape)));
   }
+  stack.require_stored();
   dimension = shape[1];
   const double tolerance =
       H5Tget_size(stack.type) < 8 ? kSingleSymmetryTolerance : kSymmetryTolerance;

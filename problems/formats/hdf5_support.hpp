@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
+#include "graybox/problems/formats/stored_set.hpp"
 
 namespace graybox::hdf5 {
 
@@ -72,6 +73,9 @@ struct Dataset {
 
   // Throws InputError unless the numbers are floating point.
   void require_floats() const;
+  // Throws InputError unless the file stores as much as the shape says, and memory can hold it as
+  // float64. To be called before memory is taken.
+  void require_stored() const;
 
   std::string source;  // "file: dataset name", for error messages
   Handle dataset;
@@ -82,7 +86,10 @@ struct Dataset {
 
 [[noreturn]] void fail_truncated(const std::string& source);
 
-// [Q x d x d] to packed lower triangles, in blocks; checks symmetry.
+// Rows of a dataset with two axes, checked by require_stored; left in the file if they lie there in one piece as float64.
+[[nodiscard]] StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count);
+
+// [Q x d x d] to packed lower triangles, in blocks; checks what is stored, and symmetry.
 [[nodiscard]] AlignedArray read_stack(const Dataset& stack, std::size_t& dimension);
 
 }  // namespace graybox::hdf5

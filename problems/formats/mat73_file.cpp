@@ -7,10 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/hdf5_support.hpp"
 #include "graybox/problems/formats/mat_variable.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
+#include "graybox/problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {
@@ -56,6 +58,7 @@ std::vector<std::string> fitting_variables(const std::string& path, hid_t file) 
 class CellReader {
  public:
   explicit CellReader(const hdf5::Dataset& variable) : variable_(variable) {
+    variable.require_stored();
     const hssize_t count = H5Sget_simple_extent_npoints(variable.space);
     references_.resize(static_cast<std::size_t>(std::max<hssize_t>(count, 0)));
     // An empty cell array is marked by an attribute and holds its dimensions instead.
@@ -71,6 +74,9 @@ class CellReader {
 
   AlignedArray read(std::size_t& dimension) {
     dimension = square_size(*open(0));
+    require_memory_for_numbers(static_cast<long double>(references_.size()) *
+                                   static_cast<long double>(packed_size(dimension)),
+                               variable_.source);
     const double tolerance =
         H5Tget_size(open(0)->type) < 8 ? kSingleSymmetryTolerance : kSymmetryTolerance;
     SymmetricPacker packer(variable_.source, dimension, references_.size(), tolerance);
@@ -117,6 +123,7 @@ class CellReader {
       fail(fmt::format("the matrix is {}, not square", hdf5::shape_text(matrix.shape)));
     }
     if (matrix.shape[0] == 0) fail("the cell is empty; remove it");
+    matrix.require_stored();
     return matrix.shape[0];
   }
 
@@ -126,7 +133,7 @@ class CellReader {
 
 }  // namespace
 
-InformationSet read_mat73(const std::string& path, const std::string& variable) {
+StoredSet stored_mat73(const std::string& path, const std::string& variable) {
   const hdf5::QuietErrors quiet;
   const hdf5::Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!file.valid()) {
@@ -135,11 +142,12 @@ InformationSet read_mat73(const std::string& path, const std::string& variable) 
   const std::string chosen = choose_variable(path, fitting_variables(path, file), variable);
   const hdf5::Dataset contents(fmt::format("{}: variable {}", path, chosen),
                                H5Dopen2(file, chosen.c_str(), H5P_DEFAULT));
-  std::size_t dimension = 0;
-  AlignedArray information = is_cell(contents) ? CellReader(contents).read(dimension)
-                                               : hdf5::read_stack(contents, dimension);
-  require_finite(contents.source, information, dimension);
-  return InformationSet(dimension, std::move(information), {}, {}, path);
+  StoredSet set;
+  set.source = contents.source;
+  set.information.values = is_cell(contents) ? CellReader(contents).read(set.dimension)
+                                             : hdf5::read_stack(contents, set.dimension);
+  set.information.count = set.information.values.size();
+  return set;
 }
 
 }  // namespace graybox

@@ -5,11 +5,11 @@
 
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
+#include "graybox/problems/formats/stored_set.hpp"
 
 namespace graybox {
 
-// As read_mat (mat_file.hpp), which calls it for files of version 7.3.
-[[nodiscard]] InformationSet read_mat73(const std::string& path, const std::string& variable);
+// What read_mat (mat_file.hpp) makes of files of version 7.3; in the process that reads them.
+[[nodiscard]] StoredSet stored_mat73(const std::string& path, const std::string& variable);
 
 }  // namespace graybox

@@ -14,7 +14,9 @@
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/mat73_file.hpp"
 #include "graybox/problems/formats/mat_handles.hpp"
+#include "graybox/problems/formats/mat_sizes.hpp"
 #include "graybox/problems/formats/mat_variable.hpp"
+#include "graybox/problems/formats/stored_set.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 
@@ -66,12 +68,6 @@ class Numbers {
   std::vector<double> doubles_;
 };
 
-std::size_t element_count(const matvar_t& variable) {
-  std::size_t count = variable.rank > 0 ? 1 : 0;
-  for (int i = 0; i < variable.rank; ++i) count *= variable.dims[i];
-  return count;
-}
-
 // Cell number `index` must be a full real square matrix; returns its size.
 std::size_t square_size(const std::string& source, const matvar_t* cell, std::size_t index) {
   const auto fail = [&](const std::string& problem) {
@@ -84,7 +80,7 @@ std::size_t square_size(const std::string& source, const matvar_t* cell, std::si
   if (cell->rank != 2 || cell->dims[0] != cell->dims[1]) {
     fail(fmt::format("the matrix is {}, not square", size_text(*cell)));
   }
-  if (cell->data == nullptr) fail("the matrix can't be read; is the file truncated?");
+  if (!holds_its_numbers(*cell)) fail("the matrix can't be read; is the file truncated?");
   return cell->dims[0];
 }
 
@@ -92,7 +88,7 @@ AlignedArray from_cell_array(const std::string& source, const matvar_t& variable
                              std::size_t& dimension) {
   const std::size_t count = element_count(variable);
   if (count == 0) throw InputError(source + ": the cell array is empty; there are no candidates");
-  if (variable.data == nullptr) {
+  if (variable.data == nullptr || variable.nbytes < count * sizeof(matvar_t*)) {
     throw InputError(source + ": can't be read; the file is truncated or damaged");
   }
   matvar_t* const* cells = static_cast<matvar_t* const*>(variable.data);
@@ -118,7 +114,7 @@ AlignedArray from_numeric_array(const std::string& source, const matvar_t& varia
   dimension = variable.dims[0];
   const std::size_t count = variable.dims[2];
   if (dimension == 0 || count == 0) throw InputError(source + ": there are no candidates");
-  if (variable.data == nullptr) {
+  if (!holds_its_numbers(variable)) {
     throw InputError(source + ": can't be read; the file is truncated or damaged");
   }
   const bool wide = variable.class_type == MAT_C_DOUBLE;
@@ -163,9 +159,9 @@ bool is_complete(const std::string& written) {
 
 void require_complete_mat(const std::string& path) { require_complete(InputFile(path)); }
 
-InformationSet read_mat(const std::string& path, const std::string& variable) {
-  const std::string head = InputFile(path).head(16);
-  if (head.starts_with("MATLAB 7.3")) return read_mat73(path, variable);
+namespace {
+
+StoredSet stored_mat5(const std::string& path, const std::string& variable) {
   require_complete_mat(path);
   Mat_LogInitFunc("graybox", [](int, char*) {});
   const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
@@ -173,17 +169,34 @@ InformationSet read_mat(const std::string& path, const std::string& variable) {
     throw InputError(fmt::format("{}: no MATLAB file, or truncated; save it again", path));
   }
   const std::string chosen = choose_variable(path, fitting_variables(file.get()), variable);
-  const std::string source = fmt::format("{}: variable {}", path, chosen);
+  StoredSet set;
+  set.source = fmt::format("{}: variable {}", path, chosen);
+  require_plausible_size(set.source, path, *MatVariable{Mat_VarReadInfo(file.get(), chosen.c_str())});
   const MatVariable contents{Mat_VarRead(file.get(), chosen.c_str())};
   if (contents == nullptr) {
-    throw InputError(source + ": can't be read; the file is truncated or damaged");
+    throw InputError(set.source + ": can't be read; the file is truncated or damaged");
   }
-  std::size_t dimension = 0;
-  AlignedArray information = contents->class_type == MAT_C_CELL
-                                 ? from_cell_array(source, *contents, dimension)
-                                 : from_numeric_array(source, *contents, dimension);
-  require_finite(source, information, dimension);
-  return InformationSet(dimension, std::move(information), {}, {}, path);
+  set.information.values = contents->class_type == MAT_C_CELL
+                               ? from_cell_array(set.source, *contents, set.dimension)
+                               : from_numeric_array(set.source, *contents, set.dimension);
+  set.information.count = set.information.values.size();
+  return set;
+}
+
+// Arguments: the file and the variable, which may be empty.
+void send_mat(const std::vector<std::string>& arguments, MessageWriter& answer) {
+  const bool is_hdf5 = InputFile(arguments[0]).head(16).starts_with("MATLAB 7.3");
+  send(is_hdf5 ? stored_mat73(arguments[0], arguments[1])
+               : stored_mat5(arguments[0], arguments[1]),
+       answer);
+}
+
+}  // namespace
+
+const ReadingTask kReadMat{"mat", &send_mat};
+
+InformationSet read_mat(const std::string& path, const std::string& variable) {
+  return information_set(path, receive_stored_set(kReadMat, {path, variable}));
 }
 
 void write_mat(const std::string& path, const InformationSet& set) {

@@ -5,9 +5,13 @@
 
 #include <string>
 
+#include "graybox/problems/formats/reading_process.hpp"
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
+
+// The child's part of read_mat: libhdf5 and matio run in a process of their own.
+extern const ReadingTask kReadMat;
 
 // `variable` names the variable to read; if empty, the only one that can be an information set is
 // taken. Throws InputError if there is none or several (naming them), and for matrices that are

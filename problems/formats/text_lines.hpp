@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace graybox {
 
@@ -28,6 +29,30 @@ class LineReader {
   std::string text_;
   std::size_t number_ = 0;
 };
+
+// Cuts the lines of one table into fields. The first of semicolon, comma and tab that occurs in the
+// table's first line separates them; where none occurs, runs of blanks and tabs do. Quotes around a
+// field are taken off.
+class FieldSplitter {
+ public:
+  explicit FieldSplitter(std::string_view first_line);
+
+  // Valid until the next call, and as long as the line is.
+  const std::vector<std::string_view>& split(std::string_view line);
+
+ private:
+  char separator_ = ' ';
+  std::vector<std::string_view> fields_;
+};
+
+// Whether a table's first line names its columns: no field is a number. One number among words makes
+// the line data, so that a typo there is an error and no header.
+[[nodiscard]] bool is_header(const std::vector<std::string_view>& fields);
+
+// The number of a field of a table. Throws InputError "path: line 3, column 2: 'zero' is no number",
+// with `column` as it is given.
+[[nodiscard]] double number_in_table(const std::string& path, std::size_t line,
+                                     const std::string& column, std::string_view field);
 
 // False unless the whole field is a number; nan and inf are numbers, and one beyond the range of
 // doubles is infinite.

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/formats/input_guard.hpp"
 
 namespace graybox {
@@ -32,11 +33,10 @@ class FirstError : public console_bridge::OutputHandler {
 };
 
 urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file) {
+  require_file(file);
   note_input(file.string());
   std::ifstream stream(file);
-  if (!std::filesystem::is_regular_file(file) || !stream) {
-    throw InputError(fmt::format("{}: no such file", file.string()));
-  }
+  if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
   std::ostringstream text;
   text << stream.rdbuf();
 

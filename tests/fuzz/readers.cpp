@@ -1,0 +1,207 @@
+#include "readers.hpp"
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/place_file.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/recordings/recording_formats.hpp"
+#include "graybox/diagnosis/simulation/excitation_plan.hpp"
+#include "graybox/problems/elements/expression.hpp"
+#include "graybox/problems/elements/law_file.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+#include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/csv_file.hpp"
+#include "graybox/problems/formats/hdf5_file.hpp"
+#include "graybox/problems/formats/mat_file.hpp"
+#include "graybox/problems/formats/npy_file.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "graybox/problems/robot_grid.hpp"
+#include "graybox/solvers/design_file.hpp"
+
+namespace graybox::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+template <RecordingFile (*kRead)(const std::string&)>
+void read_recording(const fs::path& file) {
+  (void)kRead(file.string());
+}
+
+template <InformationSet (*kRead)(const std::string&)>
+void read_set(const fs::path& file) {
+  (void)kRead(file.string());
+}
+
+void read_mat_set(const fs::path& file) { (void)read_mat(file.string()); }
+
+void read_hdf5_columns(const fs::path& file) {
+  (void)formats::read_isolated(formats::kReadHdf5Recording, file.string());
+}
+
+void read_mat_columns(const fs::path& file) {
+  (void)formats::read_isolated(formats::kReadMatRecording, file.string());
+}
+
+// The designs of the corpus are of this set: 12 candidates, d = 2.
+const InformationSet& design_set() {
+  static const InformationSet set = [] {
+    AlignedArray information(36);
+    for (std::size_t i = 0; i < 12; ++i) {
+      information[3 * i] = 1.0;
+      information[3 * i + 1] = 0.1 * static_cast<double>(i);
+      information[3 * i + 2] = information[3 * i + 1] * information[3 * i + 1];
+    }
+    return InformationSet(2, std::move(information));
+  }();
+  return set;
+}
+
+void read_design_file(const fs::path& file) {
+  (void)read_design(file.string(), design_set());
+  (void)read_design(file.string(), design_set(), WeightCheck::kForChecker);
+}
+
+void read_robot(const fs::path& file) { (void)load_extended_robot(file); }
+
+// The model beside it names input.urdf.
+void read_urdf(const fs::path& file) {
+  (void)load_robot_model(file.parent_path() / "model_of_input.yaml");
+}
+
+void read_lumped(const fs::path& file) { (void)load_lumped_model(file); }
+
+void read_physics_file(const fs::path& file) {
+  (void)load_lumped_model(file.parent_path() / "drive.yaml", file);
+}
+
+void read_robot_physics(const fs::path& file) {
+  (void)load_extended_robot(file.parent_path() / "three_axis.yaml", file);
+}
+
+void read_rigid(const fs::path& file) { (void)load_rigid_robot(file); }
+
+void read_campaign_file(const fs::path& file) { (void)read_campaign(file); }
+
+void read_laws(const fs::path& file) { (void)read_law_file(file); }
+
+// One formula of deflection, rate and a parameter.
+void read_expression(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  const std::array<std::string, 3> names{"z", "v", "k"};
+  const std::array<double, 3> values{0.3, -1.2, 2.0};
+  try {
+    (void)Expression(text, names).evaluate<double>(values);
+  } catch (const ExpressionError&) {
+  }
+}
+
+void read_places(const fs::path& file) {
+  static const LumpedModel model = load_lumped_model(file.parent_path() / "drive.yaml");
+  static const auto model_places = lumped_places(model, {"N m", "rad", "kg m^2"});
+  std::vector<CandidatePlace> places;
+  (void)add_places(file, *model_places, places);
+}
+
+// Plans of a drive and of a robot.
+void read_plan_of(const fs::path& file, std::size_t joints) {
+  SimulatedSystem system;
+  system.sample_time = 0.001;
+  system.joints = joints;
+  if (joints > 0) system.frequencies = {1.0, 2.0, 5.0, 20.0};
+  system.velocity_psd_slope = 0.08;
+  const ExcitationPlan plan = read_plan(file, system);
+  (void)planned_experiments(plan, 2);
+}
+
+void read_drive_plan(const fs::path& file) { read_plan_of(file, 0); }
+void read_robot_plan(const fs::path& file) { read_plan_of(file, 6); }
+
+void read_grid(const fs::path& file) { (void)read_positions(file, 6); }
+
+constexpr std::array kReaders{
+    Reader{"set_npy", "input.npy", &read_set<&read_npy>},
+    Reader{"set_csv", "input.csv", &read_set<&read_csv>},
+    Reader{"set_hdf5", "input.h5", &read_set<&read_hdf5>},
+    Reader{"set_mat5", "input.mat", &read_mat_set},
+    Reader{"set_mat73", "input.mat", &read_mat_set},
+    Reader{"design", "input.json", &read_design_file},
+    Reader{"recording_csv", "input.csv", &read_recording<&formats::read_csv_recording>},
+    Reader{"recording_npy", "input.npy", &read_recording<&formats::read_npy_recording>},
+    Reader{"recording_hdf5", "input.h5", &read_hdf5_columns},
+    Reader{"recording_mat", "input.mat", &read_mat_columns},
+    Reader{"recording_json", "input.json", &read_recording<&formats::read_json_recording>},
+    Reader{"campaign", "input.yaml", &read_campaign_file},
+    Reader{"robot_model", "input.yaml", &read_robot},
+    Reader{"robot_urdf", "input.urdf", &read_urdf},
+    Reader{"robot_physics", "input.yaml", &read_robot_physics},
+    Reader{"lumped_model", "input.yaml", &read_lumped},
+    Reader{"lumped_physics", "input.yaml", &read_physics_file},
+    Reader{"rigid_robot", "input.yaml", &read_rigid},
+    Reader{"law_file", "input.yaml", &read_laws},
+    Reader{"expression", "input.txt", &read_expression},
+    Reader{"drive_plan", "input.yaml", &read_drive_plan},
+    Reader{"robot_plan", "input.yaml", &read_robot_plan},
+    Reader{"places", "input.yaml", &read_places},
+    Reader{"positions", "input.csv", &read_grid},
+};
+
+// A line that a person reads.
+constexpr std::size_t kLongestMessage = 5000;
+
+[[noreturn]] void fail(const char* problem, const std::string& message) {
+  std::fprintf(stderr, "%s: %s\n", problem, message.c_str());
+  std::abort();
+}
+
+}  // namespace
+
+std::span<const Reader> all_readers() { return kReaders; }
+
+const Reader* find_reader(const std::string& name) {
+  for (const Reader& reader : kReaders) {
+    if (name == reader.name) return &reader;
+  }
+  return nullptr;
+}
+
+Workplace::Workplace(const Reader& reader) : reader_(reader) {
+  std::error_code error;
+  const fs::path memory = "/dev/shm";  // inputs are written a thousand times a second
+  const fs::path parent = fs::is_directory(memory, error) ? memory : fs::temp_directory_path();
+  std::string pattern = (parent / "graybox-fuzz-XXXXXX").string();
+  if (mkdtemp(pattern.data()) == nullptr) fail("no folder can be made", pattern);
+  folder_ = pattern;
+  fs::copy(fs::path(GRAYBOX_FUZZ_FOLDER) / "companions", folder_);
+}
+
+Workplace::~Workplace() {
+  std::error_code ignored;
+  fs::remove_all(folder_, ignored);
+}
+
+void Workplace::read(std::span<const char> bytes) const {
+  const fs::path file = folder_ / reader_.input;
+  {
+    std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+    stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+  try {
+    reader_.read(file);
+  } catch (const InputError& error) {
+    const std::string message = error.what();
+    if (message.empty() || message.size() > kLongestMessage) fail("message", message);
+  }
+}
+
+}  // namespace graybox::fuzz
