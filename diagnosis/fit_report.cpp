@@ -6,7 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "graybox/diagnosis/verdict/reason_words.hpp"
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 
 namespace graybox {

@@ -42,7 +42,7 @@ struct FittedParameter {
   std::string name;
   std::string unit;
   double value = 0.0;
-  double start = 0.0;  // NaN: the method needs none (null in JSON)
+  double start = 0.0;                     // NaN: the method needs none (null in JSON)
   std::optional<QuantityKind> kind = {};  // none: by its unit
 };
 

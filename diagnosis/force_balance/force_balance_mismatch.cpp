@@ -565,8 +565,8 @@ class ForceBalanceProblem : public MismatchProblem {
     constexpr double kNever = std::numeric_limits<double>::infinity();
     CheckedRange::Span position{"position of " + moving.name, moving.units.deflection, kNever,
                                 -kNever};
-    CheckedRange::Span velocity{"velocity of " + moving.name, moving.units.deflection + "/s", kNever,
-                                -kNever};
+    CheckedRange::Span velocity{"velocity of " + moving.name, moving.units.deflection + "/s",
+                                kNever, -kNever};
     const auto widen = [](CheckedRange::Span& span, const auto& values) {
       span.from = std::min(span.from, values.minCoeff());
       span.to = std::max(span.to, values.maxCoeff());

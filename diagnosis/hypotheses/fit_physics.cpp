@@ -48,8 +48,8 @@ void add_model(const PhysicalContext& context, const ExtendedFit& fit, FittedPhy
     PhysicalQuantity& quantity = physics.quantities.emplace_back();
     quantity.name = estimate.name;
     quantity.unit = estimate.unit;
-    quantity.kind = p < context.kinds.size() ? context.kinds[p]
-                                             : quantity_kind(estimate.name, estimate.unit);
+    quantity.kind =
+        p < context.kinds.size() ? context.kinds[p] : quantity_kind(estimate.name, estimate.unit);
     quantity.value = estimate.value;
     quantity.standard_error = estimate.standard_error;
     if (p < context.starts.size()) quantity.start = context.starts[p];
@@ -112,8 +112,7 @@ bool excludes_its_absence(const FittedLaw& law) {
   return std::ranges::any_of(law.parameters, [](const LawParameterEstimate& estimate) {
     const double error = std::isfinite(estimate.standard_error) ? estimate.standard_error
                                                                 : estimate.conditional_error;
-    return sets_size(estimate) && error > 0.0 &&
-           std::abs(estimate.value) > kToldFromZero * error;
+    return sets_size(estimate) && error > 0.0 && std::abs(estimate.value) > kToldFromZero * error;
   });
 }
 

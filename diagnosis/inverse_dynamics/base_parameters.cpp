@@ -63,7 +63,8 @@ std::string term(double coefficient, const std::string& name, bool is_first) {
 // "ZZ2", "M1", "rotor_inertia_2".
 bool is_positive(const std::string& name) {
   const bool is_moment = name.starts_with("XX") || name.starts_with("YY") || name.starts_with("ZZ");
-  const bool is_mass = name.size() > 1 && name[0] == 'M' && std::isdigit(static_cast<unsigned char>(name[1])) != 0;
+  const bool is_mass =
+      name.size() > 1 && name[0] == 'M' && std::isdigit(static_cast<unsigned char>(name[1])) != 0;
   return is_moment || is_mass || name.starts_with("rotor_inertia_");
 }
 

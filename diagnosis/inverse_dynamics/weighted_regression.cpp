@@ -123,9 +123,8 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
   const Eigen::MatrixXd spectrum = whitened.long_run_variance(lags);
   const auto count = static_cast<double>(rows.torque.size());
   const double correction = count / (count - static_cast<double>(rows.columns.cols()));
-  const Eigen::MatrixXd covariance =
-      widened(correction * bread * spectrum * bread,
-              deviations_between(recording_sums(rows, g) * bread));
+  const Eigen::MatrixXd covariance = widened(correction * bread * spectrum * bread,
+                                             deviations_between(recording_sums(rows, g) * bread));
   const Eigen::VectorXd inverse = lengths.cwiseInverse();
   return inverse.asDiagonal() * (0.5 * (covariance + covariance.transpose())) *
          inverse.asDiagonal();

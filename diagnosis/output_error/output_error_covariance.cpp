@@ -108,9 +108,9 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
   result.robust = widened(within, deviations_between(sums * inverse));
   const Eigen::VectorXd widening =
       result.robust.diagonal().cwiseQuotient(within.diagonal()).cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd robust_information =
-      widening.asDiagonal() * normal * spread.ldlt().solve(Eigen::MatrixXd(normal)) *
-      widening.asDiagonal();
+  const Eigen::MatrixXd robust_information = widening.asDiagonal() * normal *
+                                             spread.ldlt().solve(Eigen::MatrixXd(normal)) *
+                                             widening.asDiagonal();
   if (robust_information.allFinite()) {
     result.identifiability = examine_identifiability(
         0.5 * (robust_information + robust_information.transpose()), theta, names);

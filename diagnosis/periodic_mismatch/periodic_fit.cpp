@@ -530,8 +530,8 @@ VectorXd standard_errors(const MatrixXd& information) {
 
 VectorXd standard_errors(const PeriodicFit& fit) {
   const VectorXd within = standard_errors(fit.information);
-  if (fit.record_gradients.rows() < kFewestRecordings || fit.record_gradients.cols() != within.size() ||
-      !fit.record_gradients.allFinite()) {
+  if (fit.record_gradients.rows() < kFewestRecordings ||
+      fit.record_gradients.cols() != within.size() || !fit.record_gradients.allFinite()) {
     return within;
   }
   std::vector<Index> seen;

@@ -39,7 +39,7 @@ struct PeriodicFit {
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
   double chi_square = std::numeric_limits<double>::infinity();
-  Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
+  Eigen::MatrixXd information;       // J^T J by parameters, then those of the laws
   Eigen::MatrixXd record_gradients;  // J^T r of each record (rows), likewise
   bool has_steady_state =
       false;  // under the laws (rms over the recordings); a fit without one has not converged

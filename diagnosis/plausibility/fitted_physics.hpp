@@ -12,15 +12,15 @@ namespace graybox {
 
 // What a parameter measures, and so which values it can have.
 enum class QuantityKind : std::int8_t {
-  kOther,        // any value may be right
-  kMass,         // positive
-  kInertia,      // positive
-  kStiffness,    // not negative in a machine that stands by itself
-  kDamping,      // not negative
-  kFriction,     // the level of a friction: not negative
-  kForce,        // any sign; no larger than what the channel carried
-  kDeflection,   // a threshold (gap, clearance): the motion must pass it
-  kRate,         // likewise, of the velocity
+  kOther,       // any value may be right
+  kMass,        // positive
+  kInertia,     // positive
+  kStiffness,   // not negative in a machine that stands by itself
+  kDamping,     // not negative
+  kFriction,    // the level of a friction: not negative
+  kForce,       // any sign; no larger than what the channel carried
+  kDeflection,  // a threshold (gap, clearance): the motion must pass it
+  kRate,        // likewise, of the velocity
 };
 [[nodiscard]] const char* words_of(QuantityKind kind);
 
@@ -53,11 +53,14 @@ struct LawTrace {
   std::vector<double> deflection, rate, force;
   // The part of the force that the deflection alone sets and gives back, likewise; empty: none.
   std::vector<double> conservative;
-  bool has_memory = false;  // the force depends on more than the motion now: only its sum over all samples tells
+  bool has_memory =
+      false;  // the force depends on more than the motion now: only its sum over all samples tells
   // The force in all coordinates, one after another; empty: only laws of one place are compared.
   std::vector<double> acting;
-  double carried = std::numeric_limits<double>::quiet_NaN();  // largest force of the channel there; NaN: not known
-  double fed_in = std::numeric_limits<double>::quiet_NaN();   // mean power fed in there; NaN: not known
+  double carried = std::numeric_limits<
+      double>::quiet_NaN();  // largest force of the channel there; NaN: not known
+  double fed_in =
+      std::numeric_limits<double>::quiet_NaN();  // mean power fed in there; NaN: not known
 };
 
 // A body with all its parameters: inertia about the origin of its frame.

@@ -15,11 +15,11 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kReachedErrors = 3.0;    // standard errors by which a size or threshold is beyond
-constexpr double kAtBound = 1e-3;         // of the bound
-constexpr double kOpposite = -0.95;       // correlation of two forces
-constexpr double kCancelled = 0.2;        // of each force, left by both
-constexpr double kSameShare = 0.05;       // of the largest change
+constexpr double kReachedErrors = 3.0;  // standard errors by which a size or threshold is beyond
+constexpr double kAtBound = 1e-3;       // of the bound
+constexpr double kOpposite = -0.95;     // correlation of two forces
+constexpr double kCancelled = 0.2;      // of each force, left by both
+constexpr double kSameShare = 0.05;     // of the largest change
 constexpr double kOneCombination = 0.9995;
 constexpr double kWeakError = 0.2;
 
@@ -31,21 +31,26 @@ struct Remedy {
 
 constexpr Remedy kRemedies[] = {
     {PlausibilityRule::kSign, QuantityKind::kMass,
-     "Usually a force or acceleration channel has the wrong sign or unit, or a force was not recorded."},
+     "Usually a force or acceleration channel has the wrong sign or unit, or a force was not "
+     "recorded."},
     {PlausibilityRule::kSign, QuantityKind::kInertia,
-     "Usually a force or acceleration channel has the wrong sign or unit, or a force was not recorded."},
+     "Usually a force or acceleration channel has the wrong sign or unit, or a force was not "
+     "recorded."},
     {PlausibilityRule::kSign, QuantityKind::kStiffness,
      "Usually a channel has the wrong sign, or gravity or another spring is missing."},
     {PlausibilityRule::kSign, QuantityKind::kDamping,
-     "Usually a channel comes late (a delay looks like negative damping) or has the wrong sign, or dry friction is missing."},
+     "Usually a channel comes late (a delay looks like negative damping) or has the wrong sign, or "
+     "dry friction is missing."},
     {PlausibilityRule::kSign, QuantityKind::kFriction,
      "Usually the force or velocity has the wrong sign, or a channel comes late."},
     {PlausibilityRule::kZero, QuantityKind::kOther,
      "Leave it out, or record motion that shows it."},
     {PlausibilityRule::kBound, QuantityKind::kOther,
-     "Usually friction or a force is missing, or a unit is wrong: the model as given could not be fitted."},
+     "Usually friction or a force is missing, or a unit is wrong: the model as given could not be "
+     "fitted."},
     {PlausibilityRule::kSize, QuantityKind::kOther,
-     "It stands in for something else where the motion can't tell; record larger motion, or leave the law out (--without)."},
+     "It stands in for something else where the motion can't tell; record larger motion, or leave "
+     "the law out (--without)."},
     {PlausibilityRule::kThreshold, QuantityKind::kOther,
      "Record larger or faster motion, or leave the law out (--without)."},
     {PlausibilityRule::kEnergy, QuantityKind::kOther,
@@ -53,11 +58,14 @@ constexpr Remedy kRemedies[] = {
     {PlausibilityRule::kPair, QuantityKind::kOther,
      "Both stand in for one law that was not tried; leave one out (--without)."},
     {PlausibilityRule::kHomogeneous, QuantityKind::kOther,
-     "No force or mass of known size is in the equations: state one parameter (fixed), or record a force."},
+     "No force or mass of known size is in the equations: state one parameter (fixed), or record a "
+     "force."},
     {PlausibilityRule::kPoorInput, QuantityKind::kOther,
-     "Record more frequencies or amplitudes (one sine does not tell inertia from stiffness), or state one of them."},
+     "Record more frequencies or amplitudes (one sine does not tell inertia from stiffness), or "
+     "state one of them."},
     {PlausibilityRule::kBody, QuantityKind::kOther,
-     "Usually the motion does not show all of the body, or a force of the wrong sign or friction is in it."},
+     "Usually the motion does not show all of the body, or a force of the wrong sign or friction "
+     "is in it."},
 };
 
 std::string remedy_for(PlausibilityRule rule, QuantityKind kind) {
@@ -168,7 +176,8 @@ class Examination {
           fmt::format("{} is at a bound of the search: {}", quantity.name, value_words(quantity)));
       return;
     }
-    if (!std::isfinite(quantity.start) || !(quantity.start > 0.0) || !(quantity.value > 0.0)) return;
+    if (!std::isfinite(quantity.start) || !(quantity.start > 0.0) || !(quantity.value > 0.0))
+      return;
     const double factor = quantity.value / quantity.start;
     // Without damping or friction a model may do very well.
     const bool may_vanish = quantity.kind == QuantityKind::kDamping ||
@@ -204,9 +213,10 @@ class Examination {
   void examine_threshold(const PhysicalQuantity& quantity) {
     const LawTrace* trace = trace_of(quantity);
     if (trace == nullptr) return;
-    const std::vector<double>* motion = quantity.kind == QuantityKind::kDeflection ? &trace->deflection
-                                        : quantity.kind == QuantityKind::kRate    ? &trace->rate
-                                                                                  : nullptr;
+    const std::vector<double>* motion = quantity.kind == QuantityKind::kDeflection
+                                            ? &trace->deflection
+                                        : quantity.kind == QuantityKind::kRate ? &trace->rate
+                                                                               : nullptr;
     if (motion == nullptr || motion->empty()) return;
     double largest = 0.0;
     for (const double value : *motion) largest = std::max(largest, std::abs(value));
@@ -300,7 +310,8 @@ class Examination {
       if (change.size() < 2 || change.size() != static_cast<Index>(physics_.quantities.size())) {
         continue;
       }
-      if ((change.array() - change.mean()).abs().maxCoeff() <= kSameShare * change.cwiseAbs().maxCoeff()) {
+      if ((change.array() - change.mean()).abs().maxCoeff() <=
+          kSameShare * change.cwiseAbs().maxCoeff()) {
         add(PlausibilityRule::kHomogeneous, "all parameters", 0.0,
             "the equations are homogeneous: all parameters may be scaled together, and the data "
             "stay as they are");

@@ -57,8 +57,8 @@ struct Rival {
 // with it.
 struct HeldOutEffect {
   double error_without = 0.0, error_with = 0.0;  // NRMSE, %
-  double gain = 0.0;                             // share of the squared error over the noise that it takes away
-  bool misleads = false;                         // it raises that error, beyond chance where the noise is known
+  double gain = 0.0;      // share of the squared error over the noise that it takes away
+  bool misleads = false;  // it raises that error, beyond chance where the noise is known
 };
 
 struct FoundEffect {
@@ -89,9 +89,9 @@ struct VerdictReason {
   double limit = 0.0;
   bool is_lower_limit = false;  // the value must be at least that; else at most
   bool passed = true;
-  std::string not_tested = {};                // why not; then it neither passes nor fails
-  Verdict otherwise = Verdict::kUnknown;      // the verdict where it fails
-  std::string next = {};                      // what to do about it; empty where it passed
+  std::string not_tested = {};            // why not; then it neither passes nor fails
+  Verdict otherwise = Verdict::kUnknown;  // the verdict where it fails
+  std::string next = {};                  // what to do about it; empty where it passed
 };
 
 // Laws that were found at one place for one characteristic.

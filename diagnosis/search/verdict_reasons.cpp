@@ -57,7 +57,8 @@ VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& op
                  std::sqrt(diagnosis.validation_after->chi_square_per_dof() /
                            diagnosis.after.estimation.chi_square_per_dof()),
                  options.generalisation,
-                 "put recordings like those kept out into the fit, and look at which channel and time the error kept out "
+                 "put recordings like those kept out into the fit, and look at which channel and "
+                 "time the error kept out "
                  "is largest: something acts there that the fit's recordings hardly show");
 }
 
@@ -120,16 +121,16 @@ VerdictReason rivals_reason(const Diagnosis& diagnosis) {
 
 std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
   std::vector<VerdictReason> reasons;
-  reasons.push_back(at_least("laws found", static_cast<double>(diagnosis.effects.size()), 1.0,
-                             "try laws and places of your own (--laws, --places), and check units, signs and the motion "
-                             "that was recorded"));
+  reasons.push_back(at_least(
+      "laws found", static_cast<double>(diagnosis.effects.size()), 1.0,
+      "try laws and places of your own (--laws, --places), and check units, signs and the motion "
+      "that was recorded"));
   const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
     return effect.held_out && effect.held_out->misleads;
   });
   if (diagnosis.validation_after) {
     reasons.push_back(at_most("laws found that raise the error kept out",
-                              static_cast<double>(misleading), 0.0,
-                              "leave them out (--without)"));
+                              static_cast<double>(misleading), 0.0, "leave them out (--without)"));
     reasons.push_back(at_most("error kept out, % of the signal", diagnosis.validation_after->nrmse,
                               kSignal, "check the units and signs of the channels"));
   } else {
@@ -141,9 +142,10 @@ std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
 // Why there is no fit to judge.
 std::optional<VerdictReason> trouble_reason(const Diagnosis& diagnosis) {
   if (!diagnosis.channel_faults.empty()) {
-    return at_most("wires, signs and units that look wrong",
-                   static_cast<double>(diagnosis.channel_faults.size()), 0.0,
-                   "mend them in campaign.yaml or in the model, or search all the same with --ignore-faults");
+    return at_most(
+        "wires, signs and units that look wrong",
+        static_cast<double>(diagnosis.channel_faults.size()), 0.0,
+        "mend them in campaign.yaml or in the model, or search all the same with --ignore-faults");
   }
   if (!diagnosis.trouble.empty()) {
     return failed("the model as it is can be fitted",
@@ -161,14 +163,16 @@ VerdictReason plausibility_reason(const Diagnosis& diagnosis) {
 }  // namespace
 
 std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const SearchOptions& options) {
-  const char* const look = "look at which channel and where it is largest, and try laws of your own there (--laws)";
+  const char* const look =
+      "look at which channel and where it is largest, and try laws of your own there (--laws)";
   if (!diagnosis.noise_is_known) {
     return {generalisation(diagnosis, options),
-            remaining("share of the rest that depends on the motion",
-                      diagnosis.remaining_structure, options.structure_tolerance, look),
+            remaining("share of the rest that depends on the motion", diagnosis.remaining_structure,
+                      options.structure_tolerance, look),
             at_most("part of the rest that follows from its own past, % of the signal",
                     diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
-                    "a disturbance with memory, or physics that none of these laws describes: record what may disturb "
+                    "a disturbance with memory, or physics that none of these laws describes: "
+                    "record what may disturb "
                     "(temperature, supply, floor), or try laws of your own (--laws)")};
   }
   return {at_least(diagnosis.validation_within_errors
@@ -186,11 +190,13 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     return {*std::move(trouble)};
   }
   if (diagnosis.interrupted) {
-    reasons.push_back(failed("the search came to its end", "give it more time (--time-limit) or more threads"));
+    reasons.push_back(
+        failed("the search came to its end", "give it more time (--time-limit) or more threads"));
   }
   reasons.push_back(plausibility_reason(diagnosis));
   if (!diagnosis.detection.detected) {
-    reasons.push_back(failed("something is missing", "nothing: the model as it is will do for motion like the recorded one",
+    reasons.push_back(failed("something is missing",
+                             "nothing: the model as it is will do for motion like the recorded one",
                              Verdict::kNone));
     return reasons;
   }
@@ -199,9 +205,10 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
   reasons.push_back(change_reason(diagnosis, options));
   if (diagnosis.noise_is_known) append(shape_reasons(diagnosis), reasons);
   if (diagnosis.noise_is_known && diagnosis.validation_after) {
-    VerdictReason predicts = at_most(
-        "chi-square per degree of freedom kept out", diagnosis.validation_after->chi_square_per_dof(),
-        options.noise_floor, "put recordings like those kept out into the fit", Verdict::kAmbiguous);
+    VerdictReason predicts =
+        at_most("chi-square per degree of freedom kept out",
+                diagnosis.validation_after->chi_square_per_dof(), options.noise_floor,
+                "put recordings like those kept out into the fit", Verdict::kAmbiguous);
     predicts.passed = diagnosis.predicts;  // or above it by chance
     if (predicts.passed) predicts.next.clear();
     reasons.push_back(std::move(predicts));

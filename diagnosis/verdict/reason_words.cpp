@@ -52,15 +52,6 @@ std::string errors_words(const HeldOutEffect& effect) {
 
 }  // namespace
 
-std::vector<std::string> plausibility_lines(std::span<const Implausibility> flaws) {
-  std::vector<std::string> lines;
-  for (const Implausibility& flaw : flaws) {
-    lines.push_back(fmt::format("{}: {}. {}", flaw.excludes ? "Implausible" : "Not determined",
-                                flaw.words, flaw.remedy));
-  }
-  return lines;
-}
-
 std::vector<std::string> reason_lines(const Diagnosis& diagnosis) {
   std::vector<std::string> lines;
   if (diagnosis.verdict == Verdict::kNone) return lines;
@@ -78,8 +69,8 @@ std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
   std::vector<std::string> lines;
   for (const RejectedLaw& rejected : diagnosis.rejected) {
     std::string line =
-        fmt::format("Tried and rejected: {}: {}", hypothesis_words(hypotheses[rejected.law.hypothesis]),
-                    rejected.reason);
+        fmt::format("Tried and rejected: {}: {}",
+                    hypothesis_words(hypotheses[rejected.law.hypothesis]), rejected.reason);
     if (rejected.held_out) {
       line += fmt::format(" (error kept out {})", errors_words(*rejected.held_out));
     }
@@ -95,9 +86,10 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
   if (!effect.held_out) return "";
   const HeldOutEffect& held_out = *effect.held_out;
   if (held_out.gain > 0.0) {
-    return fmt::format(" On recordings kept out it changes the error {}, {:.3g} % of its square over "
-                       "the noise.",
-                       errors_words(held_out), 100.0 * held_out.gain);
+    return fmt::format(
+        " On recordings kept out it changes the error {}, {:.3g} % of its square over "
+        "the noise.",
+        errors_words(held_out), 100.0 * held_out.gain);
   }
   return fmt::format(" On recordings kept out it makes no difference beyond chance ({}).",
                      errors_words(held_out));
@@ -105,8 +97,10 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
 
 std::string range_words(const CheckedRange& range) {
   if (range.files.empty()) return "";
-  std::string words = fmt::format("Checked on {} ({}), within", range.kept_out ? "recordings kept out of the fit" : "the fit's own recordings",
-                      listed(range.files));
+  std::string words =
+      fmt::format("Checked on {} ({}), within",
+                  range.kept_out ? "recordings kept out of the fit" : "the fit's own recordings",
+                  listed(range.files));
   for (std::size_t i = 0; i < range.spans.size(); ++i) {
     const CheckedRange::Span& span = range.spans[i];
     words += fmt::format("{} {} {:.3g} to {:.3g}{}", i > 0 ? "," : "", span.quantity, span.from,
@@ -114,20 +108,6 @@ std::string range_words(const CheckedRange& range) {
   }
   if (!range.positions.empty()) words += ", positions " + listed(range.positions);
   return words + ". Nothing is said beyond.";
-}
-
-Json plausibility_json(std::span<const Implausibility> flaws) {
-  Json list = Json::array();
-  for (const Implausibility& flaw : flaws) {
-    list.push_back({{"rule", name_of(flaw.rule)},
-                    {"quantity", flaw.quantity},
-                    {"value", number(flaw.value)},
-                    {"standard_errors", number(flaw.standard_errors)},
-                    {"excludes", flaw.excludes},
-                    {"words", flaw.words},
-                    {"remedy", flaw.remedy}});
-  }
-  return list;
 }
 
 Json reasons_json(const Diagnosis& diagnosis) {
@@ -181,11 +161,12 @@ std::string reasons_table(const Diagnosis& diagnosis) {
   for (const VerdictReason& reason : diagnosis.reasons) {
     const std::string value = reason.value ? fmt::format("{:.3g}", *reason.value) : "–";
     const std::string limit =
-        reason.value ? fmt::format("{} {:g}", reason.is_lower_limit ? "at least" : "at most",
-                                   reason.limit)
-                     : "–";
+        reason.value
+            ? fmt::format("{} {:g}", reason.is_lower_limit ? "at least" : "at most", reason.limit)
+            : "–";
     rows += fmt::format(
-        "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td><td>{}</td></tr>\n",
+        "<tr><td>{}</td><td class=\"n\">{}</td><td "
+        "class=\"n\">{}</td><td>{}</td><td>{}</td></tr>\n",
         html_escaped(reason.test), value, limit, html_escaped(result_words(reason)),
         has_failed(reason) ? html_escaped(reason.next) : "");
   }

@@ -1,5 +1,5 @@
-// The reasons of a verdict, what of the model can't be, what was rejected and the range that all was checked in: in words, as
-// JSON (verdict_file.hpp has the keys) and on the report page.
+// The reasons of a verdict, what was rejected and the range that all was checked in: in words, as JSON (verdict_file.hpp has
+// the keys) and on the report page.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -10,9 +10,6 @@
 #include "graybox/diagnosis/search/diagnosis.hpp"
 
 namespace graybox {
-
-// First lines: what no machine has, by how much, and what that usually means.
-[[nodiscard]] std::vector<std::string> plausibility_lines(std::span<const Implausibility> flaws);
 
 // One line each, with the next step where it failed.
 [[nodiscard]] std::vector<std::string> reason_lines(const Diagnosis& diagnosis);
@@ -27,7 +24,6 @@ namespace graybox {
 // "Checked on ...: velocity of carriage -0.2 to 0.2 m/s, ...; nothing is said beyond." Empty where it is not known.
 [[nodiscard]] std::string range_words(const CheckedRange& range);
 
-[[nodiscard]] nlohmann::ordered_json plausibility_json(std::span<const Implausibility> flaws);
 [[nodiscard]] nlohmann::ordered_json reasons_json(const Diagnosis& diagnosis);
 [[nodiscard]] nlohmann::ordered_json rejected_json(const Diagnosis& diagnosis,
                                                    std::span<const Hypothesis> hypotheses);

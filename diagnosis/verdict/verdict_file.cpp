@@ -8,6 +8,7 @@
 #include <numeric>
 #include <set>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/responses/distortion.hpp"
 #include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"

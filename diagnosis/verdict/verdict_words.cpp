@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
 #include "graybox/diagnosis/verdict/reason_words.hpp"
 
@@ -69,7 +70,8 @@ std::string evidence_words(double difference, bool noise_is_known) {
   if (noise_is_known) return fmt::format("BIC {:+.3g}", difference);
   const char* const way = difference < 0.0 ? "better" : "worse";
   const double errors = std::sqrt(std::abs(difference));
-  constexpr double kCounted = 1000.0;  // beyond, blocks could not be predicted at all or all gain alike
+  constexpr double kCounted =
+      1000.0;  // beyond, blocks could not be predicted at all or all gain alike
   if (!(errors < kCounted)) return fmt::format("prediction far {}", way);
   return fmt::format("prediction {} by {:.2g} standard errors", way, errors);
 }
