@@ -298,12 +298,18 @@ TEST(Plausibility, TellsWhatAParameterIsByItsUnit) {
     for (const LawParameter& parameter : entry.parameters) {
       for (const PlaceUnits& units : {turning, straight}) {
         const QuantityKind kind = quantity_kind(parameter.name, unit_at(parameter.unit, units));
-        if (parameter.unit == "F s/x") EXPECT_EQ(kind, QuantityKind::kDamping) << entry.name;
-        if (parameter.unit == "F/x") EXPECT_EQ(kind, QuantityKind::kStiffness) << entry.name;
+        if (parameter.unit == "F s/x") {
+          EXPECT_EQ(kind, QuantityKind::kDamping) << entry.name;
+        }
+        if (parameter.unit == "F/x") {
+          EXPECT_EQ(kind, QuantityKind::kStiffness) << entry.name;
+        }
         if (parameter.unit == "F" && parameter.name.find("level") != std::string::npos) {
           EXPECT_EQ(kind, QuantityKind::kFriction) << entry.name;
         }
-        if (parameter.unit == "F/x^3") EXPECT_EQ(kind, QuantityKind::kOther) << entry.name;
+        if (parameter.unit == "F/x^3") {
+          EXPECT_EQ(kind, QuantityKind::kOther) << entry.name;
+        }
       }
     }
   }
