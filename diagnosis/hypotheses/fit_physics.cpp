@@ -56,16 +56,22 @@ void add_model(const PhysicalContext& context, const ExtendedFit& fit, FittedPhy
   }
 }
 
-// What the deflection alone sets is given back.
+// What the deflection alone sets is given back, and what moves a mass. The rest is taken from the law itself: the force along
+// the motion may have passed a filter.
 void add_conservative_part(const LawEntry& entry, const FittedLaw& law, LawTrace& trace) {
-  if (!entry.make || entry.use != LawUse::kForce) return;
+  if (!entry.make || entry.use != LawUse::kForce) {
+    trace.conservative = trace.force;
+    return;
+  }
   std::vector<double> values;
   for (const LawParameterEstimate& estimate : law.parameters) values.push_back(estimate.value);
   const std::shared_ptr<const Law> force = entry.make(values);
   trace.has_memory = force->state_count() > 0;
   if (trace.has_memory) return;
-  for (const double deflection : trace.deflection) {
-    trace.conservative.push_back(force->force(deflection, 0.0, {}));
+  for (std::size_t t = 0; t < trace.force.size(); ++t) {
+    const double z = trace.deflection[t], rate = trace.rate[t];
+    trace.conservative.push_back(trace.force[t] -
+                                 (force->force(z, rate, {}) - force->force(z, 0.0, {})));
   }
 }
 
