@@ -95,8 +95,11 @@ void keep_base_parameters(const TorqueColumns& columns, ForceBalanceData& data) 
   if (columns.size() == 0) return;
   const BaseParameters base =
       base_parameters(stacked(data.estimation.model), columns.names(), kDependent);
-  for (const Eigen::Index column : base.columns) {
+  for (std::size_t b = 0; b < base.columns.size(); ++b) {
+    const Eigen::Index column = base.columns[b];
     data.parameter_units.push_back(columns.units()[static_cast<std::size_t>(column)]);
+    data.parameter_kinds.push_back(
+        base_parameter_kind(base.names[b], data.parameter_units.back(), base.relations));
   }
   data.parameter_names = base.names;
   keep(base.columns, data.estimation.model);

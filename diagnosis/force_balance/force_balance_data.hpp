@@ -11,6 +11,7 @@
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
@@ -44,6 +45,8 @@ struct BalanceCoordinate {
 struct ForceBalanceData {
   std::vector<BalanceCoordinate> coordinates;
   std::vector<std::string> parameter_names, parameter_units;  // of the model's columns
+  // What each may be: a sum of masses, moments of inertia or coefficients of laws, or kOther where anything is possible.
+  std::vector<QuantityKind> parameter_kinds;
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame

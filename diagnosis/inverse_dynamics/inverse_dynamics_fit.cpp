@@ -80,14 +80,16 @@ ModelRows rows_of(const RigidRobotModel& robot, const std::vector<const MotionRe
   ModelRows result;
   result.rows.joints = robot.size();
   std::vector<Eigen::MatrixXd> pieces;
-  Index total = 0;
+  Index total = 0, recording = 0;
   for (const MotionRecord* record : records) {
     for (const Motion& piece : record->pieces) {
+      result.rows.piece_recordings.push_back(recording);
       pieces.push_back(piece_rows(columns, piece));
       if (decimation > 1) pieces.back() = filtered(pieces.back(), robot.size(), decimation);
       result.rows.piece_samples.push_back(pieces.back().rows() / robot.size());
       total += pieces.back().rows();
     }
+    if (!record->pieces.empty()) ++recording;
   }
   result.rows.columns.resize(total, columns.size());
   result.rows.torque.resize(total);

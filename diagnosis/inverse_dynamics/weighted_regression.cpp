@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "graybox/diagnosis/long_run_variance.hpp"
+#include "graybox/diagnosis/recording_spread.hpp"
 
 namespace graybox {
 namespace {
@@ -47,6 +48,19 @@ Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
                     rows.columns.middleRows(t * rows.joints, rows.joints);
   }
   return result;
+}
+
+// Sums of the scores by recording.
+Eigen::MatrixXd recording_sums(const TorqueRows& rows, const Eigen::MatrixXd& scores) {
+  if (rows.piece_recordings.empty()) return Eigen::MatrixXd(0, scores.cols());
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(rows.piece_recordings.back() + 1, scores.cols());
+  Index first = 0;
+  for (std::size_t piece = 0; piece < rows.piece_samples.size(); ++piece) {
+    const Index length = rows.piece_samples[piece];
+    sums.row(rows.piece_recordings[piece]) += scores.middleRows(first, length).colwise().sum();
+    first += length;
+  }
+  return sums;
 }
 
 double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
@@ -114,7 +128,8 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
   const Eigen::MatrixXd spectrum = whitened.long_run_variance(lags);
   const auto count = static_cast<double>(rows.torque.size());
   const double correction = count / (count - static_cast<double>(rows.columns.cols()));
-  const Eigen::MatrixXd covariance = correction * bread * spectrum * bread;
+  const Eigen::MatrixXd covariance = widened(correction * bread * spectrum * bread,
+                                             deviations_between(recording_sums(rows, g) * bread));
   const Eigen::VectorXd inverse = lengths.cwiseInverse();
   return inverse.asDiagonal() * (0.5 * (covariance + covariance.transpose())) *
          inverse.asDiagonal();

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/svg_chart.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
 #include "graybox/problems/program_version.hpp"
@@ -349,7 +350,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   page += "<div class=\"verdict\">\n";
   for (const std::string& line : words) page += paragraph(line);
   for (const std::string& line : files.warnings) page += paragraph("The recordings: " + line);
-  page += "</div>\n";
+  page += "</div>\n" + reasons_table(diagnosis);
   if (!diagnosis.trouble.empty()) return page + end_of_page();
   page += heading("The fit before and after") + fit_table(diagnosis);
   if (!diagnosis.mismatch_before.empty()) {

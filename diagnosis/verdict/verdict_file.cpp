@@ -8,7 +8,9 @@
 #include <numeric>
 #include <set>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/responses/distortion.hpp"
+#include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
 #include "graybox/problems/distributions.hpp"
 #include "graybox/problems/program_version.hpp"
@@ -95,6 +97,9 @@ Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypothes
           {"parameters", parameters_json(effect.law)},
           {"explained_share", number(effect.explained_share)},
           {"bic_difference", number(effect.bic_difference)},
+          {"held_out_gain", effect.held_out ? number(effect.held_out->gain) : Json(nullptr)},
+          {"held_out_error_without",
+           effect.held_out ? number(effect.held_out->error_without) : Json(nullptr)},
           {"same_at", same_at_json(effect.same_at, hypotheses)},
           {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
           {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
@@ -341,6 +346,9 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"model", files.model},
       {"campaign", files.campaign},
       {"verdict", to_string(diagnosis.verdict)},
+      {"reasons", reasons_json(diagnosis)},
+      {"checked_range", range_json(diagnosis.checked)},
+      {"plausibility", plausibility_json(diagnosis.implausible)},
       {"interrupted", diagnosis.interrupted},
       {"noise_is_known", diagnosis.noise_is_known},
       {"verified", diagnosis.verified},
@@ -357,6 +365,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"time_variation", time_variation_json(diagnosis.time_variation)},
       {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
+      {"rejected", rejected_json(diagnosis, hypotheses)},
       {"shapes_compared", diagnosis.shapes_compared},
       {"departures", departures_json(diagnosis, hypotheses)},
       {"shared_characteristics", shared_json(diagnosis, hypotheses)},

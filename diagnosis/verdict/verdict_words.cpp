@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
+#include "graybox/diagnosis/verdict/reason_words.hpp"
 
 namespace graybox {
 namespace {
@@ -32,6 +34,10 @@ std::string headline(const Diagnosis& diagnosis) {
   if (diagnosis.interrupted && diagnosis.channel_faults.empty())
     return "Stopped before a verdict; this is what was found until then.";
   if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
+  if (excluding(diagnosis.implausible) > 0) {
+    return "The fitted model is not one that a machine can have; what it says of missing physics "
+           "does not hold.";
+  }
   if (diagnosis.time_variation && diagnosis.verified) {
     return "Something changes while it is recorded, and no law of the catalogue does that.";
   }
@@ -62,8 +68,12 @@ std::string parameters_words(const FittedLaw& law) {
 // Evidence against an explanation: of BIC, or of prediction where the noise is not known.
 std::string evidence_words(double difference, bool noise_is_known) {
   if (noise_is_known) return fmt::format("BIC {:+.3g}", difference);
-  return fmt::format("prediction {} by {:.2g} standard errors",
-                     difference < 0.0 ? "better" : "worse", std::sqrt(std::abs(difference)));
+  const char* const way = difference < 0.0 ? "better" : "worse";
+  const double errors = std::sqrt(std::abs(difference));
+  constexpr double kCounted =
+      1000.0;  // beyond, blocks could not be predicted at all or all gain alike
+  if (!(errors < kCounted)) return fmt::format("prediction far {}", way);
+  return fmt::format("prediction {} by {:.2g} standard errors", way, errors);
 }
 
 std::string evidence_words(const Rival& rival, bool noise_is_known) {
@@ -75,10 +85,13 @@ std::string evidence_words(const Rival& rival, bool noise_is_known) {
 }
 
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
-                         bool noise_is_known) {
+                         const Diagnosis& diagnosis) {
+  const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  const std::string found = fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
-                                        hypothesis_words(hypothesis), parameters_words(effect.law));
+  const std::string found =
+      fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
+                  hypothesis_words(hypothesis), parameters_words(effect.law)) +
+      held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
     return found + " Without it the model could not be fitted.";
   }
@@ -251,6 +264,14 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
                   diagnosis.detectable.size(), blind));
 }
 
+// A phase, an angle or a place is known where its error is small, also if it is zero.
+bool is_determined(const LawParameterEstimate& estimate, double error) {
+  const std::string& name = estimate.name;
+  if (name.ends_with("phase") || name.ends_with("angle")) return error < 1.0;
+  if (name == "x" || name == "y" || name == "z") return true;
+  return error <= std::abs(estimate.value);
+}
+
 }  // namespace
 
 std::string experiment_words(const ExperimentOption& option) {
@@ -290,8 +311,9 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   const int decimals = std::clamp(shift - error_exponent + 1, 0, 12);
   const double scale = std::pow(10.0, -shift);
   const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
-  return fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals, power,
-                     error * scale, decimals, power, unit);
+  const std::string words = fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals,
+                                        power, error * scale, decimals, power, unit);
+  return is_determined(estimate, error) ? words : "not determined (" + words + ")";
 }
 
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
@@ -303,7 +325,14 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
         "--ignore-faults searches all the same.",
         fault.message, fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
   }
-  if (!diagnosis.trouble.empty()) return lines;
+  const auto add = [&lines](const std::vector<std::string>& more) {
+    lines.insert(lines.end(), more.begin(), more.end());
+  };
+  add(plausibility_lines(diagnosis.implausible));
+  if (!diagnosis.trouble.empty()) {
+    add(reason_lines(diagnosis));
+    return lines;
+  }
   if (!diagnosis.rivals_weighed) {
     lines.push_back(
         "As many laws as the search takes leave more than noise: they lower the error, but may "
@@ -312,10 +341,11 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (diagnosis.time_variation)
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   for (const FoundEffect& effect : diagnosis.effects) {
-    lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
+    lines.push_back(effect_words(effect, hypotheses, diagnosis));
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
+  add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {
     lines.push_back(departure_words(departure, hypotheses));
   }
@@ -367,6 +397,10 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           " No sensor's noise does: it is a disturbance with memory, or physics that none of these "
           "laws describes.";
     }
+  }
+  add(reason_lines(diagnosis));
+  if (const std::string range = range_words(diagnosis.checked); !range.empty()) {
+    lines.push_back(range);
   }
   add_detectable(diagnosis, lines);
   return lines;
