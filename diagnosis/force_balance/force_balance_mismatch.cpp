@@ -214,10 +214,14 @@ class ForceBalanceProblem : public MismatchProblem {
   void list_hypotheses() {
     for (const CandidatePlace& place : data_.places) {
       scales_.push_back(motion_scale(place, data_.estimation));
-      for (const LawEntry* entry : force_balance_laws(place)) {
-        hypotheses_.push_back({place.location.name, place.yaml, entry->name,
-                               special_cases_of(*entry, false), place.is_compound,
-                               entry->name == "ripple"});
+      for (const LawEntry* entry : force_balance_laws(place, data_.position_is_recorded)) {
+        hypotheses_.push_back({.place = place.location.name,
+                               .location = place.yaml,
+                               .law = entry->name,
+                               .special_cases = special_cases_of(*entry, false),
+                               .is_compound = place.is_compound,
+                               .repeatable = entry->name == "ripple",
+                               .characteristic = characteristic_of(*entry, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }

@@ -50,6 +50,8 @@ struct Rival {
   bool on_other_noise = false;
   // Excluded by recordings kept out, whatever it does on those of the fit.
   bool is_contradicted = false;
+  // Laws that make a sum with `law`, which stands in the place of the law found (plainer_sums.hpp).
+  std::vector<FittedLaw> with = {};
 };
 
 struct FoundEffect {

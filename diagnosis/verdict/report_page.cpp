@@ -265,9 +265,15 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
   const auto add_same_places = [&](const std::vector<FittedLaw>& laws, double bic) {
     for (const FittedLaw& law : laws) rows += law_rows(law, hypotheses, bic, "the same system");
   };
+  const auto add_sum = [&](const Rival& rival) {
+    for (const FittedLaw& law : rival.with) {
+      rows += law_rows(law, hypotheses, rival.bic_difference, "together with the one above");
+    }
+  };
   add_same_places(effect.same_at, 0.0);
   for (const Rival& rival : effect.rivals) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
+    add_sum(rival);
     add_same_places(rival.same_at, rival.bic_difference);
   }
   for (const Rival& rival : effect.generalisations) {
@@ -275,6 +281,7 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
   }
   for (const Rival& rival : effect.excluded) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, reason_of_exclusion(rival));
+    add_sum(rival);
   }
   return rows + "</table>\n";
 }

@@ -62,6 +62,17 @@ Json same_at_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis
   return list;
 }
 
+// The other laws of a sum.
+Json sum_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const FittedLaw& law : laws) {
+    list.push_back({{"place", hypotheses[law.hypothesis].place},
+                    {"law", hypotheses[law.hypothesis].law},
+                    {"parameters", parameters_json(law)}});
+  }
+  return list;
+}
+
 Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses,
                  bool noise_is_known) {
   Json list = Json::array();
@@ -79,7 +90,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
          {"same_at", same_at_json(rival.same_at, hypotheses)},
          {"on_few_recordings", rival.on_few_recordings},
          {"with_free_motion", rival.on_other_noise},
-         {"contradicted", rival.is_contradicted}});
+         {"contradicted", rival.is_contradicted},
+         {"with", sum_json(rival.with, hypotheses)}});
   }
   return list;
 }

@@ -157,6 +157,21 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                   ".");
 }
 
+// "coulomb at motor with viscous at motor"
+std::string sum_words(const Rival& rival, std::span<const Hypothesis> hypotheses) {
+  std::string words = hypothesis_words(hypotheses[rival.law.hypothesis]);
+  for (const FittedLaw& law : rival.with) {
+    words += " with " + hypothesis_words(hypotheses[law.hypothesis]);
+  }
+  return words;
+}
+
+std::string sum_parameters_words(const Rival& rival) {
+  std::string words = parameters_words(rival.law);
+  for (const FittedLaw& law : rival.with) words += "; " + parameters_words(law);
+  return words;
+}
+
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
@@ -166,8 +181,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
       continue;
     }
     lines.push_back(fmt::format("Not excluded in its place: {}: {} ({}).",
-                                hypothesis_words(hypotheses[rival.law.hypothesis]),
-                                parameters_words(rival.law),
+                                sum_words(rival, hypotheses), sum_parameters_words(rival),
                                 evidence_words(rival, noise_is_known)));
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
@@ -180,7 +194,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     const bool would_stand =
         rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
-                            hypothesis_words(hypotheses[rival.law.hypothesis]),
+                            sum_words(rival, hypotheses),
                             evidence_words(rival, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"

@@ -340,7 +340,9 @@ RobotChannels read_channels(const YamlField& field, std::size_t size) {
   field.allow_keys({"torque", "torque_of", "position", "position_of", "velocity", "acceleration"});
   RobotChannels channels;
   channels.torque = read_names(field.at("torque"), size);
-  channels.position = read_names(field.at("position"), size);
+  if (field.has("position") || !field.has("velocity")) {
+    channels.position = read_names(field.at("position"), size);
+  }
   if (field.has("velocity")) channels.velocity = read_names(field.at("velocity"), size);
   if (field.has("acceleration")) {
     if (!field.has("velocity")) field.at("acceleration").fail("needs velocity, too");
