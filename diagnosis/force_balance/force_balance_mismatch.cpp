@@ -502,7 +502,7 @@ class ForceBalanceProblem : public MismatchProblem {
       ResidualCurve curve;
       curve.channel = channel_name(j);
       curve.unit = data_.coordinates[static_cast<std::size_t>(j)].units.force;
-      curve.experiment = rows.names.front() + (held_out ? ", kept out of the fit" : "");
+      curve.experiment = rows.names.front();
       curve.over_time = true;
       curve.held_out = held_out;
       const auto own = Eigen::seqN(Index{0}, piece.samples());

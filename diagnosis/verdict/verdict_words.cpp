@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "graybox/diagnosis/verdict/law_words.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 namespace {
@@ -284,6 +285,30 @@ bool is_more_than_noise(const ChannelRest& rest) {
          rest.autocorrelated_error > limits.autocorrelation_tolerance;
 }
 
+std::string map_words(const Diagnosis& diagnosis) {
+  const std::vector<MismatchCell>& cells = diagnosis.mismatch_after;
+  const std::vector<bool> framed = rejected_cells(cells, kFramedRate);
+  const auto count = std::ranges::count(framed, true);
+  if (count == 0) return "";
+  double beyond = 0.0, numbers = 0.0;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    numbers += cells[i].degrees_of_freedom;
+    if (framed[i]) beyond += cells[i].statistic - cells[i].degrees_of_freedom;
+  }
+  std::string words = fmt::format(
+      "{} of {} cells of the map of what is left {} framed: there the recordings of the fit have more "
+      "than noise, each cell tested by itself (1 in {:.0f} of the framed may be chance).",
+      count, cells.size(), count == 1 ? "is" : "are", 1.0 / kFramedRate);
+  if (diagnosis.verified) {
+    words += fmt::format(
+        " That and a rest that is no more than noise can both be true: the framed cells have {:.2g} % of the "
+        "noise's power beyond it, and the test of all that is left, on other recordings where there are any, "
+        "allows {:g} %.",
+        100.0 * beyond / numbers, 100.0 * SearchOptions{}.tolerance);
+  }
+  return words;
+}
+
 std::string estimate_words(const LawParameterEstimate& estimate) {
   const std::string unit = estimate.unit.empty() || estimate.unit == "1" ? "" : " " + estimate.unit;
   if (estimate.sets_scale) {
@@ -359,6 +384,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
                       diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
     }
+  }
+  if (diagnosis.verified) {
+    if (std::string map = map_words(diagnosis); !map.empty()) lines.push_back(std::move(map));
   }
   if (diagnosis.verified && !diagnosis.predicts) {
     lines.push_back(
