@@ -153,7 +153,7 @@ void turn_back(Motion& piece, Index j) {
 
 std::string messages(const std::vector<ChannelFault>& faults) {
   std::string text;
-  for (const ChannelFault& fault : faults) text += fault.message + "\n";
+  for (const ChannelFault& fault : faults) text += fault.statement() + "\n";
   return text;
 }
 

@@ -79,6 +79,7 @@ struct Diagnosis {
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
   std::vector<ChannelFault> channel_faults;
+  bool channels_checked = true;  // false: there was no time to, or not for all
   Detection detection;
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;

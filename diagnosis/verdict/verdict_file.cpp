@@ -235,7 +235,10 @@ Json shared_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothe
 Json channel_faults_json(const Diagnosis& diagnosis) {
   Json list = Json::array();
   for (const ChannelFault& fault : diagnosis.channel_faults) {
-    list.push_back({{"channels", fault.channels}, {"message", fault.message}});
+    list.push_back({{"channels", fault.channels},
+                    {"message", fault.statement()},
+                    {"rivals", fault.rivals},
+                    {"sure", fault.rivals.empty()}});
   }
   return list;
 }
@@ -362,6 +365,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
        diagnosis.autocorrelated_error ? number(*diagnosis.autocorrelated_error) : Json(nullptr)},
       {"words", verdict_words(diagnosis, hypotheses)},
       {"channel_faults", channel_faults_json(diagnosis)},
+      {"channels_checked", diagnosis.channels_checked},
       {"recording_warnings", files.warnings},
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
       {"time_variation", time_variation_json(diagnosis.time_variation)},

@@ -340,7 +340,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(fmt::format(
         "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "
         "--ignore-faults searches all the same.",
-        fault.message, fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
+        fault.statement(), fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
+  }
+  if (!diagnosis.channels_checked) {
+    lines.push_back(
+        "Wires, signs and units were not checked to the end: there was no time. A fault among them "
+        "looks like missing physics.");
   }
   if (!diagnosis.trouble.empty()) return lines;
   if (!diagnosis.rivals_weighed) {

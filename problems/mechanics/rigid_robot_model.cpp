@@ -365,7 +365,8 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-rigid-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "denavit_hartenberg", "gravity", "joints",
-                   "transmission", "laws", "elements", "known", "refine", "channels"});
+                   "transmission", "laws", "elements", "known", "refine", "channels",
+                   "base_parameters"});  // the last: what a diagnosis estimated, to read
   RigidRobotModel model;
   model.name = file.stem().string();
   model.gravity = read_vector(root.at("gravity"));
