@@ -241,10 +241,14 @@ class ForceBalanceProblem : public MismatchProblem {
   void list_hypotheses() {
     for (const CandidatePlace& place : data_.places) {
       scales_.push_back(motion_scale(place, data_.estimation));
-      for (const LawEntry* entry : force_balance_laws(place)) {
-        hypotheses_.push_back({place.location.name, place.yaml, entry->name,
-                               special_cases_of(*entry, false), place.is_compound,
-                               entry->name == "ripple"});
+      for (const LawEntry* entry : force_balance_laws(place, data_.position_is_recorded)) {
+        hypotheses_.push_back({.place = place.location.name,
+                               .location = place.yaml,
+                               .law = entry->name,
+                               .special_cases = special_cases_of(*entry, false),
+                               .is_compound = place.is_compound,
+                               .repeatable = entry->name == "ripple",
+                               .characteristic = characteristic_of(*entry, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }
@@ -553,7 +557,7 @@ class ForceBalanceProblem : public MismatchProblem {
     }
     own.trace.force.assign(at_place.begin(), at_place.end());
     for (const Motion& piece : rows.pieces) {
-      const PlaceMotion motion = motion_at(*law.place, piece);
+      const RecordedPlaceMotion motion = motion_at(*law.place, piece);
       own.trace.deflection.insert(own.trace.deflection.end(), motion.deflection.begin(),
                                   motion.deflection.end());
       own.trace.rate.insert(own.trace.rate.end(), motion.rate.begin(), motion.rate.end());
@@ -599,7 +603,7 @@ class ForceBalanceProblem : public MismatchProblem {
       ResidualCurve curve;
       curve.channel = channel_name(j);
       curve.unit = data_.coordinates[static_cast<std::size_t>(j)].units.force;
-      curve.experiment = rows.names.front() + (held_out ? ", kept out of the fit" : "");
+      curve.experiment = rows.names.front();
       curve.over_time = true;
       curve.held_out = held_out;
       const auto own = Eigen::seqN(Index{0}, piece.samples());

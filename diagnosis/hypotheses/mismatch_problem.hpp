@@ -174,12 +174,15 @@ struct ChannelRest {
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
 };
 
-// The picture of a law: the force that the data ask for at a place, against the motion there, sample
-// by sample, beside what the fitted law gives for the same motion.
+// The picture of a law: the force that the data ask for at a place, with its noise, against the motion
+// there, sample by sample, beside what the fitted law gives for the same motion. `force` is empty where
+// the recordings say too little of it.
 struct ForcePicture {
   std::size_t hypothesis = 0;
   std::string deflection_unit, rate_unit, force_unit;
   std::vector<double> deflection, rate, force, law_force;
+  // Of the noise in `force`, as the fit states it; 0: not known.
+  double force_deviation = 0.0;
 };
 
 // What was measured, what the model leaves and the noise in it (rms), along frequency or time, of one

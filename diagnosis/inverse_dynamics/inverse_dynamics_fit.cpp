@@ -70,6 +70,11 @@ Eigen::MatrixXd piece_rows(TorqueColumns& columns, const Motion& piece) {
     rows.col(columns.size() + 1) =
         (piece.torque.row(t) - remembered.row(t)).transpose() - columns.known();
   }
+  for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
+    for (Index j = 0; j < joints; ++j) {
+      values(Eigen::seqN(j, piece.samples(), joints), law.column) += law.output(j) * law.change;
+    }
+  }
   return values;
 }
 

@@ -51,6 +51,8 @@ struct Rival {
   bool on_other_noise = false;
   // Excluded by recordings kept out, whatever it does on those of the fit.
   bool is_contradicted = false;
+  // Laws that make a sum with `law`, which stands in the place of the law found (plainer_sums.hpp).
+  std::vector<FittedLaw> with = {};
 };
 
 // What a law does to recordings kept out of the fit, beside the others: the model refitted without it against the one
@@ -107,6 +109,7 @@ struct Diagnosis {
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
   std::vector<ChannelFault> channel_faults;
+  bool channels_checked = true;  // false: there was no time to, or not for all
   Detection detection;
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;

@@ -22,8 +22,9 @@ namespace graybox {
 namespace {
 
 bool has_channel_faults(SearchState& state) {
-  state.proceed("checking wires, signs and units");
+  const bool has_time = state.proceed("checking wires, signs and units");
   state.result.channel_faults = state.problem->channel_faults();
+  state.result.channels_checked = has_time && state.proceed("wires, signs and units are checked");
   if (state.result.channel_faults.empty()) return false;
   state.result.trouble = "the recordings are not what the channels say";
   return true;

@@ -65,6 +65,17 @@ Json same_at_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis
   return list;
 }
 
+// The other laws of a sum.
+Json sum_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const FittedLaw& law : laws) {
+    list.push_back({{"place", hypotheses[law.hypothesis].place},
+                    {"law", hypotheses[law.hypothesis].law},
+                    {"parameters", parameters_json(law)}});
+  }
+  return list;
+}
+
 Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses,
                  bool noise_is_known) {
   Json list = Json::array();
@@ -82,7 +93,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
          {"same_at", same_at_json(rival.same_at, hypotheses)},
          {"on_few_recordings", rival.on_few_recordings},
          {"with_free_motion", rival.on_other_noise},
-         {"contradicted", rival.is_contradicted}});
+         {"contradicted", rival.is_contradicted},
+         {"with", sum_json(rival.with, hypotheses)}});
   }
   return list;
 }
@@ -229,7 +241,10 @@ Json shared_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothe
 Json channel_faults_json(const Diagnosis& diagnosis) {
   Json list = Json::array();
   for (const ChannelFault& fault : diagnosis.channel_faults) {
-    list.push_back({{"channels", fault.channels}, {"message", fault.message}});
+    list.push_back({{"channels", fault.channels},
+                    {"message", fault.statement()},
+                    {"rivals", fault.rivals},
+                    {"sure", fault.rivals.empty()}});
   }
   return list;
 }
@@ -360,6 +375,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
        diagnosis.autocorrelated_error ? number(*diagnosis.autocorrelated_error) : Json(nullptr)},
       {"words", verdict_words(diagnosis, hypotheses)},
       {"channel_faults", channel_faults_json(diagnosis)},
+      {"channels_checked", diagnosis.channels_checked},
       {"recording_warnings", files.warnings},
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
       {"time_variation", time_variation_json(diagnosis.time_variation)},

@@ -75,12 +75,14 @@ struct MismatchSummary {
   std::vector<double> levels;
   std::vector<std::pair<double, double>> bands;  // Hz (or s), merged
 };
+// False discovery rate of the cells that are called more than noise, in words and as frames of a map.
+inline constexpr double kFramedRate = 0.05;
 // That noise alone leaves as much.
 [[nodiscard]] double cell_p_value(const MismatchCell& cell);
 // The cells that are too large at this false discovery rate (Benjamini and Yekutieli 2001).
 [[nodiscard]] std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate);
 [[nodiscard]] MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells,
-                                                 double rate = 0.05);
+                                                 double rate = kFramedRate);
 
 struct DiagnosedFiles {
   std::string model, campaign;

@@ -8,6 +8,7 @@
 #include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
 #include "graybox/diagnosis/verdict/reason_words.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 namespace {
@@ -170,6 +171,21 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                   ".");
 }
 
+// "coulomb at motor with viscous at motor"
+std::string sum_words(const Rival& rival, std::span<const Hypothesis> hypotheses) {
+  std::string words = hypothesis_words(hypotheses[rival.law.hypothesis]);
+  for (const FittedLaw& law : rival.with) {
+    words += " with " + hypothesis_words(hypotheses[law.hypothesis]);
+  }
+  return words;
+}
+
+std::string sum_parameters_words(const Rival& rival) {
+  std::string words = parameters_words(rival.law);
+  for (const FittedLaw& law : rival.with) words += "; " + parameters_words(law);
+  return words;
+}
+
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
@@ -179,8 +195,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
       continue;
     }
     lines.push_back(fmt::format("Not excluded in its place: {}: {} ({}).",
-                                hypothesis_words(hypotheses[rival.law.hypothesis]),
-                                parameters_words(rival.law),
+                                sum_words(rival, hypotheses), sum_parameters_words(rival),
                                 evidence_words(rival, noise_is_known)));
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
@@ -193,7 +208,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     const bool would_stand =
         rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
-                            hypothesis_words(hypotheses[rival.law.hypothesis]),
+                            sum_words(rival, hypotheses),
                             evidence_words(rival, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"
@@ -291,6 +306,30 @@ bool is_more_than_noise(const ChannelRest& rest) {
          rest.autocorrelated_error > limits.autocorrelation_tolerance;
 }
 
+std::string map_words(const Diagnosis& diagnosis) {
+  const std::vector<MismatchCell>& cells = diagnosis.mismatch_after;
+  const std::vector<bool> framed = rejected_cells(cells, kFramedRate);
+  const auto count = std::ranges::count(framed, true);
+  if (count == 0) return "";
+  double beyond = 0.0, numbers = 0.0;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    numbers += cells[i].degrees_of_freedom;
+    if (framed[i]) beyond += cells[i].statistic - cells[i].degrees_of_freedom;
+  }
+  std::string words = fmt::format(
+      "{} of {} cells of the map of what is left {} framed: there the recordings of the fit have more "
+      "than noise, each cell tested by itself (1 in {:.0f} of the framed may be chance).",
+      count, cells.size(), count == 1 ? "is" : "are", 1.0 / kFramedRate);
+  if (diagnosis.verified) {
+    words += fmt::format(
+        " That and a rest that is no more than noise can both be true: the framed cells have {:.2g} % of the "
+        "noise's power beyond it, and the test of all that is left, on other recordings where there are any, "
+        "allows {:g} %.",
+        100.0 * beyond / numbers, 100.0 * SearchOptions{}.tolerance);
+  }
+  return words;
+}
+
 std::string estimate_words(const LawParameterEstimate& estimate) {
   const std::string unit = estimate.unit.empty() || estimate.unit == "1" ? "" : " " + estimate.unit;
   if (estimate.sets_scale) {
@@ -323,7 +362,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(fmt::format(
         "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "
         "--ignore-faults searches all the same.",
-        fault.message, fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
+        fault.statement(), fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
+  }
+  if (!diagnosis.channels_checked) {
+    lines.push_back(
+        "Wires, signs and units were not checked to the end: there was no time. A fault among them "
+        "looks like missing physics.");
   }
   const auto add = [&lines](const std::vector<std::string>& more) {
     lines.insert(lines.end(), more.begin(), more.end());
@@ -375,6 +419,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
                       diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
     }
+  }
+  if (diagnosis.verified) {
+    if (std::string map = map_words(diagnosis); !map.empty()) lines.push_back(std::move(map));
   }
   if (diagnosis.verified && !diagnosis.predicts) {
     lines.push_back(
