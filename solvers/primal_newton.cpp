@@ -210,8 +210,8 @@ Solution solve_primal(const InformationSet& set, const SolveOptions& options,
                       SolveObserver* observer, const MakePrimalSystem& make_system) {
   Tracer tracer(set, options, observer);
   const NormalizedSet normal(set, {.scale_rows = false,
-                                   .threads = options.threads,
-                                   .accuracy = kRowAccuracy * options.duality_gap});
+                                   .accuracy = kRowAccuracy * options.duality_gap,
+                                   .threads = options.threads});
   tracer.count_passes(normal.passes());
   if (!normal.regular()) return unsupported(set, tracer, normal.message());
   std::unique_ptr<PrimalSystem> system;
