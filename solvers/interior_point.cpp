@@ -110,9 +110,11 @@ bool InteriorPointRun::proceed(bool evaluated, const DesignEvaluator& evaluator,
     progress_gap_ = gap;
     last_progress_ = iteration_;
   }
-  const double stop_at = gap_to_stop_at(options_.duality_gap, evaluator.gap_rounding());
-  if (gap <= std::min(target_, stop_at)) {
-    status_ = SolveStatus::kSolved;
+  const double rounding = evaluator.gap_rounding();
+  if (gap <= std::min(target_, gap_to_stop_at(options_.duality_gap, rounding))) {
+    Claim claim = claim_at(options_.duality_gap, rounding);
+    status_ = claim.status;
+    message_ = std::move(claim.message);
   } else if (tracer_.out_of_time()) {
     status_ = SolveStatus::kTimeLimit;
   } else if (iteration_ >= iteration_limit_) {

@@ -70,8 +70,7 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
       return finish(SolveStatus::kNumericalFailure, "the information matrix became singular");
     }
     std::ranges::copy(weights, former.begin());
-    const double stop_at = gap_to_stop_at(
-        options.duality_gap, gap_rounding(information, factor.trace_dual(), set.dimension()));
+    const double rounding = gap_rounding(information, factor.trace_dual(), set.dimension());
     if (plain) {
       pass.run(conditioned.set().data(), factor.trace_dual(), weights, w, information);
     } else {
@@ -81,7 +80,10 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
     tracer.count_passes(1.0);
     const double gap = *std::ranges::max_element(w) / optimum - 1.0;
     tracer.record(gap, iteration);
-    if (gap <= stop_at) return finish(SolveStatus::kSolved);
+    if (gap <= gap_to_stop_at(options.duality_gap, rounding)) {
+      Claim claim = claim_at(options.duality_gap, rounding);
+      return finish(claim.status, std::move(claim.message));
+    }
     if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (iteration == limit) return finish(SolveStatus::kIterationLimit);
     ++iteration;

@@ -47,7 +47,7 @@ class CheckedSolver final : public Solver {
     const std::vector<CriterionKind> known = solver_->traits().criteria;
     if (std::ranges::find(known, asked) != known.end()) {
       Solution solution = solver_->solve(set, options, observer);
-      withdraw_unknowable_claim(set, options.duality_gap, solution);
+      withdraw_unknowable_claim(set.dimension(), options.duality_gap, solution);
       return solution;
     }
     Tracer tracer(set, options, observer);

@@ -2,9 +2,10 @@
 // version is scripts/hostile_sets.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <iostream>
+#include <vector>
 
-#include "graybox/problems/semidefinite_projection.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "hostile_run.hpp"
 #include "hostile_sets.hpp"
