@@ -191,13 +191,13 @@ TEST(Fallback, GoesOnWithTheClockThePassesAndTheObserver) {
   const auto [outcome, solution] = finish_equal_weights(set, {.duality_gap = 1e-8}, &observer);
   ASSERT_GT(observer.points.size(), 2U);
   ASSERT_GT(solution.trace.size(), 2U);
-  for (const auto* points : {&observer.points, &solution.trace}) {
-    for (std::size_t k = 1; k < points->size(); ++k) {
-      EXPECT_GE((*points)[k].seconds, (*points)[k - 1].seconds);
-      EXPECT_GE((*points)[k].passes, (*points)[k - 1].passes);
-      EXPECT_GE((*points)[k].iteration, (*points)[k - 1].iteration);
+  for (const std::vector<TracePoint>& points : {observer.points, solution.trace}) {
+    for (std::size_t k = 1; k < points.size(); ++k) {
+      EXPECT_GE(points[k].seconds, points[k - 1].seconds);
+      EXPECT_GE(points[k].passes, points[k - 1].passes);
+      EXPECT_GE(points[k].iteration, points[k - 1].iteration);
     }
-    EXPECT_EQ(points->front().iteration, 7);
+    EXPECT_EQ(points.front().iteration, 7);
   }
   EXPECT_GT(solution.counters.passes, 3.0);
 }
