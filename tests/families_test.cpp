@@ -66,7 +66,9 @@ TEST_P(EveryFamily, IsAProblem) {
 TEST_P(EveryFamily, HasAnyDimension) {
   if (GetParam().fixed_size) return;
   const bool limited = GetParam().name == "monomials" || GetParam().name == "exponentials";
-  if (limited) EXPECT_THROW(make(200, 40, 1), InputError);
+  if (limited) {
+    EXPECT_THROW(make(200, 40, 1), InputError);
+  }
   for (const std::size_t d : {1U, 2U, 7U, limited ? 8U : 40U}) {
     const InformationSet set = make(200, d, 1);
     EXPECT_EQ(set.dimension(), d);
