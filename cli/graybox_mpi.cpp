@@ -19,6 +19,7 @@
 #include "graybox/solvers/distributed/mpi_transfer.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
 #include "trace_file.hpp"
 
 namespace graybox::cli {
@@ -27,8 +28,7 @@ namespace {
 constexpr const char* kSolver = "distributed_column_generation";
 
 struct MpiArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string output;
   std::string trace;
   SolveOptions options;
@@ -54,13 +54,7 @@ SolveReport report_of(const MpiArguments& arguments, const DistributedSet& set,
   report.certificate = design.certificate;
   report.status = judge(design.status, arguments.options.duality_gap, design.certificate);
   report.message = report.status == ReportStatus::kSolved ? std::string() : design.message;
-  const bool is_certified = design.certificate.status == CertificateStatus::kCertified;
-  if (is_certified && design.certificate.duality_gap + design.certificate.rounding_bound < 0.0) {
-    report.status = ReportStatus::kNumericalFailure;
-    report.message = "a negative gap: the arithmetic broke down";
-  } else if (!is_certified && report.message.empty()) {
-    report.message = design.certificate.message;
-  }
+  if (report.message.empty()) report.message = design.certificate.message;
   if (interrupted()) report.message = "interrupted; this is the best design so far";
   report.counters = design.counters;
   report.peak_memory_bytes = peak_memory_bytes();
@@ -99,15 +93,18 @@ std::string text_of(const SolveReport& report, std::size_t processes) {
 // The first process alone.
 void hand_over(const MpiArguments& arguments, const InformationSet& members,
                const DistributedDesign& design, const SolveReport& report,
-               std::size_t processes) {
+               std::size_t projected) {
+  const std::size_t processes = mpi::size_of(MPI_COMM_WORLD);
   if (!arguments.trace.empty()) write_trace(arguments.trace, design.trace);
   if (!arguments.output.empty()) write_design(arguments.output, members, design, report);
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["processes"] = processes;
+    if (projected > 0) line["semidefinite_projection"] = {{"candidates", projected}};
     fmt::print("{}\n", line.dump());
   } else {
     fmt::print("{}", text_of(report, processes));
+    if (projected > 0) fmt::print("note: {} matrices were made positive semidefinite\n", projected);
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
   }
 }
@@ -116,8 +113,9 @@ void hand_over(const MpiArguments& arguments, const InformationSet& members,
 int solve(const MpiArguments& arguments) {
   const std::size_t rank = mpi::rank_of(MPI_COMM_WORLD), processes = mpi::size_of(MPI_COMM_WORLD);
   const DistributedSet set = [&] {
-    const ReadingLimit limit(arguments.options.time_limit, arguments.set);
-    return read_distributed_set(MPI_COMM_WORLD, arguments.set, {.variable = arguments.variable});
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
+    return read_distributed_set(MPI_COMM_WORLD, arguments.set.path,
+                                {.variable = arguments.set.variable}, arguments.set.psd_tolerance);
   }();
   catch_interrupts();
   StopObserver observer;
@@ -129,7 +127,7 @@ int solve(const MpiArguments& arguments) {
     const InformationSet members =
         gather_support(MPI_COMM_WORLD, set.slice, set.first, design.support);
     try {
-      if (rank == 0) hand_over(arguments, members, design, report, processes);
+      if (rank == 0) hand_over(arguments, members, design, report, set.projected);
     } catch (const std::exception& exception) {
       error = exception.what();
     }
@@ -151,12 +149,11 @@ int complain(const std::string& line) {
 
 void add_options(CLI::App& app, MpiArguments& arguments) {
   SolveOptions& options = arguments.options;
-  app.add_option("set", arguments.set, "information set: .h5, .npy, .csv or .mat")->required();
+  add_set_options(app, arguments.set);
   app.add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   app.add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   app.add_option("--seed", options.seed, "of the samples")->capture_default_str();
   app.add_option("--threads", options.threads, "threads of each process")->capture_default_str();
-  app.add_option("--variable", arguments.variable, "variable of a .mat file with several");
   app.add_option("--trace", arguments.trace, "write the history of the run as JSON lines");
   app.add_option("-o,--output", arguments.output, "write the design as JSON");
   app.add_flag("--json", arguments.json, "print one machine-readable line");

@@ -32,17 +32,15 @@ double reach(const Certificate& certificate) {
 void take_worse(const Certificate& other, Certificate& worst) {
   const double gap = std::max(worst.duality_gap, other.duality_gap);
   const double furthest = std::max(reach(worst), reach(other));
-  const double log_det_gap = std::max(worst.log_det_gap, other.log_det_gap);
-  const double efficiency = std::min(worst.efficiency, other.efficiency);
   if (other.duality_gap > worst.duality_gap) worst.worst_candidate = other.worst_candidate;
   worst.duality_gap = gap;
   worst.rounding_bound = std::isfinite(furthest) ? furthest - gap : furthest;
-  worst.log_det_gap = log_det_gap;
-  worst.efficiency = efficiency;
+  if (other.status != CertificateStatus::kCertified) worst.status = other.status;
 }
 
 Certificate certify_slice(const InformationSet& support, const InformationSet& slice,
-                          std::size_t first_index, const Support& weights, int threads) {
+                          std::size_t first_index, const Support& weights, double asked_gap,
+                          int threads) {
   const std::size_t size = support.candidate_count(), count = slice.candidate_count();
   const std::size_t chunks = (count + kChunk - 1) / kChunk;
   std::vector<Certificate> found(chunks);
@@ -52,7 +50,7 @@ Certificate certify_slice(const InformationSet& support, const InformationSet& s
     const InformationSet part = part_of(support, slice, from, std::min(kChunk, count - from));
     Design design{std::vector<double>(part.candidate_count(), 0.0)};
     for (std::size_t k = 0; k < size; ++k) design.weights[k] = weights[k].second;
-    found[chunk] = certify(part, design);
+    found[chunk] = certify(part, design, {}, asked_gap);
     const std::size_t worst = found[chunk].worst_candidate;
     found[chunk].worst_candidate =
         worst < size ? weights[worst].first : first_index + from + worst - size;
@@ -78,7 +76,8 @@ InformationSet gather_support(MPI_Comm communicator, const InformationSet& slice
 }
 
 Certificate certify_distributed(MPI_Comm communicator, const InformationSet& slice,
-                                std::size_t first_index, const Support& support, int threads) {
+                                std::size_t first_index, const Support& support,
+                                double asked_gap, int threads) {
   if (support.empty()) {
     Certificate none;
     none.duality_gap = none.rounding_bound = none.log_det_gap =
@@ -88,9 +87,10 @@ Certificate certify_distributed(MPI_Comm communicator, const InformationSet& sli
     return none;
   }
   const InformationSet members = gather_support(communicator, slice, first_index, support);
-  Certificate mine = certify_slice(members, slice, first_index, support, threads);
-  const double figures[] = {mine.duality_gap, mine.rounding_bound, mine.log_det_gap,
-                            mine.efficiency, static_cast<double>(mine.worst_candidate)};
+  Certificate mine = certify_slice(members, slice, first_index, support, asked_gap, threads);
+  const double figures[] = {mine.duality_gap, mine.rounding_bound,
+                            static_cast<double>(mine.status),
+                            static_cast<double>(mine.worst_candidate)};
   std::vector<double> all = mpi::gather(communicator, figures);
   all.resize(std::size(figures) * mpi::size_of(communicator));
   mpi::broadcast(communicator, all);
@@ -98,11 +98,11 @@ Certificate certify_distributed(MPI_Comm communicator, const InformationSet& sli
     Certificate other = mine;
     other.duality_gap = all[k];
     other.rounding_bound = all[k + 1];
-    other.log_det_gap = all[k + 2];
-    other.efficiency = all[k + 3];
-    other.worst_candidate = static_cast<std::size_t>(all[k + 4]);
+    other.status = static_cast<CertificateStatus>(static_cast<int>(all[k + 2]));
+    other.worst_candidate = static_cast<std::size_t>(all[k + 3]);
     take_worse(other, mine);
   }
+  state_bounds(static_cast<double>(slice.dimension()), mine);
   return mine;
 }
 

@@ -24,6 +24,7 @@ namespace graybox {
 // Collective; the same on every process. worst_candidate is a global index. One pass over the slices.
 [[nodiscard]] Certificate certify_distributed(
     MPI_Comm communicator, const InformationSet& slice, std::size_t first_index,
-    const std::vector<std::pair<std::size_t, double>>& support, int threads = 1);
+    const std::vector<std::pair<std::size_t, double>>& support, double asked_gap = kFinestGap,
+    int threads = 1);
 
 }  // namespace graybox

@@ -378,7 +378,8 @@ DistributedDesign solve_distributed(MPI_Comm communicator, const InformationSet&
         Coordinator(communicator, coordinates, first_index, options, tracer).run();
     publish(communicator, design);
     design.certificate =
-        certify_distributed(communicator, slice, first_index, design.support, options.threads);
+        certify_distributed(communicator, slice, first_index, design.support,
+                            options.duality_gap, options.threads);
     return design;
   };
   DistributedDesign design = attempt(slice);

@@ -11,6 +11,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/hdf5_file.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/set_validation.hpp"
 #include "graybox/problems/sha256.hpp"
 #include "graybox/solvers/distributed/mpi_transfer.hpp"
 
@@ -37,25 +38,32 @@ std::string error_of(const Work& work) {
 
 bool is_hdf5(const std::string& path) { return path.ends_with(".h5") || path.ends_with(".hdf5"); }
 
-// Each matrix of the slice by itself. The chunk is given a regular matrix besides, because only the
-// sum over all slices has to be regular.
-void check_matrices(const DistributedSet& set) {
+// Matrices that are semidefinite only to the tolerance are made so (semidefinite_projection.hpp).
+// Returns how many.
+std::size_t project_slice(DistributedSet& set, double tolerance) {
+  const std::vector<std::size_t> indefinite = indefinite_candidates(set.slice);
+  if (indefinite.empty()) return 0;
   const std::size_t d = set.slice.dimension(), p = set.slice.packed_size();
-  for (std::size_t from = 0; from < set.slice.candidate_count(); from += kChunk) {
-    const std::size_t count = std::min(kChunk, set.slice.candidate_count() - from);
-    AlignedArray rows((count + 1) * p, 0.0);
-    std::copy_n(set.slice.data() + from * p, count * p, rows.begin());
-    double size = 0.0;
-    for (std::size_t k = 0; k < count * p; ++k) size = std::max(size, std::abs(rows[k]));
-    for (std::size_t j = 0; j < d; ++j) {
-      rows[count * p + packed_index(j, j)] = size > 0.0 ? size : 1.0;
+  AlignedArray rows(set.slice.candidate_count() * p);
+  std::copy_n(set.slice.data(), rows.size(), rows.begin());
+  for (const std::size_t i : indefinite) {
+    AlignedArray pair(2 * p, 0.0);  // with a regular matrix besides: a set needs one
+    std::copy_n(set.slice.information(i).data(), p, pair.begin());
+    for (std::size_t j = 0; j < d; ++j) pair[p + packed_index(j, j)] = 1.0;
+    try {
+      const ProjectedSet one =
+          project_semidefinite(InformationSet(d, std::move(pair), {}, {}, set.slice.name()),
+                               tolerance);
+      std::ranges::copy(one.set.information(0), rows.begin() + i * p);
+    } catch (const InputError&) {
+      throw InputError(fmt::format(
+          "{}: candidate {}: the information matrix is not positive semidefinite; check how it was "
+          "formed",
+          set.slice.name(), set.first + i));
     }
-    const std::size_t first = set.first + from;
-    const std::string name =
-        first == 0 ? set.slice.name()
-                   : fmt::format("{}: counted from candidate {}", set.slice.name(), first);
-    InformationSet(d, std::move(rows), {}, set.slice.parameters(), name).validate();
   }
+  set.slice = InformationSet(d, std::move(rows), {}, set.slice.parameters(), set.slice.name());
+  return indefinite.size();
 }
 
 // The sum of all matrices, each over its own size, must be regular.
@@ -74,7 +82,8 @@ void check_sum(MPI_Comm communicator, const DistributedSet& set) {
   for (std::size_t k = 0; k < p; ++k) {
     mean[k] = static_cast<double>(sum[k] / static_cast<long double>(set.total));
   }
-  InformationSet(d, std::move(mean), {}, set.slice.parameters(), set.slice.name()).validate();
+  require_regular_sum(
+      InformationSet(d, std::move(mean), {}, set.slice.parameters(), set.slice.name()));
 }
 
 // On the first process; empty on the others.
@@ -139,7 +148,7 @@ DistributedSet read_slices(MPI_Comm communicator, const std::string& path, std::
                                         mpi::size_of(communicator)));
         }));
   stated = slice->problem_hash;
-  return {std::move(slice->set), slice->first, slice->total, {}};
+  return {std::move(slice->set), slice->first, slice->total, {}, 0};
 }
 
 DistributedSet read_whole(MPI_Comm communicator, const std::string& path,
@@ -153,24 +162,16 @@ DistributedSet read_whole(MPI_Comm communicator, const std::string& path,
   mpi::broadcast(communicator, name);
   InformationSet slice = share_out(communicator, whole, name);
   const std::size_t total = mpi::sum(communicator, slice.candidate_count());
-  return {std::move(slice), total * rank / processes, total, {}};
+  return {std::move(slice), total * rank / processes, total, {}, 0};
 }
 
 }  // namespace
 
 DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& path,
-                                    const ReadOptions& options) {
+                                    const ReadOptions& options, double psd_tolerance) {
   std::string stated;
   DistributedSet set = is_hdf5(path) ? read_slices(communicator, path, stated)
                                      : read_whole(communicator, path, options);
-  agree(communicator, error_of([&] { check_matrices(set); }));
-  std::string error;
-  try {
-    check_sum(communicator, set);
-  } catch (const InputError& singular) {
-    error = singular.what();
-  }
-  agree(communicator, error);
   set.content_hash = hash_of_all(communicator, set);
   mpi::broadcast(communicator, set.content_hash);
   if (!stated.empty() && stated != set.content_hash) {
@@ -179,6 +180,14 @@ DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& pa
                     "damaged: copy it again",
                     path));
   }
+  std::size_t mine = 0;
+  agree(communicator, error_of([&] { mine = project_slice(set, psd_tolerance); }));
+  set.projected = mpi::sum(communicator, mine);
+  if (set.projected > 0) {  // the problem that is solved is another one
+    set.content_hash = hash_of_all(communicator, set);
+    mpi::broadcast(communicator, set.content_hash);
+  }
+  check_sum(communicator, set);  // throws on all alike
   return set;
 }
 
