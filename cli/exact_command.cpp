@@ -16,6 +16,7 @@
 #include "exact_table.hpp"
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_method.hpp"
@@ -114,6 +115,9 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
   set.validate();
+  for (const std::string& file : {arguments.output, arguments.table}) {
+    if (!file.empty()) require_writable(file);
+  }
   if (!arguments.table.empty()) return table(arguments, set);
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();
