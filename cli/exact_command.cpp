@@ -17,6 +17,7 @@
 #include "exact_table.hpp"
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_method.hpp"
 #include "interrupt.hpp"
@@ -122,6 +123,9 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
     return read_set(arguments.set);
   }();
   const InformationSet& set = read.set;
+  for (const std::string& file : {arguments.output, arguments.table}) {
+    if (!file.empty()) require_writable(file);
+  }
   if (!arguments.table.empty()) return table(arguments, set);
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();

@@ -11,6 +11,7 @@
 #include "commands.hpp"
 #include "fit_arguments.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/yaml_field.hpp"
 #include "interrupt.hpp"
 
@@ -62,6 +63,7 @@ int execute(const FitArguments& arguments) {
     throw InputError(fmt::format("--lines is for graybox-robot/1 models; {} is {}", arguments.model,
                                  format.name));
   }
+  if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
   FitReport report = format.fit(arguments);
   judge_plausibility(report);

@@ -1,7 +1,6 @@
 #include "start_up.hpp"
 
 #include <fcntl.h>
-#include <hdf5.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -13,6 +12,7 @@
 #include "commands.hpp"
 #include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/problems/formats/input_guard.hpp"
+#include "graybox/problems/formats/quiet_hdf5.hpp"
 #include "graybox/problems/program_version.hpp"
 
 namespace graybox::cli {
@@ -24,11 +24,6 @@ void hold_standard_streams() {
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (fcntl(stream, F_GETFD) < 0 && errno == EBADF) (void)open("/dev/null", O_RDONLY);
   }
-}
-
-void silence_hdf5() {
-  H5dont_atexit();  // it complains of damaged files once more when the program ends
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -143,11 +144,15 @@ TEST_F(AtomicFileTest, RemovesWhatKilledRunsLeft) {
   for (const std::string& name : {left, of_a_running_one, of_our_number}) {
     write_text(file(name), "half");
   }
+  const auto before_we_started = fs::file_time_type::clock::now() - std::chrono::hours(1);
+  fs::last_write_time(file(of_our_number), before_we_started);
+  const AtomicFile our_own(file("own"));
   write_text(file(".mine.tmp"), "the user's");
   write_text_file(file("result"), "text");
   EXPECT_FALSE(fs::exists(file(left)));
   EXPECT_FALSE(fs::exists(file(of_our_number)));
   EXPECT_TRUE(fs::exists(file(of_a_running_one)));
+  EXPECT_TRUE(fs::exists(our_own.temporary()));
   EXPECT_TRUE(fs::exists(file(".mine.tmp")));
 }
 

@@ -33,7 +33,7 @@ elements:
   - name: friction
     location: {kind: element, mass: load}
     law: coulomb
-    parameters: {level: {value: )" + friction + R"(, unit: N m}, transition: {value: 0.001, unit: rad/s}}
+    parameters: {level: {value: )" + friction + R"(, unit: N m}, transition_velocity: {value: 0.001, unit: rad/s}}
 inputs:
   - {name: torque, mass: motor}
 outputs:

@@ -203,12 +203,13 @@ class IntegratedPlant final : public Plant {
     ERKStepGetNumSteps(memory_, &steps);
     const double mean = static_cast<double>(steps - steps_before_) / kSamplesOfMean;
     steps_before_ = steps;
-    if (mean > kMostMeanSteps) {
-      throw UnstableMotion(
-          fmt::format("too stiff: {:.0f} steps a sample are needed, {:.0f} are the limit; a stiffness, "
-                      "damping or friction is far too large, or sample_time too long",
-                      mean, kMostMeanSteps));
-    }
+    if (mean > kMostMeanSteps) fail_too_stiff(mean);
+  }
+  [[noreturn]] static void fail_too_stiff(double steps) {
+    throw UnstableMotion(
+        fmt::format("too stiff: {:.0f} steps a sample and more are needed, {:.0f} are the limit; a "
+                    "stiffness, damping or friction is far too large, or sample_time too long",
+                    steps, kMostMeanSteps));
   }
 
   // The input jumps at each stop: the integrator starts anew there, with the step it had before.
@@ -218,6 +219,7 @@ class IntegratedPlant final : public Plant {
     ERKStepSetStopTime(memory_, duration);
     double reached = 0.0;
     const int flag = ERKStepEvolve(memory_, duration, vector_, &reached, ARK_NORMAL);
+    if (flag == ARK_TOO_MUCH_WORK) fail_too_stiff(kMaxStepsPerSample);
     if (flag < 0 || !state_.allFinite()) {
       throw UnstableMotion(fmt::format(
           "the motion is unstable or too fast for the integrator (ARKODE flag {})", flag));

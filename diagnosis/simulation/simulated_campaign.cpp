@@ -283,7 +283,7 @@ SimulationOutcome simulate_campaign(const SimulatedSystem& system, const Excitat
   const auto experiments =
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size()));
   check_feasible(system, plan, experiments, options.seed);
-  const FolderLock lock(folder);
+  const FolderLock folder_lock(folder);
   claim_folder(folder, options);
   SimulationOutcome outcome{.recordings = experiments.size()};
   std::vector<std::size_t> missing;

@@ -11,7 +11,17 @@
 
 #include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/quiet_hdf5.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
+
+namespace graybox {
+
+void silence_hdf5() {
+  H5dont_atexit();  // closing the library is where it complains of damaged files once more
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+}  // namespace graybox
 
 namespace graybox::hdf5 {
 namespace {

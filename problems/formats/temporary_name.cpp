@@ -12,7 +12,7 @@
 #include <optional>
 #include <set>
 #include <string_view>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 namespace graybox {
@@ -42,23 +42,25 @@ std::optional<pid_t> maker_of(std::string_view name) {
   return process;
 }
 
-// In containers the next run often has the number of the last one: what bears our own number before
-// we have written anything is not ours.
-bool is_gone(pid_t process) {
-  return process == getpid() || (kill(process, 0) != 0 && errno == ESRCH);
+const fs::file_time_type kStart = fs::file_time_type::clock::now();  // of this process
+
+// In containers the next run often has the number of the last one: what bears our own number and was
+// written before we started is not ours.
+bool is_left(const fs::path& file, pid_t maker) {
+  if (maker != getpid()) return kill(maker, 0) != 0 && errno == ESRCH;
+  std::error_code error;
+  const fs::file_time_type written = fs::last_write_time(file, error);
+  return !error && written < kStart;
 }
 
 // True the first time that this process asks for the folder.
 bool first_visit(const fs::path& folder) {
   static std::mutex mutex;
-  static std::set<std::pair<dev_t, ino_t>> visited;
-  static pid_t owner = 0;
+  static std::set<std::tuple<std::string, dev_t, ino_t>> visited;
   struct stat status {};
   if (stat(folder.c_str(), &status) != 0) return false;
   const std::scoped_lock lock(mutex);
-  if (owner != getpid()) visited.clear();  // after fork()
-  owner = getpid();
-  return visited.emplace(status.st_dev, status.st_ino).second;
+  return visited.emplace(folder.string(), status.st_dev, status.st_ino).second;
 }
 
 }  // namespace
@@ -80,7 +82,7 @@ void remove_leftovers(const fs::path& folder) {
   for (fs::directory_iterator entry(here, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::optional<pid_t> maker = maker_of(entry->path().filename().string());
-    if (maker && is_gone(*maker)) leftovers.push_back(entry->path());
+    if (maker && is_left(entry->path(), *maker)) leftovers.push_back(entry->path());
   }
   for (const fs::path& file : leftovers) fs::remove(file, error);
 }

@@ -13,8 +13,8 @@ inline constexpr int kTemporaryEnding = 4;  // letters of ".tmp"
 
 [[nodiscard]] bool is_temporary_name(const std::string& name);
 
-// Removes the temporary files of runs that are gone. Each folder is searched once in a process: what
-// this process makes there later is its own. Folders that can't be read are left as they are.
+// Removes the temporary files of runs that are gone. Each folder is searched once in a
+// process. Folders that can't be read are left as they are.
 void remove_leftovers(const std::filesystem::path& folder);
 
 }  // namespace graybox
