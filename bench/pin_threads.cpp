@@ -4,6 +4,7 @@
 
 #include <cstdlib>
 #include <string>
+#include <utility>
 
 namespace graybox::bench {
 
@@ -11,9 +12,10 @@ void pin_threads(int threads, char** arguments) {
   if (threads < 1) return;  // the solver refuses it by name
   const std::string count = std::to_string(threads);
   bool changed = false;
-  for (const char* name : {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"}) {
+  for (const auto& [name, value] : {std::pair{"OPENBLAS_NUM_THREADS", std::string("1")},
+                                    std::pair{"OMP_NUM_THREADS", count}}) {
     if (std::getenv(name) != nullptr) continue;
-    setenv(name, count.c_str(), 0);
+    setenv(name, value.c_str(), 0);
     changed = true;
   }
   if (changed)

@@ -5,7 +5,8 @@
 //   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass
 //   hessian_assembly/Q   sum_i s_i h_i h_i^T: the costly step of the dual interior point
 //   SOLVER/Q             a solve on the robot's set (beyond 7920: a finer grid)
-//   SOLVER/FAMILY/Q      the same on another family (problems/families)
+//   SOLVER/FAMILY/Q      the same on another family (problems/families); a curve of another
+//                        dimension than its default is named FAMILY_D (legendre_31)
 //
 // Counters of a solve: asked_gap, what it was asked for; gap, what the checker found; solved, 1 if
 // that is enough; passes over the set; iterations; bytes/s of the set read; peak_memory_bytes of
@@ -140,6 +141,16 @@ void register_solver(const Solver& solver) {
   }
 }
 
+// Smooth curves on grids of 1e3 to 1e5, up to polynomials of degree 30.
+void register_curves(const Solver& column_generation) {
+  for (const std::size_t count : {std::size_t{1000}, std::size_t{10'000}, std::size_t{100'000}}) {
+    for (const char* family : {"legendre", "legendre_20", "legendre_31", "chebyshev", "monomials",
+                               "splines", "splines_31", "exponentials"}) {
+      register_solve(column_generation, family, count);
+    }
+  }
+}
+
 // Everything on one large set before the next is made.
 void register_million(const Solver& column_generation) {
   register_passes(kMillion);
@@ -158,6 +169,7 @@ int run(int argc, char** argv) {
   for (const auto& entry : registry.entries()) {
     if (entry.solver != nullptr) register_solver(*entry.solver);
   }
+  register_curves(registry.at("column_generation"));
   register_million(registry.at("column_generation"));
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;

@@ -61,7 +61,7 @@ int make(MakeArguments& arguments) {
   options.origin = origin_of(arguments);
   options.cases = arguments.cases;
   options.truth = arguments.truth;
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   bench::MakeOutcome outcome;
   {
     CountProgress progress("step", 2 * options.origin.cases);

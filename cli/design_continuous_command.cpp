@@ -21,6 +21,7 @@
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/robot_space.hpp"
 #include "graybox/problems/stiffness_samples.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/continuous_design.hpp"
@@ -142,7 +143,7 @@ struct Outcome {
 
   // The largest sensitivity that anything found, over d, minus 1.
   [[nodiscard]] double bound() const {
-    double largest = std::max(result.gap, report.certificate.duality_gap);
+    double largest = std::max(result.gap, largest_gap(report.certificate));
     for (const RefinedBound& bound : bounds) largest = std::max(largest, bound.largest_searched);
     return std::max(0.0, largest);
   }
@@ -232,7 +233,7 @@ void print(const ContinuousArguments& arguments, const InformationSet& grid,
   fmt::print("  gap           {:.3e} found by local search (asked {:.3g}), {} rounds\n", result.gap,
              arguments.options.duality_gap, result.rounds.size());
   fmt::print("  certificate   {:.3e} over the {} grid points and the support (proven)\n",
-             outcome.report.certificate.duality_gap, grid.candidate_count());
+             largest_gap(outcome.report.certificate), grid.candidate_count());
   for (const RefinedBound& bound : outcome.bounds) {
     fmt::print(
         "  refined       {:.3e} over {} more points, {:.3e} after {} searches from the best of "
@@ -315,6 +316,7 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
         return progress.update(static_cast<std::size_t>(round.round));
       });
   if (outcome.result.weights.empty()) {
+    stop_if_requested();
     throw InputError("the grid has no regular design: give more positions");
   }
   const DesignedSet designed = grid_and_support(space, grid, outcome.result);
@@ -337,9 +339,11 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   }
   outcome.report.problem_hash = designed.set.content_hash();
 
-  for (const std::size_t count : arguments.refined) {
-    if (interrupted()) break;
-    outcome.bounds.push_back(bound_by(count, space, outcome.result, threads));
+  try {
+    for (const std::size_t count : arguments.refined) {
+      outcome.bounds.push_back(bound_by(count, space, outcome.result, threads));
+    }
+  } catch (const Stopped&) {  // the bounds so far
   }
   if (outcome.report.status == ReportStatus::kSolved &&
       outcome.bound() > arguments.options.duality_gap) {
@@ -347,18 +351,18 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
         "the refined grids find more than the gap asked: good, but not the best; try another "
         "--seed or more --random-points";
   }
-  for (const std::size_t count : arguments.refinement) {
-    if (interrupted()) break;
-    outcome.grids.push_back(optimum_on(
-        robot_information_set(robot, space.inside(robot_grid(count)), {.threads = threads}),
-        threads));
-  }
-
-  if (!arguments.tables.empty()) {
+  try {
+    for (const std::size_t count : arguments.refinement) {
+      outcome.grids.push_back(optimum_on(
+          robot_information_set(robot, space.inside(robot_grid(count)), {.threads = threads}),
+          threads));
+    }
     for (const double error : kThetaErrors) {
+      if (arguments.tables.empty()) break;
       outcome.sensitivities.push_back(
           sensitivity_to(error, arguments.samples, robot, outcome.result));
     }
+  } catch (const Stopped&) {  // the grids and samples so far
   }
   if (!arguments.set.empty()) write_information_set(arguments.set, designed.set);
   if (!arguments.output.empty()) {

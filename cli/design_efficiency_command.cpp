@@ -292,7 +292,7 @@ void add_design_efficiency_command(CLI::App& design, Invocation& invocation) {
       "  graybox design efficiency design.json --best-single --uncertainty 0.2 --json");
   command->callback([arguments, &invocation] {
     bench::pin_threads(arguments->threads, invocation.arguments);
-    catch_interrupts();
+    catch_interrupts(OnStop::kLosesNothing);
     invocation.exit_code = efficiency(*arguments);
   });
 }

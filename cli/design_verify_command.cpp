@@ -487,7 +487,7 @@ int verify(const VerifyArguments& arguments, Invocation& invocation) {
   Rows rows(fs::path(arguments.output) / "verify_rows.jsonl",
             identity_of(arguments, study, efficiency));
   const std::vector<StudyTask> tasks = open_tasks(arguments, study, rows.all());
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   std::size_t done = 0;
   {
     CountProgress progress("fit", tasks.size());

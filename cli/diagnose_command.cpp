@@ -4,13 +4,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "commands.hpp"
@@ -25,9 +26,10 @@
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
 #include "graybox/problems/elements/law_file.hpp"
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/problems/yaml_field.hpp"
 #include "interrupt.hpp"
+#include "report_folder.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -39,19 +41,6 @@ struct Arguments {
   bool json = false;
   std::optional<double> time_limit;  // s
   SearchOptions search;
-};
-
-// Whether to go on: not after Ctrl-C, nor after the time that was given.
-class Patience {
- public:
-  explicit Patience(std::optional<double> seconds) {
-    if (seconds) until_ = Clock::now() + std::chrono::duration<double>(*seconds);
-  }
-  [[nodiscard]] bool lasts() const { return !interrupted() && (!until_ || Clock::now() < *until_); }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  std::optional<std::chrono::time_point<Clock, std::chrono::duration<double>>> until_;
 };
 
 // The steps of the search, on one line of a terminal that is rewritten.
@@ -84,76 +73,38 @@ void require_known_laws(const std::vector<std::string>& laws,
   }
 }
 
-// Made before the work, which may take minutes; where that ends without a report, folders that are new go again.
-class ReportFolder {
- public:
-  explicit ReportFolder(const std::filesystem::path& folder) {
-    const std::filesystem::path figures = folder / "figures";
-    std::error_code error;
-    for (auto made = figures; !made.empty() && !std::filesystem::exists(made, error);
-         made = made.parent_path()) {
-      if (made.has_filename()) made_.push_back(made);
-    }
-    std::filesystem::create_directories(figures, error);
-    if (error) {
-      throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
-    }
-  }
-  ReportFolder(const ReportFolder&) = delete;
-  ReportFolder& operator=(const ReportFolder&) = delete;
-  ~ReportFolder() {
-    std::error_code ignored;  // not empty: it stays
-    for (const std::filesystem::path& made : made_) std::filesystem::remove(made, ignored);
-  }
-
- private:
-  std::vector<std::filesystem::path> made_;  // the innermost first
-};
-
-// A report of an earlier run with more figures and plans must not lend them to this one.
-void remove_old(const std::filesystem::path& folder) {
-  for (const auto& entry : std::filesystem::directory_iterator(folder / "figures")) {
-    if (entry.path().extension() == ".svg") std::filesystem::remove(entry.path());
-  }
-  std::filesystem::remove(folder / "model_extended.yaml");
-  std::filesystem::remove(folder / "physics.yaml");
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().filename().string().starts_with("next_plan_")) {
-      std::filesystem::remove(entry.path());
-    }
-  }
-}
+// What every report may hold. Figures and plans have names of their own (report_folder.hpp).
+const std::vector<std::string> kReportFiles{"report.html", "verdict.json", "model_extended.yaml",
+                                            "physics.yaml"};
 
 // What `graybox simulate` needs to carry out the next experiment.
-void write_next_plans(const Arguments& arguments, const Campaign& campaign,
-                      const Diagnosis& diagnosis) {
+void add_next_plans(const Arguments& arguments, const Campaign& campaign,
+                    const Diagnosis& diagnosis, std::map<std::string, std::string>& texts) {
   const NextQuestion question = next_question(diagnosis);
   if (question.rival == nullptr) return;
-  const std::filesystem::path folder = arguments.output;
   const std::string format = YamlField::load(arguments.model).at("format").text();
   int number = 0;
   for (const std::string& plan :
        next_plans(*question.rival->next, campaign, format == "graybox-robot/1")) {
-    write_text_file((folder / fmt::format("next_plan_{}.yaml", ++number)).string(), plan);
+    texts[fmt::format("next_plan_{}.yaml", ++number)] = plan;
   }
 }
 
-void write_report(const Arguments& arguments, const Diagnosis& diagnosis,
-                  std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files) {
-  const std::filesystem::path folder = arguments.output;
-  remove_old(folder);
-  for (const ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
-    write_text_file((folder / "figures" / (figure.name + ".svg")).string(), figure.svg);
+void write_report(const Arguments& arguments, const Campaign& campaign, const Diagnosis& diagnosis,
+                  std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files,
+                  ReportFolder& folder) {
+  std::map<std::string, std::string> texts;
+  for (ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
+    texts["figures/" + figure.name + ".svg"] = std::move(figure.svg);
   }
-  const std::filesystem::path extended = folder / "model_extended.yaml";
   if (diagnosis.after.usable) {
-    write_text_file(extended.string(),
-                    extended_model_text(arguments.model, extended, diagnosis.after, hypotheses));
-    write_text_file((folder / "physics.yaml").string(), physics_text(diagnosis.after, hypotheses));
+    texts["model_extended.yaml"] = extended_model_text(
+        arguments.model, folder.file("model_extended.yaml"), diagnosis.after, hypotheses);
+    texts["physics.yaml"] = physics_text(diagnosis.after, hypotheses);
   }
-  write_text_file((folder / "report.html").string(), report_page(diagnosis, hypotheses, files));
-  write_text_file((folder / "verdict.json").string(),
-                  verdict_json(diagnosis, hypotheses, files).dump(2) + "\n");
+  texts["report.html"] = report_page(diagnosis, hypotheses, files);
+  add_next_plans(arguments, campaign, diagnosis, texts);
+  folder.write(texts, verdict_json(diagnosis, hypotheses, files));
 }
 
 // Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
@@ -179,38 +130,49 @@ int exit_code_of(const Diagnosis& diagnosis) {
   return diagnosis.verdict == Verdict::kUnknown ? kShort : kDone;
 }
 
+// Null where it was stopped before there was a problem to search in.
+std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign& campaign) {
+  try {
+    return load_mismatch_problem(
+        arguments.model, campaign,
+        {.threads = arguments.threads,
+         .keep_going = [] { return !stop_requested(); },
+         .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
+  } catch (const Stopped&) {
+    return nullptr;
+  }
+}
+
 int execute(Arguments& arguments) {
-  const Patience patience(arguments.time_limit);
+  if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
   std::optional<ReportFolder> folder;
-  if (!arguments.output.empty()) folder.emplace(arguments.output);
+  if (!arguments.output.empty()) folder.emplace(arguments.output, kReportFiles);
   catch_interrupts();
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const StepProgress progress;
   progress.show("reading the recordings, fitting the model");
-  const std::unique_ptr<MismatchProblem> problem = load_mismatch_problem(
-      arguments.model, campaign,
-      {.threads = arguments.threads,
-       .keep_going = [patience] { return patience.lasts(); },
-       .place_files = {arguments.place_files.begin(), arguments.place_files.end()}});
-  require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
-  arguments.search.proceed = [&progress, &patience](const std::string& step) {
+  const std::unique_ptr<MismatchProblem> problem = load(arguments, campaign);
+  if (problem) require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
+  arguments.search.proceed = [&progress](const std::string& step) {
     progress.show(step);
-    return patience.lasts();
+    return !stop_requested();
   };
-  const Diagnosis diagnosis = diagnose(*problem, arguments.search);
+  const Diagnosis diagnosis =
+      problem ? diagnose(*problem, arguments.search) : Diagnosis{.interrupted = true};
+  const std::span<const Hypothesis> hypotheses =
+      problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
-  if (!arguments.output.empty()) {
-    write_report(arguments, diagnosis, problem->hypotheses(), files);
-    write_next_plans(arguments, campaign, diagnosis);
+  if (folder) {
+    write_report(arguments, campaign, diagnosis, hypotheses, files, *folder);
   }
   if (arguments.json) {
-    fmt::print("{}\n", verdict_json(diagnosis, problem->hypotheses(), files).dump());
+    fmt::print("{}\n", verdict_json(diagnosis, hypotheses, files).dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
-    for (const std::string& line : verdict_words(diagnosis, problem->hypotheses())) {
+    for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
       fmt::print("{}\n", line);
     }
     for (const std::string& line : files.warnings) fmt::print("The recordings: {}\n", line);

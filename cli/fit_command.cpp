@@ -63,7 +63,8 @@ int execute(const FitArguments& arguments) {
                                  format.name));
   }
   catch_interrupts();
-  const FitReport report = format.fit(arguments);
+  FitReport report = format.fit(arguments);
+  judge_plausibility(report);
   if (!arguments.output.empty()) write_fit(arguments.output, report);
   if (arguments.json) {
     fmt::print("{}\n", fit_json(report).dump());

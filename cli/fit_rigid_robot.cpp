@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit_arguments.hpp"
+#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "interrupt.hpp"
 
@@ -138,7 +139,10 @@ FitReport fit_rigid_robot(const FitArguments& arguments) {
   for (const TorqueParameter& each : fit.parameters) {
     values(static_cast<Eigen::Index>(names.size())) = each.value;
     names.push_back(each.name);
-    report.parameters.push_back({each.name, each.unit, each.value, each.start});
+    const QuantityKind kind = each.is_refined
+                                  ? quantity_kind(each.name, each.unit)
+                                  : base_parameter_kind(each.name, each.unit, fit.relations);
+    report.parameters.push_back({each.name, each.unit, each.value, each.start, kind});
   }
   report.identifiability = identifiability_of(fit, values);
   report.chi_square = fit.chi_square;

@@ -6,104 +6,196 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
+#include <utility>
 
+#include "commands.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
+#include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/distributed/distributed_column_generation.hpp"
+#include "graybox/solvers/distributed/distributed_set.hpp"
+#include "graybox/solvers/distributed/mpi_transfer.hpp"
+#include "graybox/solvers/solve_report.hpp"
+#include "interrupt.hpp"
+#include "trace_file.hpp"
 
+namespace graybox::cli {
 namespace {
 
-struct Arguments {
+constexpr const char* kSolver = "distributed_column_generation";
+
+struct MpiArguments {
   std::string set;
+  std::string variable;
   std::string output;
-  double gap = 1e-6;
-  double time_limit = std::numeric_limits<double>::infinity();
+  std::string trace;
+  SolveOptions options;
+  bool json = false;
 };
 
-// The design in graybox-design/1, which `graybox check` certifies.
-void write_design(const Arguments& arguments, const graybox::InformationSlice& slice,
-                  const graybox::DistributedDesign& design) {
-  nlohmann::json json = {{"format", "graybox-design/1"},
-                         {"problem", arguments.set},
-                         {"candidates", slice.total},
-                         {"dimension", slice.set.dimension()},
-                         {"solver", "distributed_column_generation"},
-                         {"status", graybox::to_string(design.status)},
-                         {"support", nlohmann::json::array()}};
-  if (!slice.problem_hash.empty()) json["problem_hash"] = slice.problem_hash;
+// Ctrl-C stops the first process's clock, and with it all.
+class StopObserver : public SolveObserver {
+ public:
+  bool on_progress(const TracePoint& /*point*/) override { return !interrupted(); }
+};
+
+// As judge() of one process's run, from the certificate of all slices.
+SolveReport report_of(const MpiArguments& arguments, const DistributedSet& set,
+                      const DistributedDesign& design) {
+  SolveReport report;
+  report.solver = kSolver;
+  report.problem = set.slice.name();
+  report.problem_hash = set.content_hash;
+  report.candidates = set.total;
+  report.dimension = set.slice.dimension();
+  report.options = arguments.options;
+  report.certificate = design.certificate;
+  report.status = judge(design.status, arguments.options.duality_gap, design.certificate);
+  report.message = report.status == ReportStatus::kSolved ? std::string() : design.message;
+  const bool is_certified = design.certificate.status == CertificateStatus::kCertified;
+  if (is_certified && design.certificate.duality_gap + design.certificate.rounding_bound < 0.0) {
+    report.status = ReportStatus::kNumericalFailure;
+    report.message = "a negative gap: the arithmetic broke down";
+  } else if (!is_certified && report.message.empty()) {
+    report.message = design.certificate.message;
+  }
+  if (interrupted()) report.message = "interrupted; this is the best design so far";
+  report.counters = design.counters;
+  report.peak_memory_bytes = peak_memory_bytes();
+  return report;
+}
+
+// The design in graybox-design/1: as of a set that holds the support alone, with the indices that its
+// candidates have in the whole set.
+void write_design(const std::string& path, const InformationSet& members,
+                  const DistributedDesign& design, const SolveReport& report) {
+  Design weights;
+  for (const auto& [index, weight] : design.support) weights.weights.push_back(weight);
+  nlohmann::ordered_json json = design_json(members, weights, report);
+  json["candidates"] = report.candidates;
+  std::size_t listed = 0;
   for (const auto& [index, weight] : design.support) {
-    json["support"].push_back({{"index", index}, {"weight", weight}});
+    if (weight != 0.0) json["support"][listed++]["index"] = index;
   }
-  graybox::write_text_file(arguments.output, json.dump(2) + "\n");
+  write_text_file(path, json.dump(1) + "\n");
 }
 
-// One process may fail alone (its slice is damaged); the others must hear of it, and one line is
-// enough. Returns true if all went well everywhere.
-bool all_well(const std::string& error, int rank, int processes) {
-  int failed = error.empty() ? processes : rank, first = processes;
-  MPI_Allreduce(&failed, &first, 1, MPI_INT, MPI_MIN, MPI_COMM_WORLD);
-  if (rank == first) std::fprintf(stderr, "graybox_mpi: %s\n", error.c_str());
-  return first == processes;
+std::string text_of(const SolveReport& report, std::size_t processes) {
+  const Certificate& certificate = report.certificate;
+  std::string text = fmt::format("{}: {}", kSolver, to_string(report.status));
+  if (!report.message.empty()) text += fmt::format(" ({})", report.message);
+  return text +
+         fmt::format(
+             "\n  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
+             "  log det M     {:.12g}, support {}\n"
+             "  work          {} iterations, {:.2f} passes, {:.3g} s, {} processes\n",
+             certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
+             certificate.log_det, certificate.support_size, report.counters.iterations,
+             report.counters.passes, report.counters.seconds, processes);
 }
 
-int run(const Arguments& arguments, int rank, int processes) {
-  std::optional<graybox::InformationSlice> slice;
+// The first process alone.
+void hand_over(const MpiArguments& arguments, const InformationSet& members,
+               const DistributedDesign& design, const SolveReport& report,
+               std::size_t processes) {
+  if (!arguments.trace.empty()) write_trace(arguments.trace, design.trace);
+  if (!arguments.output.empty()) write_design(arguments.output, members, design, report);
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    line["processes"] = processes;
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}", text_of(report, processes));
+    if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+  }
+}
+
+// Throws on every process alike, unless one has run out of memory.
+int solve(const MpiArguments& arguments) {
+  const std::size_t rank = mpi::rank_of(MPI_COMM_WORLD), processes = mpi::size_of(MPI_COMM_WORLD);
+  const DistributedSet set = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set);
+    return read_distributed_set(MPI_COMM_WORLD, arguments.set, {.variable = arguments.variable});
+  }();
+  catch_interrupts();
+  StopObserver observer;
+  const DistributedDesign design =
+      solve_distributed(MPI_COMM_WORLD, set.slice, set.first, arguments.options, &observer);
+  const SolveReport report = report_of(arguments, set, design);
   std::string error;
-  try {
-    if (!(arguments.gap > 0.0)) throw graybox::InputError("--gap must be positive, as in 1e-9");
-    if (!(arguments.time_limit > 0.0)) throw graybox::InputError("--time-limit must be positive");
-    slice.emplace(graybox::read_hdf5_slice(arguments.set, static_cast<std::size_t>(rank),
-                                           static_cast<std::size_t>(processes)));
-  } catch (const std::exception& exception) {
-    error = exception.what();
-  }
-  if (!all_well(error, rank, processes)) return 2;
-  const graybox::DistributedDesign design = graybox::solve_distributed(
-      MPI_COMM_WORLD, slice->set, slice->first,
-      {.duality_gap = arguments.gap, .time_limit = arguments.time_limit});
-  if (rank == 0) {
-    fmt::print(
-        "{}: gap {:.2e}, log det {:.12g}, support {}, {:.0f} passes, {:.3f} s, {} "
-        "processes\n",
-        graybox::to_string(design.status), design.duality_gap, design.log_det,
-        design.support.size(), design.counters.passes, design.counters.seconds, processes);
+  if (!design.support.empty()) {
+    const InformationSet members =
+        gather_support(MPI_COMM_WORLD, set.slice, set.first, design.support);
     try {
-      if (!arguments.output.empty()) write_design(arguments, *slice, design);
+      if (rank == 0) hand_over(arguments, members, design, report, processes);
     } catch (const std::exception& exception) {
       error = exception.what();
     }
+  } else if (rank == 0) {
+    fmt::print("{}", arguments.json ? to_json(report).dump() + "\n" : text_of(report, processes));
   }
-  if (!all_well(error, rank, processes)) return 2;
-  return design.status == graybox::SolveStatus::kSolved ? 0 : 1;
+  error = mpi::first_error(MPI_COMM_WORLD, error);
+  if (!error.empty()) throw InputError(error);
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+// One line from one process is enough.
+int complain(const std::string& line) {
+  if (mpi::rank_of(MPI_COMM_WORLD) == 0) {
+    std::fprintf(stderr, "graybox_mpi: %s\n", line.substr(0, line.find('\n')).c_str());
+  }
+  return kBadInput;
+}
+
+void add_options(CLI::App& app, MpiArguments& arguments) {
+  SolveOptions& options = arguments.options;
+  app.add_option("set", arguments.set, "information set: .h5, .npy, .csv or .mat")->required();
+  app.add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
+  app.add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
+  app.add_option("--seed", options.seed, "of the samples")->capture_default_str();
+  app.add_option("--threads", options.threads, "threads of each process")->capture_default_str();
+  app.add_option("--variable", arguments.variable, "variable of a .mat file with several");
+  app.add_option("--trace", arguments.trace, "write the history of the run as JSON lines");
+  app.add_option("-o,--output", arguments.output, "write the design as JSON");
+  app.add_flag("--json", arguments.json, "print one machine-readable line");
+  app.footer(
+      "The checker decides, on all slices: status solved (exit code 0) means what it means for\n"
+      "'graybox solve'. Packed HDF5 is read slice by slice; other formats pass through the first\n"
+      "process, which then needs the memory for the whole.\n"
+      "Example:\n  mpirun -n 4 graybox_mpi set.h5 --gap 1e-9 -o design.json");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app(
+      "D-optimal design over MPI: each process holds and prices a slice of the candidates.");
+  MpiArguments arguments;
+  add_options(app, arguments);
+  try {
+    app.parse(argc, argv);
+    return solve(arguments);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() != 0) return complain(error.what());
+    if (mpi::rank_of(MPI_COMM_WORLD) == 0) app.exit(error);  // --help
+    return kDone;
+  } catch (const InputError& error) {
+    return complain(error.what());
+  }
 }
 
 }  // namespace
+}  // namespace graybox::cli
 
 int main(int argc, char** argv) {
-  MPI_Init(&argc, &argv);
-  int rank = 0, processes = 1;
-  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  MPI_Comm_size(MPI_COMM_WORLD, &processes);
-  CLI::App app(
-      "D-optimal design over MPI: each process holds and prices a slice of the candidates.");
-  Arguments arguments;
-  app.add_option("set", arguments.set, "information set, HDF5")->required();
-  app.add_option("--gap", arguments.gap, "duality gap to reach")->capture_default_str();
-  app.add_option("--time-limit", arguments.time_limit, "seconds");
-  app.add_option("-o,--output", arguments.output, "design file to write");
-  app.footer("Example:\n  mpirun -n 4 graybox_mpi set.h5 --gap 1e-9 -o design.json");
-  int code = 0;
+  int provided = MPI_THREAD_SINGLE;
+  MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
+  int code = graybox::cli::kShort;
   try {
-    app.parse(argc, argv);
-    code = run(arguments, rank, processes);
-  } catch (const CLI::ParseError& error) {
-    if (rank == 0) app.exit(error);
-    code = error.get_exit_code() == 0 ? 0 : 2;
+    code = graybox::cli::run(argc, argv);
+  } catch (const std::exception& error) {  // of this process alone: the others wait for it
+    std::fprintf(stderr, "graybox_mpi: %s\n", error.what());
+    MPI_Abort(MPI_COMM_WORLD, graybox::cli::kShort);
   }
   MPI_Finalize();
   return code;

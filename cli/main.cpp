@@ -6,6 +6,11 @@
 
 #include "commands.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/program_version.hpp"
+#include "graybox/problems/shortened.hpp"
+#include "graybox/problems/stop.hpp"
+#include "option_checks.hpp"
+#include "start_up.hpp"
 
 namespace {
 
@@ -35,16 +40,21 @@ std::string unknown_command(const CLI::App& app, int argc, char** argv) {
   return {};
 }
 
+constexpr std::size_t kLongestMessage = 1000;  // characters; file, field and remedy are at its ends
+
 int complain(const std::string& line) {
-  std::fprintf(stderr, "graybox: %s\n", line.substr(0, line.find('\n')).c_str());
+  std::fprintf(stderr, "graybox: %s\n",
+               graybox::shortened(line.substr(0, line.find('\n')), kLongestMessage).c_str());
   return graybox::cli::kBadInput;
 }
 
-}  // namespace
+// What the failed write of fmt::print threw is told once, at the end.
+bool standard_output_failed() { return std::ferror(stdout) != 0; }
 
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app("Optimal experiment design for gray-box models, with a certificate.", "graybox");
   app.require_subcommand(1);
+  app.set_version_flag("--version", graybox::written_by(), "Print version and commit and exit");
   app.footer(
       "Exit codes: 0 done, 1 a numerical outcome short of what was asked, 2 bad input or usage.\n"
       "Examples:\n"
@@ -66,6 +76,8 @@ int main(int argc, char** argv) {
   graybox::cli::add_fit_command(app, invocation);
   graybox::cli::add_diagnose_command(app, invocation);
   graybox::cli::add_challenge_command(app, invocation);
+  graybox::cli::add_help_command(app, invocation);
+  graybox::cli::check_common_options(app);
   if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
     return complain(line);
   }
@@ -76,12 +88,23 @@ int main(int argc, char** argv) {
     return complain(std::string(error.what()) + "; see " + command_name(app) + " --help");
   } catch (const graybox::InputError& error) {
     return complain(error.what());
+  } catch (const graybox::Stopped&) {
+    complain("stopped before there was anything to hand over");
+    return graybox::cli::kShort;
   } catch (const std::bad_alloc&) {
     complain("not enough memory for this problem");
     return graybox::cli::kShort;
   } catch (const std::exception& error) {
+    if (standard_output_failed()) return graybox::cli::kShort;
     complain(std::string("internal error: ") + error.what());
     return graybox::cli::kShort;
   }
   return invocation.exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  graybox::cli::start_up();
+  return graybox::cli::finish(run(argc, argv));
 }

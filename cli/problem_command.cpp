@@ -13,15 +13,20 @@
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/robot_spectrum_information.hpp"
 #include "robot_arguments.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 // Every problem command ends here: the set is validated before anything is written.
+void report_written(const std::string& path, const InformationSet& set) {
+  fmt::print("wrote {}: {}\n", path, describe(set));
+}
+
 void write(const std::string& path, const InformationSet& set) {
   set.validate();
   write_information_set(path, set);
-  fmt::print("wrote {}: {}\n", path, describe(set));
+  report_written(path, set);
 }
 
 void add_output(CLI::App& command, std::string& output) {
@@ -87,7 +92,7 @@ void add_spectrum(CLI::App& problem) {
 std::string family_list() {
   std::string text = "Families:\n";
   for (const Family& family : families()) {
-    text += fmt::format("  {:<8} {}\n", family.name, family.description);
+    text += fmt::format("  {:<12} {}\n", family.name, family.description);
   }
   return text;
 }
@@ -125,6 +130,7 @@ struct RegressionArguments {
   std::size_t degree = 3;
   std::size_t points = 1001;
   std::string basis = "monomial";
+  std::size_t parameters = 8;
   std::size_t factors = 4;
   std::size_t interactions = 1;
   std::size_t levels = 3;
@@ -133,9 +139,16 @@ struct RegressionArguments {
 
 InformationSet make_regression(const RegressionArguments& arguments) {
   if (arguments.model == "polynomial") {
-    const auto basis =
-        arguments.basis == "legendre" ? PolynomialBasis::kLegendre : PolynomialBasis::kMonomial;
+    const auto basis = arguments.basis == "legendre"    ? PolynomialBasis::kLegendre
+                       : arguments.basis == "chebyshev" ? PolynomialBasis::kChebyshev
+                                                        : PolynomialBasis::kMonomial;
     return polynomial_regression(arguments.degree, even_points(arguments.points), basis);
+  }
+  if (arguments.model == "splines") {
+    return spline_regression(arguments.parameters, even_points(arguments.points));
+  }
+  if (arguments.model == "exponentials") {
+    return exponential_regression(arguments.parameters, even_points(arguments.points));
   }
   if (arguments.model == "factorial") {
     return two_level_factorial(arguments.factors, arguments.interactions);
@@ -146,14 +159,22 @@ InformationSet make_regression(const RegressionArguments& arguments) {
 void add_regression(CLI::App& problem) {
   auto arguments = std::make_shared<RegressionArguments>();
   auto* command = problem.add_subcommand("regression", "Linear regression: one candidate a point");
-  command->add_option("--model", arguments->model, "polynomial, factorial or cube")
-      ->check(CLI::IsMember({"polynomial", "factorial", "cube"}))
+  command
+      ->add_option("--model", arguments->model,
+                   "polynomial, splines, exponentials, factorial or cube")
+      ->check(CLI::IsMember({"polynomial", "splines", "exponentials", "factorial", "cube"}))
       ->capture_default_str();
   command->add_option("--degree", arguments->degree, "polynomial: degree")->capture_default_str();
-  command->add_option("--points", arguments->points, "polynomial: even points on [-1, 1]")
+  command
+      ->add_option("--points", arguments->points,
+                   "polynomial, splines, exponentials: even points on [-1, 1]")
       ->capture_default_str();
-  command->add_option("--basis", arguments->basis, "polynomial: monomial or legendre")
-      ->check(CLI::IsMember({"monomial", "legendre"}))
+  command->add_option("--basis", arguments->basis, "polynomial: monomial, legendre or chebyshev")
+      ->check(CLI::IsMember({"monomial", "legendre", "chebyshev"}))
+      ->capture_default_str();
+  command
+      ->add_option("--parameters", arguments->parameters, "splines, exponentials: how many of them")
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command->add_option("--factors", arguments->factors, "factorial: factors at two levels")
       ->capture_default_str();
@@ -167,6 +188,8 @@ void add_regression(CLI::App& problem) {
   command->footer(
       "Examples:\n"
       "  graybox problem regression --model polynomial --degree 5 --points 1001 -o polynomial.h5\n"
+      "  graybox problem regression --degree 19 --basis legendre --points 10000 -o legendre.h5\n"
+      "  graybox problem regression --model splines --parameters 12 --points 1001 -o splines.h5\n"
       "  graybox problem regression --model factorial --factors 7 --interactions 2 -o "
       "factorial.h5\n"
       "  graybox problem regression --model cube --levels 3 -o cube.h5");
@@ -175,7 +198,7 @@ void add_regression(CLI::App& problem) {
 
 void add_subset(CLI::App& problem) {
   struct Arguments {
-    std::string set;
+    SetArguments set;
     std::size_t candidates = 0;
     std::uint64_t seed = 1;
     std::string output;
@@ -183,13 +206,15 @@ void add_subset(CLI::App& problem) {
   auto arguments = std::make_shared<Arguments>();
   auto* command =
       problem.add_subcommand("subset", "Random subset of a set; equal seeds give nested subsets");
-  command->add_option("set", arguments->set, "information set")->required();
+  add_set_options(*command, arguments->set);
   command->add_option("--candidates", arguments->candidates, "how many to keep")->required();
   command->add_option("--seed", arguments->seed, "of the permutation")->capture_default_str();
   add_output(*command, arguments->output);
   command->footer("Example:\n  graybox problem subset set.h5 --candidates 500 --seed 1 -o sub.h5");
   command->callback([arguments] {
-    const InformationSet set = read_information_set(arguments->set);
+    const ProjectedSet read = read_set(arguments->set);
+    fmt::print("{}", change_note(read.changed));
+    const InformationSet& set = read.set;
     const auto kept = nested_subset(set.candidate_count(), arguments->candidates, arguments->seed);
     write(arguments->output, set.subset(kept));
   });
@@ -197,20 +222,19 @@ void add_subset(CLI::App& problem) {
 
 void add_convert(CLI::App& problem) {
   struct Arguments {
-    std::string set;
-    std::string variable;
+    SetArguments set;
     std::string output;
   };
   auto arguments = std::make_shared<Arguments>();
   auto* command = problem.add_subcommand("convert", "Rewrite a set in another format");
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
+  add_set_options(*command, arguments->set);
   add_output(*command, arguments->output);
   command->footer("Example:\n  graybox problem convert covdata.mat -o covdata.h5");
   command->callback([arguments] {
-    write(arguments->output,
-          read_information_set(arguments->set, {.variable = arguments->variable}));
+    const ProjectedSet read = read_set(arguments->set);
+    fmt::print("{}", change_note(read.changed));
+    write_information_set(arguments->output, read.set);
+    report_written(arguments->output, read.set);
   });
 }
 

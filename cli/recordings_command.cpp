@@ -74,7 +74,7 @@ std::size_t count_of(const Json& summary, const char* severity) {
 
 // False once the user has asked to stop.
 bool examine(const Campaign& campaign, Json& summary) {
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   CountProgress progress("experiment", campaign.experiments.size());
   std::vector<Signal> signals;
   Json sample_time = nullptr;

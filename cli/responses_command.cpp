@@ -139,7 +139,7 @@ std::string text_of(const std::vector<FrequencyResponseEstimate>& estimates) {
 int execute(const ResponsesArguments& arguments) {
   if (!arguments.output.empty()) check_response_file_name(arguments.output);
   const Campaign campaign = read_campaign(arguments.campaign);
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   std::vector<FrequencyResponseEstimate> estimates;
   {
     CountProgress progress("recording", campaign.experiments.size());

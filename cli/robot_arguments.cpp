@@ -3,15 +3,26 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <system_error>
 #include <utility>
 
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/error.hpp"
 
 namespace graybox::cli {
+namespace {
+
+constexpr double kMostPositions = 1e9;
+constexpr std::size_t kPositionBytes = 200;  // angles of the full grid and of the one taken from it
+
+}  // namespace
 
 void add_model_option(CLI::App& command, RobotArguments& arguments) {
   command.add_option("--model", arguments.model,
@@ -41,13 +52,32 @@ RobotModel load_robot(const RobotArguments& arguments) {
   return std::move(linear.robot);
 }
 
+namespace {
+
+// 4000 and 4e3 are numbers; what is no number is a file.
+std::optional<std::size_t> grid_count(const std::string& grid) {
+  double count = 0.0;
+  const char* end = grid.data() + grid.size();
+  const auto [rest, error] = std::from_chars(grid.data(), end, count);
+  const bool too_large = error == std::errc::result_out_of_range;
+  if ((error != std::errc() && !too_large) || rest != end) return std::nullopt;
+  if (too_large || !(count >= 1.0) || count != std::floor(count) || count > kMostPositions) {
+    throw InputError(fmt::format(
+        "--grid {}: must be paper, a file, or a whole number of positions from 1 to {:.0f}", grid,
+        kMostPositions));
+  }
+  const auto positions = static_cast<std::size_t>(count);
+  require_memory(positions * kPositionBytes, fmt::format("--grid {}: a grid so fine", grid),
+                 "choose a smaller --grid");
+  return positions;
+}
+
+}  // namespace
+
 PositionTable load_positions(const RobotArguments& arguments, const RobotModel& robot) {
   const std::string& grid = arguments.grid;
   if (grid == "paper") return paper_grid();
-  std::size_t count = 0;
-  const char* end = grid.data() + grid.size();
-  const auto [rest, error] = std::from_chars(grid.data(), end, count);
-  if (error == std::errc() && rest == end) return robot_grid(count);
+  if (const std::optional<std::size_t> count = grid_count(grid)) return robot_grid(*count);
   return read_positions(grid, robot.joint_names.size());
 }
 

@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "console.hpp"
+#include "graybox/bench/study/progress.hpp"
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"
@@ -52,7 +53,7 @@ SimulationOutcome run(const SimulateArguments& arguments) {
   if (!arguments.hidden.empty()) hidden = arguments.hidden;
   const SimulatedSystem system = load_system(arguments.model, hidden);
   const ExcitationPlan plan = read_plan(arguments.plan, system);
-  catch_interrupts();
+  catch_interrupts(OnStop::kLosesNothing);
   CountProgress progress(
       "recording",
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size())).size());
@@ -61,7 +62,12 @@ SimulationOutcome run(const SimulateArguments& arguments) {
       .threads = arguments.threads,
       .identity = identity_of(system, arguments.plan),
       .keep_going = [] { return !interrupted(); },
-      .report = [&](std::size_t done, std::size_t) { (void)progress.update(done); }};
+      .report = [&](std::size_t done, std::size_t) { (void)progress.update(done); },
+      .forecast = [](double seconds) {
+        fmt::print(stderr, "graybox: this will take about {}; Ctrl-C stops, and the same command "
+                           "goes on where it was\n",
+                   bench::readable_duration(seconds));
+      }};
   return simulate_campaign(system, plan, arguments.output, options);
 }
 

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <limits>
@@ -13,18 +15,18 @@
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/registry.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
+#include "trace_file.hpp"
 
 namespace graybox::cli {
 namespace {
 
 struct SolveArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string solver = "column_generation";
   SolveOptions options;
   CriterionArguments criterion;
@@ -32,18 +34,6 @@ struct SolveArguments {
   std::string output;
   bool json = false;
 };
-
-void write_trace(const std::string& path, const std::vector<TracePoint>& trace) {
-  std::string lines;
-  for (const TracePoint& point : trace) {
-    const nlohmann::ordered_json line{{"seconds", point.seconds},
-                                      {"passes", point.passes},
-                                      {"duality_gap", point.duality_gap},
-                                      {"iteration", point.iteration}};
-    lines += line.dump() + "\n";
-  }
-  write_text_file(path, lines);
-}
 
 Solution run(const Solver& solver, const InformationSet& set, const SolveOptions& options) {
   Progress progress{std::string(solver.name())};
@@ -55,13 +45,32 @@ Solution run(const Solver& solver, const InformationSet& set, const SolveOptions
   return solution;
 }
 
-void print(const SolveArguments& arguments, const InformationSet& set, const Solution& solution,
+// Without a gap on the way the design is the solver's start: no answer.
+bool has_answer(const Solution& solution) {
+  if (solution.status == SolveStatus::kUnsupported) return false;
+  return solution.status == SolveStatus::kSolved ||
+         std::ranges::any_of(solution.trace, [](const TracePoint& point) {
+           return std::isfinite(point.duality_gap);
+         });
+}
+
+void print(const SolveArguments& arguments, const ProjectedSet& read, const Solution& solution,
            const SolveReport& report) {
+  const InformationSet& set = read.set;
   if (arguments.json) {
-    fmt::print("{}\n", to_json(report).dump());
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
     return;
   }
-  fmt::print("{}: {}\n{}", set.name(), describe(set), describe(report));
+  fmt::print("{}: {}\n{}", set.name(), describe(set), change_note(read.changed));
+  if (!has_answer(solution)) {
+    fmt::print("{}: {} ({}); there is no design{}\n", report.solver, to_string(report.status),
+               report.message.empty() ? "no reason given" : report.message,
+               arguments.output.empty() ? "" : ", and nothing is written");
+    return;
+  }
+  fmt::print("{}", describe(report));
   if (!solution.design.weights.empty()) fmt::print("{}", describe_support(set, solution.design));
   if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
 }
@@ -71,18 +80,24 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
+    return read_set(arguments.set);
+  }();
+  const InformationSet& set = read.set;
+  for (const std::string& file : {arguments.output, arguments.trace}) {
+    if (!file.empty()) require_writable(file);
+  }
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
   if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
-  if (!arguments.output.empty() && solution.status != SolveStatus::kUnsupported) {
+  if (!arguments.output.empty() && has_answer(solution)) {
     write_design(arguments.output, set, solution.design, report);
   }
-  print(arguments, set, solution, report);
+  print(arguments, read, solution, report);
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
@@ -92,8 +107,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("solve", "Find an optimal design and certify it");
   auto arguments = std::make_shared<SolveArguments>();
   SolveOptions& options = arguments->options;
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  add_set_options(*command, arguments->set);
   command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
       ->capture_default_str();
   add_criterion_options(*command, arguments->criterion);
@@ -103,13 +117,12 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
                       "iterations (default: the solver's own)");
   command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_option("--trace", arguments->trace, "write the history of the run as JSON lines");
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that the gap it computed is at most\n"
-      "the gap asked. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"

@@ -7,6 +7,8 @@
 #include <cstddef>
 
 #include "graybox/diagnosis/constitutive_residuals.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "graybox/diagnosis/stop_when_asked.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -51,7 +53,10 @@ bool minimise(const RobotModel& robot, const std::vector<ResponseMeasurement>& m
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options.iteration_limit;
   solver.function_tolerance = kTolerance;
+  StopWhenAsked stop;
+  solver.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(solver, &problem, &summary);
   const Eigen::VectorXd end = parameters.array().exp();
   if (!summary.IsSolutionUsable() || !end.allFinite()) return false;

@@ -183,7 +183,7 @@ void EfficiencyStudy::fit_responses(const std::vector<ResponseMeasurement>& meas
 
 void EfficiencyStudy::refine_on_recordings(PeriodicData& data, EstimateRow& row) const {
   if (row.status == FitStatus::kFailed) return;
-  const auto family = robot_family(recorded_, RobotDynamics::kLocal);
+  const auto family = robot_family(recorded_, PlantKind::kLocal);
   state(fit_lines(*family, row.theta, {.noise_samples = options_.degrees_of_freedom}, data).fit,
         row);
 }

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -113,10 +115,34 @@ std::string starts_line(const std::vector<FitStart>& starts) {
 
 }  // namespace
 
+FittedPhysics fitted_physics(const FitReport& report) {
+  FittedPhysics physics;
+  for (std::size_t p = 0; p < report.parameters.size(); ++p) {
+    const FittedParameter& each = report.parameters[p];
+    PhysicalQuantity& quantity = physics.quantities.emplace_back();
+    quantity.name = each.name;
+    quantity.unit = each.unit;
+    quantity.kind = each.kind.value_or(quantity_kind(each.name, each.unit));
+    quantity.value = each.value;
+    quantity.standard_error = standard_error(report, p);
+    quantity.start = each.start;
+  }
+  for (const UnseenCombination& each : report.identifiability.unseen) {
+    physics.unseen.push_back({each.direction});
+  }
+  physics.correlation = report.identifiability.correlation();
+  return physics;
+}
+
+void judge_plausibility(FitReport& report) {
+  report.implausible = implausibilities(fitted_physics(report));
+}
+
 Json fit_json(const FitReport& report) {
   Json json{{"format", "graybox-fit/1"},
             {"model", report.model},
             {"campaign", report.campaign},
+            {"written_by", written_by()},
             {"method", report.method},
             {"status", report.status},
             {"parameters", parameters_json(report)},
@@ -129,6 +155,7 @@ Json fit_json(const FitReport& report) {
             {"starts", starts_json(report.starts)}};
   json["fit"] = {{"estimation", quality_json(report.estimation)},
                  {"validation", report.validation ? quality_json(*report.validation) : Json()}};
+  json["plausibility"] = plausibility_json(report.implausible);
   json["notes"] = report.notes;
   json["details"] = report.details ? *report.details : Json::object();
   return json;
@@ -136,6 +163,7 @@ Json fit_json(const FitReport& report) {
 
 std::string fit_text(const FitReport& report) {
   std::string text = fmt::format("{}: {}\n", report.method, report.status);
+  for (const std::string& line : plausibility_lines(report.implausible)) text += line + "\n";
   text += parameter_table(report);
   if (!report.starts.empty()) text += starts_line(report.starts);
   text += quality_line("estimation:", report.estimation);

@@ -14,6 +14,8 @@
 //     "starts": [{"chi_square": 53311.2, "best": true, "start": [...], "parameters": [...]}, ...],
 //     "fit": {"estimation": {"recordings": 90, "chi_square_per_dof": 0.987, "nrmse": 0.8,
 //                            "variance_accounted_for": 99.99}, "validation": null},
+//     "plausibility": [{"rule": "sign", "quantity": "load.inertia", "value": -0.02, "standard_errors": 9.1,
+//                       "excludes": true, "words": "...", "remedy": "..."}],
 //     "notes": ["..."], "details": {...}
 //   }
 //
@@ -32,6 +34,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/identifiability.hpp"
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 
@@ -39,7 +42,8 @@ struct FittedParameter {
   std::string name;
   std::string unit;
   double value = 0.0;
-  double start = 0.0;  // NaN: the method needs none (null in JSON)
+  double start = 0.0;                     // NaN: the method needs none (null in JSON)
+  std::optional<QuantityKind> kind = {};  // none: by its unit
 };
 
 // How well the fitted model follows the recordings of one role.
@@ -69,11 +73,17 @@ struct FitReport {
   std::vector<FitStart> starts;
   FitQuality estimation;
   std::optional<FitQuality> validation;
+  std::vector<Implausibility> implausible;          // judge_plausibility()
   std::vector<std::string> notes;                   // what a reader should know, a line each
   std::shared_ptr<nlohmann::ordered_json> details;  // what the method adds; may be null
 
   [[nodiscard]] bool converged() const { return status == "converged"; }
 };
+
+// The fitted parameters as the gate of physical sanity reads them.
+[[nodiscard]] FittedPhysics fitted_physics(const FitReport& report);
+// What of them no machine has, or the data do not tell: into `implausible`. Laws along the motion are not judged here.
+void judge_plausibility(FitReport& report);
 
 [[nodiscard]] nlohmann::ordered_json fit_json(const FitReport& report);
 // A table and a few lines for people.

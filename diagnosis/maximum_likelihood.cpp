@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "graybox/diagnosis/stop_when_asked.hpp"
 #include "graybox/diagnosis/whitened_residuals.hpp"
 #include "graybox/problems/error.hpp"
 
@@ -121,7 +123,12 @@ class Fit {
                                parameters.data());
     }
     ceres::Solver::Summary summary;
-    ceres::Solve(solver_options(kind), &problem, &summary);
+    silence_ceres();
+    ceres::Solver::Options solver = solver_options(kind);
+    StopWhenAsked stop;
+    solver.callbacks.push_back(&stop);
+    silence_ceres();
+    ceres::Solve(solver, &problem, &summary);
     result_.iterations += static_cast<int>(summary.iterations.size());
     if (!summary.IsSolutionUsable() || !external(parameters).allFinite()) return false;
     result_.theta = external(parameters);

@@ -13,6 +13,7 @@
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/diagnosis/robot_line_fit.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -186,7 +187,7 @@ class RobotFit {
   bool go_on_with_lines(FitResult& best) {
     const bool is_full = options_.lines == LineStage::kFull;
     const auto family =
-        robot_family(robot_, is_full ? RobotDynamics::kFull : RobotDynamics::kLocal);
+        robot_family(robot_, is_full ? PlantKind::kFull : PlantKind::kLocal);
     PeriodicDataOptions reading;
     // Forces that are not linear need the motion's harmonics as well.
     if (!is_full) reading.line_factor = 1.0;
@@ -197,9 +198,12 @@ class RobotFit {
                        ": excitation: periods: 1; lines of single periods can't be freed of free "
                        "motion: record two or more, or fit without --lines");
     }
-    const LineFit lines =
-        fit_lines(*family, best.theta,
-                  {.threads = options_.threads, .keep_going = options_.keep_going}, data);
+    LineFit lines;
+    try {
+      lines = fit_lines(*family, best.theta,
+                        {.threads = options_.threads, .keep_going = options_.keep_going}, data);
+    } catch (const Stopped&) {  // the estimates of the responses stand
+    }
     if (lines.fit.status == FitStatus::kFailed) {
       best.status = FitStatus::kIterationLimit;
       add_note("the fit of the lines did not settle: these are the estimates of the responses");

@@ -8,7 +8,7 @@
 //
 //   chi_square = sum over recordings and lines |Phi^-1/2 (Y - y(U; theta))|^2,
 //
-// y the steady state, of the linear plants or of the full robot (RobotDynamics), images of the hold included.
+// y the steady state, of the linear plants or of the full robot (PlantKind), images of the hold included.
 // Phi is estimated between the lines, with q degrees of freedom; the covariance of theta_hat is widened by
 // kappa(q) of maximum_likelihood.hpp.
 //

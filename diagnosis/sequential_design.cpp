@@ -19,6 +19,7 @@
 #include "graybox/problems/quantile.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/problems/robot_information.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/exact/exchange.hpp"
 #include "graybox/solvers/exact/relaxation.hpp"
@@ -200,6 +201,7 @@ Counts Study::choose(DesignStrategy strategy, const State& state, const Informat
 void Study::measure(const Counts& chosen, Random& random, State& state) const {
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     if (chosen[i] == 0) continue;
+    stop_if_requested();
     state.counts[i] += chosen[i];
     ResponseMeasurement data =
         simulate_measurement(robot_, position(i), static_cast<double>(chosen[i]), random);
@@ -221,6 +223,7 @@ FitResult Study::fit(const State& state, const Eigen::VectorXd& start, int stage
   FitOptions fit_options = options_.fit;
   fit_options.threads = 1;
   fit_options.seed = options_.seed;
+  stop_if_requested();
   if (stage > 1) {
     fit_options.closed_loop_stage = false;
     FitResult near = fit_maximum_likelihood(model_, data, state.theta, fit_options);
@@ -331,6 +334,8 @@ void run_sequential_study(
       const std::vector<StageRecord> records = study.repetition(number);
 #pragma omp critical(graybox_sequential_design)
       if (!stopped && !on_repetition(records)) stopped = true;
+    } catch (const Stopped&) {  // in the middle of this repetition; the finished ones stand
+      stopped = true;
     } catch (...) {
 #pragma omp critical(graybox_sequential_design)
       failure = std::current_exception();

@@ -77,7 +77,8 @@ void LocalModelBuilder::solve_equilibrium(const Eigen::VectorXd& commanded) {
     if (change.lpNorm<Eigen::Infinity>() <= kEquilibriumTolerance) return;
   }
   throw InputError(fmt::format(
-      "{}: the arm finds no stable static equilibrium at this position: the springs are too soft",
+      "robot {}: the arm finds no stable static equilibrium at this position: the springs are too "
+      "soft; look at 'stiffness' of its joints",
       robot_->name));
 }
 

@@ -14,6 +14,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/file_kind.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
@@ -124,7 +125,7 @@ std::vector<JointRange> paper_ranges() {
 PositionTable paper_grid() { return full_grid(paper_intervals()); }
 
 PositionTable robot_grid(std::size_t count) {
-  if (count == 0) throw InputError("grid: at least one position is needed");
+  if (count == 0) throw InputError("--grid 0: at least one position is needed");
   const PositionTable grid = full_grid(refine(count));
   if (grid.count() == count) return grid;
   return grid.subset(nested_subset(grid.count(), count, kThinningSeed));
@@ -132,6 +133,7 @@ PositionTable robot_grid(std::size_t count) {
 
 PositionTable read_positions(const std::filesystem::path& file, std::size_t joint_count) {
   require_file(file);
+  note_input(file.string());
   std::ifstream stream(file);
   if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
   PositionTable table{joint_count, {}};

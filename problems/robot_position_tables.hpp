@@ -19,6 +19,7 @@
 #include "graybox/problems/local_model.hpp"
 #include "graybox/problems/robot_grid.hpp"
 #include "graybox/problems/robot_model.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 
@@ -95,7 +96,7 @@ void check_positions(const RobotModel& robot, const PositionTable& positions);
 
 // Runs compute(position, out) for all positions. Each is computed by itself, so neither the number
 // of threads nor their schedule shows in the result. `make_worker()` is called once a thread. Throws
-// what compute() threw at the first position where it did.
+// what compute() threw at the first position where it did, and Stopped where time is up (stop.hpp).
 template <class MakeWorker>
 void for_each_position(const PositionTable& positions, std::size_t stride, int threads,
                        const MakeWorker& make_worker, double* out) {
@@ -109,6 +110,7 @@ void for_each_position(const PositionTable& positions, std::size_t stride, int t
     for (std::ptrdiff_t i = 0; i < count; ++i) {
       const auto index = static_cast<std::size_t>(i);
       try {
+        stop_if_requested();
         worker.compute(radians(positions, index), out + index * stride);
       } catch (...) {
 #pragma omp critical(graybox_for_each_position)

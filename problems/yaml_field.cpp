@@ -10,6 +10,8 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/file_kind.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
+#include "graybox/problems/shortened.hpp"
 
 namespace graybox {
 namespace {
@@ -28,6 +30,7 @@ YamlField YamlField::load(const std::filesystem::path& file) {
     throw InputError(fmt::format("{}: {} bytes are no file written by hand; at most {} are read",
                                  file.string(), size, kLargestFile));
   }
+  note_input(file.string());
   try {
     YAML::Node node = YAML::LoadFile(file.string());
     YamlField root(file.string(), "", node);
@@ -100,9 +103,9 @@ double YamlField::number() const {
   if (!node_.IsScalar()) fail("must be a number");
   double value = 0.0;
   if (!YAML::convert<double>::decode(node_, value)) {
-    fail(fmt::format("must be a number, is '{}'", node_.Scalar()));
+    fail(fmt::format("must be a number, is '{}'", shortened(node_.Scalar())));
   }
-  if (!std::isfinite(value)) fail(fmt::format("must be finite, is {}", node_.Scalar()));
+  if (!std::isfinite(value)) fail(fmt::format("must be finite, is {}", shortened(node_.Scalar())));
   return value;
 }
 
@@ -139,7 +142,7 @@ std::vector<double> YamlField::numbers(std::size_t expected_size) const {
 std::string YamlField::choice(std::initializer_list<std::string_view> words) const {
   const std::string word = text();
   if (std::ranges::find(words, word) == words.end()) {
-    fail(fmt::format("must be one of {}; is '{}'", fmt::join(words, ", "), word));
+    fail(fmt::format("must be one of {}; is '{}'", fmt::join(words, ", "), shortened(word)));
   }
   return word;
 }

@@ -6,6 +6,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/solvers/lapack.hpp"
+#include "graybox/solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {
@@ -18,8 +19,10 @@ double dot(const double* a, const double* b, std::size_t size) {
 
 }  // namespace
 
-AugmentedSystem::AugmentedSystem(const NormalizedSet& normal, std::unique_ptr<RangeSystem> range)
+AugmentedSystem::AugmentedSystem(const NormalizedSet& normal, std::unique_ptr<RangeSystem> range,
+                                 int threads)
     : normal_(normal),
+      threads_(threads),
       range_(std::move(range)),
       scale_(symmetric_scale(normal.dimension())),
       row_squares_(normal.candidate_count()),
@@ -82,7 +85,7 @@ bool AugmentedSystem::factorise_kept_back() {
     }
     schur_[b * size + b] += 1.0 / ratios_[kept_back_[b]];
   }
-  return lapack::factorise_cholesky(size, schur_.data());
+  return factorise_cholesky_tiled(size, schur_.data(), threads_);
 }
 
 void AugmentedSystem::solve(std::span<double> x, std::span<const double> t, std::span<double> y,

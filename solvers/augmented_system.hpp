@@ -29,9 +29,9 @@ namespace graybox {
 
 class AugmentedSystem {
  public:
-  AugmentedSystem(const NormalizedSet& normal, std::unique_ptr<RangeSystem> range);
+  AugmentedSystem(const NormalizedSet& normal, std::unique_ptr<RangeSystem> range, int threads = 1);
 
-  // From G^-1 (N = R (x) R, R = G^-T G^-1) and D. False where a factorisation breaks down. One pass.
+  // From G^-1 (N = R (x) R, R = G^-T G^-1) and D. False where a factorisation breaks down or time is up (stop.hpp). One pass.
   [[nodiscard]] bool factorise(const Eigen::MatrixXd& inverse_scaling,
                                std::span<const double> ratios);
 
@@ -46,6 +46,7 @@ class AugmentedSystem {
   void solve_kept_back(std::span<double> x, std::span<const double> t);
 
   const NormalizedSet& normal_;
+  int threads_;
   std::unique_ptr<RangeSystem> range_;
   std::vector<double> scale_;
   std::vector<double> row_squares_;     // |a_i|^2

@@ -4,44 +4,55 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
 #include "graybox/solvers/best_design.hpp"
 #include "graybox/solvers/candidate_pool.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/criterion_column_generation.hpp"
+#include "graybox/solvers/fallback.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/screening.hpp"
 #include "graybox/solvers/sensitivity_sample.hpp"
 #include "graybox/solvers/tracer.hpp"
+#include "graybox/solvers/well_conditioned_start.hpp"
 #include "graybox/solvers/working_set.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kForgivenShare = 0.1;  // of the gap asked for that rounding may hide
+
+std::string rounding_message(double error) {
+  return fmt::format("rounding hides up to {:.1e} of the gap", error);
+}
+
+// Whose coordinates a run works in: the set's own, which it leaves where rounding hides too much of
+// the gap, or those of ConditionedSet, beyond which there are no better ones.
+enum class Coordinates : std::int8_t { kOwn, kWhitened };
 
 class ColumnGenerationRun {
  public:
-  ColumnGenerationRun(const InformationSet& set, const SolveOptions& options, Tracer& tracer)
+  ColumnGenerationRun(const InformationSet& set, Coordinates coordinates,
+                      const SolveOptions& options, Tracer& tracer)
       : set_(set),
+        coordinates_(coordinates),
         options_(options),
         tracer_(tracer),
         working_(set.dimension()),
         random_(options.seed),
         dimension_(static_cast<double>(set.dimension())) {}
 
-  Solution run();
+  MethodOutcome run();
 
  private:
-  [[nodiscard]] bool start(const CandidatePool& pool);
-  [[nodiscard]] bool start_from(const std::vector<std::size_t>& candidates, bool equalise);
   double price(CandidatePool& pool);
   std::size_t add_violators(const CandidatePool& pool);
   void solve_pool(CandidatePool& pool, double tolerance, int round_limit);
@@ -52,9 +63,10 @@ class ColumnGenerationRun {
   [[nodiscard]] bool warm_up();
   [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
   void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
-  Solution finish(SolveStatus status, std::string message = {});
+  [[nodiscard]] MethodOutcome finish(SolveStatus status, std::string message = {}) const;
 
   const InformationSet& set_;
+  Coordinates coordinates_;
   const SolveOptions& options_;
   Tracer& tracer_;
   WorkingSet working_;
@@ -63,62 +75,6 @@ class ColumnGenerationRun {
   std::int64_t rounds_ = 0;
   BestDesign best_;
 };
-
-// First working set: a dozen multiplicative steps on the pool from equal weights, then the heaviest
-// few. Where the pool sees too few directions (candidates that inform about one parameter each) the
-// whole set is tried, and last with weights that give each candidate's matrix the same size.
-bool ColumnGenerationRun::start(const CandidatePool& pool) {
-  std::vector<std::size_t> candidates(pool.count);
-  for (std::size_t k = 0; k < pool.count; ++k) candidates[k] = pool.candidate(k);
-  if (start_from(candidates, false)) return true;
-  candidates.resize(set_.candidate_count());
-  std::iota(candidates.begin(), candidates.end(), std::size_t{0});
-  return start_from(candidates, false) || start_from(candidates, true);
-}
-
-bool ColumnGenerationRun::start_from(const std::vector<std::size_t>& candidates, bool equalise) {
-  constexpr int kSteps = 4;
-  const std::size_t p = set_.packed_size();
-  const std::size_t d = set_.dimension();
-  const std::size_t count = candidates.size();
-  AlignedArray rows(count * p);
-  std::vector<double> weights(count);
-  for (std::size_t k = 0; k < count; ++k) {
-    const auto row = set_.information(candidates[k]);
-    std::ranges::copy(row, rows.begin() + k * p);
-    double size = 0.0;
-    for (std::size_t j = 0; equalise && j < d; ++j) size += row[packed_index(j, j)];
-    // Random factors break ties between candidates that are images of one another.
-    weights[k] = (0.9 + 0.2 * random_.uniform()) / (size > 0.0 ? size : 1.0);
-  }
-  tracer_.count_candidates(count);
-  std::vector<double> matrix(p, 0.0);
-  kernels().accumulate(rows.data(), count, p, weights.data(), matrix.data());
-  InverseCholesky inverse(d);
-  std::vector<double> sensitivity(count);
-  for (int step = 0; step < kSteps; ++step) {
-    if (!inverse.factor(matrix)) return false;
-    std::ranges::fill(matrix, 0.0);
-    kernels().reweigh(rows.data(), count, p, inverse.trace_dual().data(), 1.0 / dimension_,
-                      weights.data(), sensitivity.data(), matrix.data());
-    tracer_.count_candidates(count);
-  }
-  // The heaviest few; more of them while their matrix alone is singular.
-  std::vector<std::size_t> order(count);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  for (std::size_t wanted = 3 * d;; wanted *= 2) {
-    const std::size_t kept = std::min(wanted, count);
-    std::ranges::nth_element(order, order.begin() + static_cast<std::ptrdiff_t>(kept - 1),
-                             [&](std::size_t a, std::size_t b) { return weights[a] > weights[b]; });
-    working_.clear();
-    for (std::size_t k = 0; k < kept; ++k) {
-      const std::size_t i = candidates[order[k]];
-      working_.add(i, set_.information(i).data(), weights[order[k]]);
-    }
-    if (working_.refresh()) return true;
-    if (kept == count) return false;
-  }
-}
 
 // w_i for the pool; returns the largest.
 double ColumnGenerationRun::price(CandidatePool& pool) {
@@ -161,7 +117,7 @@ bool ColumnGenerationRun::warm_up() {
   const std::size_t first =
       total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
   CandidatePool sample = sample_pool(total, first, random_);
-  if (!start(sample)) return false;
+  if (!well_conditioned_start(set_, sample, random_, tracer_, working_)) return false;
   working_.optimise(kRoughGap, 4);
   if (first < total) solve_pool(sample, kRoughGap, 4);
   for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
@@ -171,18 +127,26 @@ bool ColumnGenerationRun::warm_up() {
   return true;
 }
 
-Solution ColumnGenerationRun::run() {
+MethodOutcome ColumnGenerationRun::run() {
   if (!warm_up()) {
     return finish(SolveStatus::kUnsupported,
                   "the sum of all information matrices is singular in double precision");
   }
+  const double asked = options_.duality_gap;
   CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
   for (int passes_without_progress = 0;;) {
+    const double error = working_.sensitivity_error();
+    if (coordinates_ == Coordinates::kOwn && error > kForgivenShare * asked) {
+      return finish(SolveStatus::kNumericalFailure, rounding_message(error));
+    }
     const double gap = price(all) / dimension_ - 1.0;
     tracer_.record(gap, rounds_);
     passes_without_progress = gap < 0.9 * best_.gap() ? 0 : passes_without_progress + 1;
     best_.offer(gap, working_.indices(), working_.weights());
-    if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
+    if (gap + error <= asked) return finish(SolveStatus::kSolved);
+    if (gap <= asked && error >= 0.5 * asked) {
+      return finish(SolveStatus::kNumericalFailure, rounding_message(error));
+    }
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
     if (passes_without_progress > 8) {
@@ -192,8 +156,8 @@ Solution ColumnGenerationRun::run() {
     CandidatePool list =
         short_list(all);  // before the working set moves: the rules hold for this design
     add_violators(all);
-    improve(gap, options_.duality_gap);
-    solve_pool(list, 0.5 * options_.duality_gap, 30);
+    improve(gap, asked);
+    solve_pool(list, 0.5 * asked, 30);
   }
 }
 
@@ -242,15 +206,12 @@ void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_s
   list.count = kept;
 }
 
-Solution ColumnGenerationRun::finish(SolveStatus status, std::string message) {
+MethodOutcome ColumnGenerationRun::finish(SolveStatus status, std::string message) const {
   Design design;
   if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
-  return tracer_.finish(std::move(design), status, rounds_, std::move(message));
+  return {std::move(design), status, best_.gap(), working_.sensitivity_error(), rounds_,
+          std::move(message)};
 }
-
-}  // namespace
-
-namespace {
 
 // A D-optimal design that is good enough to start from, then the criterion's own method.
 Solution solve_other_criterion(const InformationSet& set, const SolveOptions& options,
@@ -265,6 +226,22 @@ Solution solve_other_criterion(const InformationSet& set, const SolveOptions& op
   return solve_criterion(set, options, start.design, tracer);
 }
 
+[[nodiscard]] bool wants_better_coordinates(const MethodOutcome& outcome) {
+  return outcome.status == SolveStatus::kNumericalFailure ||
+         outcome.status == SolveStatus::kUnsupported;
+}
+
+MethodOutcome solve_d(const InformationSet& set, const SolveOptions& options, Tracer& tracer) {
+  MethodOutcome own = ColumnGenerationRun(set, Coordinates::kOwn, options, tracer).run();
+  if (!wants_better_coordinates(own)) return own;
+  const ConditionedSet conditioned(set, 0.0, tracer, options.threads);
+  MethodOutcome whitened =
+      ColumnGenerationRun(conditioned.set(), Coordinates::kWhitened, options, tracer).run();
+  if (!wants_better_coordinates(whitened)) return whitened;
+  return finish_with_another(conditioned.set(), options, ColumnGeneration().name(),
+                             std::move(whitened), tracer);
+}
+
 }  // namespace
 
 Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
@@ -274,14 +251,9 @@ Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& 
     options.criterion.require_fits(set);
     return solve_other_criterion(set, options, tracer);
   }
-  Solution solution = ColumnGenerationRun(set, options, tracer).run();
-  if (solution.status != SolveStatus::kNumericalFailure &&
-      solution.status != SolveStatus::kUnsupported) {
-    return solution;
-  }
-  const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
-  if (!conditioned.whitened()) return solution;
-  return ColumnGenerationRun(conditioned.set(), options, tracer).run();
+  MethodOutcome outcome = solve_d(set, options, tracer);
+  return tracer.finish(std::move(outcome.design), outcome.status, outcome.iterations,
+                       std::move(outcome.message));
 }
 
 }  // namespace graybox

@@ -12,16 +12,19 @@
 // max_i w_i / d - 1 of a design, upper bounds that remove candidates for good (screening.hpp), and
 // a short list of those with the largest sensitivities, on which the next rounds run to full
 // precision before the set is read again. It stops on a pass over ALL candidates in double
-// precision whose gap is at most the one asked for, so its claim is the certificate's.
+// precision, and claims only what it can know: the gap and the bound on its rounding error
+// (sensitivity_error.hpp) together are at most the gap asked for.
 //
-// Ties and duplicates: the first working set comes from multiplicative steps with random positive
-// weights on a sample, never from the largest sensitivities, which may all point the same way; a
-// row that is in the working set to the last bit is not added twice; additions are spread over the
-// candidate order, since neighbours on a grid are near-duplicates.
+// Ties and duplicates: the first working set is well conditioned (well_conditioned_start.hpp), and
+// never made of the largest sensitivities, which may all point the same way; a row that is in the
+// working set to the last bit is not added twice; additions are spread over the candidate order,
+// since neighbours on a grid are near-duplicates.
 //
-// Ill-conditioned sets: where rounding keeps the gap above the one asked for, the set is whitened
-// in extended precision (conditioned_set.hpp) and solved once more; well-conditioned ones never pay
-// for that.
+// Ill-conditioned sets: where rounding may hide more than a tenth of the gap asked for, the set is
+// whitened (conditioned_set.hpp) and solved in those coordinates; well-conditioned ones never pay
+// for that. Where the bound is too large there, too, the status is numerical_failure, with the gap
+// reached. Where the steps themselves end short of the gap, another method finishes (fallback.hpp),
+// and the message says so.
 //
 // Criteria other than D start from a rough D-optimal design and go on with
 // criterion_column_generation.hpp.

@@ -10,7 +10,9 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/sensitivity.hpp"
+#include "graybox/solvers/twofold_congruence.hpp"
 
 namespace graybox {
 namespace {
@@ -94,28 +96,10 @@ bool inverse_factor(const std::vector<Real>& packed, std::size_t d, std::vector<
   return true;
 }
 
-// out = R H R^T, packed. product: d*d scratch.
-void transform(std::span<const double> packed, const std::vector<Real>& r, std::size_t d,
-               std::vector<Real>& product, double* out) {
-  for (std::size_t i = 0; i < d; ++i) {
-    for (std::size_t j = 0; j < d; ++j) {
-      Real value = 0;
-      for (std::size_t k = 0; k <= i; ++k) value += r[i * d + k] * packed[packed_index(k, j)];
-      product[i * d + j] = value;
-    }
-  }
-  for (std::size_t i = 0; i < d; ++i) {
-    for (std::size_t j = 0; j <= i; ++j) {
-      Real value = 0;
-      for (std::size_t k = 0; k <= j; ++k) value += product[i * d + k] * r[j * d + k];
-      out[packed_index(i, j)] = static_cast<double>(value);
-    }
-  }
-}
-
 }  // namespace
 
-ConditionedSet::ConditionedSet(const InformationSet& set, double accuracy, Tracer& tracer)
+ConditionedSet::ConditionedSet(const InformationSet& set, double accuracy, Tracer& tracer,
+                               int threads)
     : original_(set), uniform_(set.packed_size()) {
   const double count = static_cast<double>(set.candidate_count());
   const std::vector<double> weights(set.candidate_count(), 1.0 / count);
@@ -126,16 +110,16 @@ ConditionedSet::ConditionedSet(const InformationSet& set, double accuracy, Trace
   const double condition = scaled_condition(uniform_, set.dimension());
   if (d * std::numeric_limits<double>::epsilon() * condition > accuracy) {
     if (sum_is_singular(set)) refuse_singular(set);
-    whiten();
+    whiten(threads);
     tracer.count_passes(3.0);
   }
 }
 
-void ConditionedSet::whiten() {
+void ConditionedSet::whiten(int threads) {
   const std::size_t d = original_.dimension();
   const std::size_t p = original_.packed_size();
   const std::size_t count = original_.candidate_count();
-  std::vector<Real> sum(p, 0), r, product(d * d);
+  std::vector<Real> sum(p, 0), r;
   for (std::size_t i = 0; i < count; ++i) {
     const auto h = original_.information(i);
     for (std::size_t k = 0; k < p; ++k) sum[k] += h[k];
@@ -144,8 +128,8 @@ void ConditionedSet::whiten() {
   if (!inverse_factor(sum, d, r)) refuse_singular(original_);
   coordinates_.assign(r.begin(), r.end());
   AlignedArray information(count * p);
-  for (std::size_t i = 0; i < count; ++i) {
-    transform(original_.information(i), r, d, product, information.data() + i * p);
+  if (!twofold_congruence(original_.data(), count, d, coordinates_, information.data(), threads)) {
+    return coordinates_.clear();  // the caller has no time for more
   }
   copy_.emplace(d, std::move(information));
   const std::vector<double> weights(count, 1.0 / static_cast<double>(count));

@@ -11,9 +11,10 @@
 //
 // hence the eigenvalues of R M* R^T lie in [1/d, Q].
 //
-// Whitening costs about 2 d passes' worth of arithmetic and a copy of the set, so it is done only
-// if d u c for U exceeds the accuracy asked for. It is computed in extended precision: cancellation
-// in R H_i R^T would otherwise bring back the error it is to remove.
+// Whitening costs the arithmetic of many passes and a copy of the set, so it is done only if d u c
+// for U exceeds the accuracy asked for. R comes from extended precision and is then rounded: any
+// regular R will do. R H_i R^T is computed with twice the digits of double precision
+// (twofold_congruence.hpp): cancellation would otherwise bring back the error it is to remove.
 #pragma once
 
 #include <optional>
@@ -31,7 +32,7 @@ class ConditionedSet {
   // whitens, and counts that. Throws InputError if the set holds a NaN or infinity, or if the sum
   // of its matrices, each scaled to unit size, is singular (as InformationSet::validate()). Keeps a
   // reference to `set`.
-  ConditionedSet(const InformationSet& set, double accuracy, Tracer& tracer);
+  ConditionedSet(const InformationSet& set, double accuracy, Tracer& tracer, int threads = 1);
 
   // The set to solve: the original, or the whitened copy. Same candidates in the same order.
   [[nodiscard]] const InformationSet& set() const { return copy_ ? *copy_ : original_; }
@@ -44,7 +45,7 @@ class ConditionedSet {
   [[nodiscard]] std::span<const double> uniform_information() const { return uniform_; }
 
  private:
-  void whiten();
+  void whiten(int threads);
 
   const InformationSet& original_;
   std::optional<InformationSet> copy_;

@@ -12,6 +12,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/box_search.hpp"
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
@@ -54,6 +55,7 @@ void for_each(const CandidateSpace& space, std::size_t count, int threads, const
     for (std::ptrdiff_t i = 0; i < static_cast<std::ptrdiff_t>(count); ++i) {
       const auto index = static_cast<std::size_t>(i);
       try {
+        stop_if_requested();
         work(*evaluator, index);
       } catch (...) {
 #pragma omp critical(graybox_continuous_design)
@@ -202,7 +204,13 @@ class Run {
   bool improve(Columns& columns, int round_limit) {
     double largest_of_quiet = -1.0;  // gap found by the quiet rounds up to now
     for (int round = 0, quiet = 0;; ++round) {
-      const std::vector<Maximum> found = search_all(columns);
+      std::vector<Maximum> found;
+      try {
+        found = search_all(columns);
+      } catch (const Stopped&) {
+        result_.status = SolveStatus::kTimeLimit;
+        return false;
+      }
       result_.gap = found.front().sensitivity / dimension_ - 1.0;
       if (result_.rounds.empty()) result_.grid_gap_in_box = result_.gap;
       if (!report(columns)) {

@@ -13,6 +13,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/input_file.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -268,6 +269,7 @@ Json design_json(const InformationSet& set, const Design& design, const SolveRep
     if (design.weights[i] != 0.0) support.push_back(support_entry(set, i, design.weights[i]));
   }
   Json root{{"format", kFormat},
+            {"written_by", written_by()},
             {"problem", report.problem},
             {"problem_hash", report.problem_hash},
             {"candidates", set.candidate_count()},

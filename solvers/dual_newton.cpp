@@ -173,10 +173,11 @@ Solution solve_dual(const InformationSet& set, const SolveOptions& options, Solv
                     NormalizedSetOptions coordinates, const MakeRangeSystem& make_system) {
   Tracer tracer(set, options, observer);
   coordinates.threads = options.threads;
+  coordinates.accuracy = kRowAccuracy * options.duality_gap;
   const NormalizedSet normal(set, coordinates);
   tracer.count_passes(normal.passes());
-  if (!normal.regular()) return unsupported(tracer, normal.message());
-  AugmentedSystem system(normal, make_system(normal, options.threads));
+  if (!normal.regular()) return unsupported(set, tracer, normal.message());
+  AugmentedSystem system(normal, make_system(normal, options.threads), options.threads);
   return DualNewton(normal, system, options, tracer).run();
 }
 

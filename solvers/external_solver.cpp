@@ -16,6 +16,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/hdf5_file.hpp"
+#include "graybox/problems/shortened.hpp"
 #include "graybox/solvers/child_process.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/sensitivity.hpp"
@@ -64,8 +65,19 @@ std::string last_line(const std::string& log) {
   return last.substr(0, kLongestQuote);
 }
 
-std::string failure(int exit_code, const std::string& log) {
+// The shell's exit codes for what it can't find and can't run.
+constexpr int kNotFound = 127;
+constexpr int kNotRunnable = 126;
+
+std::string failure(const std::string& command, int exit_code, const std::string& log) {
   const std::string words = last_line(log);
+  const bool of_shell = words.starts_with("external: ");
+  if (exit_code == kNotFound && of_shell) {
+    return fmt::format("no such program: {}", shortened(command));
+  }
+  if (exit_code == kNotRunnable && of_shell) {
+    return fmt::format("{} can't be run; is it executable?", shortened(command));
+  }
   const std::string how = exit_code < 0 ? fmt::format("ended by signal {}", -exit_code)
                                         : fmt::format("ended with exit code {}", exit_code);
   return words.empty() ? how : fmt::format("{}: {}", how, words);
@@ -136,7 +148,7 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   tracer.pause();
   if (ended && child.exit_code() != 0) {
     tracer.resume();
-    return finish(SolveStatus::kNumericalFailure, failure(child.exit_code(), log));
+    return finish(SolveStatus::kNumericalFailure, failure(command_, child.exit_code(), log));
   }
   if (!fs::exists(answer)) {
     tracer.resume();

@@ -26,10 +26,13 @@ class HessianAssembly {
 
   // gram: row_size x row_size, row-major; its lower triangle is written, the rest left alone (to
   // column-major eyes, LAPACK's, it is the upper triangle). scales: `count` numbers of any sign.
-  void assemble(const double* rows, std::size_t count, std::span<const double> scales,
+  // False where time is up (stop.hpp); the array is then unfinished.
+  bool assemble(const double* rows, std::size_t count, std::span<const double> scales,
                 std::span<double> gram);
 
  private:
+  void add(const double* rows, std::size_t count, const double* scales, std::span<double> gram);
+
   std::size_t row_size_;
   int threads_;
   AlignedArray workspace_;

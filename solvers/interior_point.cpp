@@ -9,6 +9,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/lapack.hpp"
 
 namespace graybox {
@@ -65,6 +66,11 @@ bool DesignEvaluator::evaluate(std::span<const double> multipliers) {
   return finite && std::isfinite(gap_);
 }
 
+double DesignEvaluator::gap_rounding() const {
+  return graybox::gap_rounding(information_, trace_dual_, normal_.dimension()) +
+         normal_.rounding();
+}
+
 double step_to_boundary(std::span<const double> x, std::span<const double> dx) {
   double fastest = 0.0;
   for (std::size_t i = 0; i < x.size(); ++i) fastest = std::max(fastest, -dx[i] / x[i]);
@@ -104,7 +110,8 @@ bool InteriorPointRun::proceed(bool evaluated, const DesignEvaluator& evaluator,
     progress_gap_ = gap;
     last_progress_ = iteration_;
   }
-  if (gap <= target_) {
+  const double stop_at = gap_to_stop_at(options_.duality_gap, evaluator.gap_rounding());
+  if (gap <= std::min(target_, stop_at)) {
     status_ = SolveStatus::kSolved;
   } else if (tracer_.out_of_time()) {
     status_ = SolveStatus::kTimeLimit;
@@ -126,6 +133,10 @@ double InteriorPointRun::centring(double product, double predicted) const {
 }
 
 void InteriorPointRun::fail(std::string message) {
+  if (tracer_.out_of_time()) {  // that is why
+    status_ = SolveStatus::kTimeLimit;
+    return;
+  }
   message_ =
       fmt::format("{}; best duality gap {:.3g} in {} iterations", message, best_gap_, iteration_);
   const bool solved = std::isfinite(best_gap_) && best_gap_ <= options_.duality_gap;
@@ -174,7 +185,12 @@ Solution InteriorPointRun::finish(std::span<const double> reduced_costs) {
                         std::move(message_));
 }
 
-Solution unsupported(Tracer& tracer, std::string message) {
+Solution unsupported(const InformationSet& set, Tracer& tracer, std::string message) {
+  if (tracer.out_of_time()) {  // equal weights are a design, too
+    const auto count = set.candidate_count();
+    return tracer.finish({std::vector<double>(count, 1.0 / static_cast<double>(count))},
+                         SolveStatus::kTimeLimit, 0, std::move(message));
+  }
   return tracer.finish({}, SolveStatus::kUnsupported, 0, std::move(message));
 }
 

@@ -6,6 +6,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/kernels/gram_kernels.hpp"
 #include "graybox/solvers/lapack.hpp"
 
@@ -56,8 +57,12 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
   if (!options.whiten) {
     std::copy(set.data(), set.data() + rows_.size(), rows_.begin());
     passes_ += 1.0;
-  } else if (choose_transform(set)) {
+  } else if (choose_transform(set, options.accuracy)) {
     transform_rows(set, options.threads);
+    if (stop_requested()) {
+      message_ = "time was up before the candidates were whitened";
+      return;
+    }
   } else {
     message_ = "the mean information matrix is singular: no design can estimate all parameters";
     return;
@@ -66,7 +71,7 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
 }
 
 // X = L^-1 by way of the mean scaled to unit diagonal, S Mbar S = R R^T: X = R^-1 S.
-bool NormalizedSet::choose_transform(const InformationSet& set) {
+bool NormalizedSet::choose_transform(const InformationSet& set, double accuracy) {
   const std::size_t d = dimension_;
   std::vector<double> mean(packed_size_, 0.0);
   const std::vector<double> equal(candidate_count_, 1.0 / static_cast<double>(candidate_count_));
@@ -88,9 +93,16 @@ bool NormalizedSet::choose_transform(const InformationSet& set) {
   for (std::size_t i = 0; i < d; ++i) smallest = std::min(smallest, full[i * d + i]);
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   if (!(smallest * smallest > 4.0 * static_cast<double>(d) * kEpsilon)) return false;
-  ill_conditioned_ = smallest < 1e-4;
 
   lapack::invert_lower(d, full.data());
+  // tr(S^-1) is the squared norm of R^-1, the lower triangle of a column-major square.
+  double trace = 0.0;
+  for (std::size_t j = 0; j < d; ++j) {
+    for (std::size_t i = j; i < d; ++i) trace += full[j * d + i] * full[j * d + i];
+  }
+  const double in_double = static_cast<double>(d) * kEpsilon * trace;
+  ill_conditioned_ = smallest < 1e-4 || in_double > accuracy;
+  rounding_ = ill_conditioned_ ? kEpsilon + in_double / 2048.0 : in_double;
   for (std::size_t i = 0, k = 0; i < d; ++i) {
     for (std::size_t j = 0; j <= i; ++j, ++k) transform_[k] = full[j * d + i] * scale[j];
     log_det_shift_ -= 2.0 * std::log(transform_[k - 1]);
@@ -102,12 +114,14 @@ void NormalizedSet::transform_rows(const InformationSet& set, int threads) {
   const std::size_t d = dimension_, p = packed_size_;
   constexpr std::size_t kChunk = 256;
   const std::size_t chunks = (candidate_count_ + kChunk - 1) / kChunk;
+  const StopClock clock;
 #pragma omp parallel num_threads(threads) if (threads > 1)
   {
     std::vector<double> workspace(congruence_workspace_size(d));
     std::vector<long double> product(ill_conditioned_ ? d * d : 0);
 #pragma omp for schedule(static)
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+      if (clock.stops()) continue;
       const std::size_t begin = chunk * kChunk;
       const std::size_t size = std::min(kChunk, candidate_count_ - begin);
       if (!ill_conditioned_) {
@@ -115,7 +129,7 @@ void NormalizedSet::transform_rows(const InformationSet& set, int threads) {
                                   rows_.data() + begin * p, workspace.data());
         continue;
       }
-      for (std::size_t i = begin; i < begin + size; ++i) {
+      for (std::size_t i = begin; i < begin + size && !clock.stops(); ++i) {
         congruence_extended(set.data() + i * p, d, transform_.data(), rows_.data() + i * p,
                             product);
       }

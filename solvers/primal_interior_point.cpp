@@ -8,14 +8,16 @@
 #include "graybox/solvers/lapack.hpp"
 #include "graybox/solvers/primal_newton.hpp"
 #include "graybox/solvers/range_system.hpp"
+#include "graybox/solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {
 
 class DensePrimalSystem final : public PrimalSystem {
  public:
-  explicit DensePrimalSystem(const NormalizedSet& normal)
+  DensePrimalSystem(const NormalizedSet& normal, int threads)
       : normal_(normal),
+        threads_(threads),
         transform_(normal.packed_size()),
         scale_(symmetric_scale(normal.dimension())),
         root_(normal.candidate_count()),
@@ -32,9 +34,9 @@ class DensePrimalSystem final : public PrimalSystem {
       root_[i] = std::sqrt(ratios[i]);
       for (std::size_t k = 0; k < p; ++k) rows_[i * p + k] *= scale_[k] * root_[i];
     }
-    lapack::gram(count, p, rows_.data(), matrix_.data());
+    if (!gram_tiled(count, p, rows_.data(), matrix_.data(), threads_)) return false;
     for (std::size_t i = 0; i < count; ++i) matrix_[i * count + i] += 1.0;
-    return lapack::factorise_cholesky(count, matrix_.data());
+    return factorise_cholesky_tiled(count, matrix_.data(), threads_);
   }
 
   void solve(std::span<double> x) override {
@@ -59,6 +61,7 @@ class DensePrimalSystem final : public PrimalSystem {
   }
 
   const NormalizedSet& normal_;
+  int threads_;
   Eigen::MatrixXd square_;
   std::vector<double> transform_;
   std::vector<double> scale_;
@@ -72,8 +75,8 @@ class DensePrimalSystem final : public PrimalSystem {
 
 Solution PrimalInteriorPoint::solve(const InformationSet& set, const SolveOptions& options,
                                     SolveObserver* observer) const {
-  return solve_primal(set, options, observer, [](const NormalizedSet& normal, int) {
-    return std::make_unique<DensePrimalSystem>(normal);
+  return solve_primal(set, options, observer, [](const NormalizedSet& normal, int threads) {
+    return std::make_unique<DensePrimalSystem>(normal, threads);
   });
 }
 

@@ -12,7 +12,7 @@ namespace {
 class LowRankPrimalSystem final : public PrimalSystem {
  public:
   LowRankPrimalSystem(const NormalizedSet& normal, int threads)
-      : system_(normal, make_dense_range_system(normal, threads)),
+      : system_(normal, make_dense_range_system(normal, threads), threads),
         entries_(normal.packed_size()),
         solution_(normal.candidate_count()),
         image_(normal.candidate_count()) {}

@@ -209,14 +209,16 @@ EqualityConstraints simplex_constraint(std::size_t candidate_count) {
 Solution solve_primal(const InformationSet& set, const SolveOptions& options,
                       SolveObserver* observer, const MakePrimalSystem& make_system) {
   Tracer tracer(set, options, observer);
-  const NormalizedSet normal(set, {.scale_rows = false, .threads = options.threads});
+  const NormalizedSet normal(set, {.scale_rows = false,
+                                   .threads = options.threads,
+                                   .accuracy = kRowAccuracy * options.duality_gap});
   tracer.count_passes(normal.passes());
-  if (!normal.regular()) return unsupported(tracer, normal.message());
+  if (!normal.regular()) return unsupported(set, tracer, normal.message());
   std::unique_ptr<PrimalSystem> system;
   try {
     system = make_system(normal, options.threads);
   } catch (const std::bad_alloc&) {
-    return unsupported(tracer, "the Newton matrix does not fit into memory");
+    return unsupported(set, tracer, "the Newton matrix does not fit into memory");
   }
   return PrimalNewton(normal, *system, simplex_constraint(set.candidate_count()), options, tracer)
       .run();

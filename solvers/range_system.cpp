@@ -5,8 +5,10 @@
 
 #include "graybox/problems/aligned_array.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/hessian_assembly.hpp"
 #include "graybox/solvers/lapack.hpp"
+#include "graybox/solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {
@@ -17,6 +19,7 @@ class DenseRangeSystem final : public RangeSystem {
  public:
   DenseRangeSystem(const NormalizedSet& normal, int threads)
       : normal_(normal),
+        threads_(threads),
         scale_(symmetric_scale(normal.dimension())),
         assembly_(normal.packed_size(), threads),
         gram_(normal.packed_size() * normal.packed_size()),
@@ -25,14 +28,17 @@ class DenseRangeSystem final : public RangeSystem {
 
   bool factorise(const MatrixXd& inverse_scaling, std::span<const double> ratios) override {
     const std::size_t p = normal_.packed_size();
-    assembly_.assemble(normal_.rows(), normal_.candidate_count(), ratios, gram_.span());
+    if (!assembly_.assemble(normal_.rows(), normal_.candidate_count(), ratios, gram_.span())) {
+      return false;
+    }
     inverse_.noalias() = inverse_scaling.transpose() * inverse_scaling;  // R
     add_barrier();
     for (std::size_t k = 0; k < p; ++k) diagonal_[k] = 1.0 / std::sqrt(gram_[k * p + k]);
     double shift = 0.0;
     for (int attempt = 0; attempt < 5; ++attempt) {
       copy_scaled(shift);
-      if (lapack::factorise_cholesky(p, factor_.data())) return true;
+      if (factorise_cholesky_tiled(p, factor_.data(), threads_)) return true;
+      if (stop_requested()) return false;
       shift = shift == 0.0 ? 1e-15 * static_cast<double>(p) : 100.0 * shift;
     }
     return false;
@@ -78,6 +84,7 @@ class DenseRangeSystem final : public RangeSystem {
   }
 
   const NormalizedSet& normal_;
+  int threads_;
   std::vector<double> scale_;
   HessianAssembly assembly_;
   AlignedArray gram_;

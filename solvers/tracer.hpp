@@ -11,13 +11,15 @@
 //   }
 //   return tracer.finish(std::move(design), status, iterations, message);
 //
-// The clock stands still while a trace point is recorded.
+// The clock stands still while a trace point is recorded. The time limit is also this thread's
+// (stop.hpp), for what the solver calls and for loops that know no tracer.
 #pragma once
 
 #include <chrono>
 #include <span>
 #include <vector>
 
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/solver.hpp"
 
 namespace graybox {
@@ -41,7 +43,7 @@ class Tracer {
   double record_weights(std::span<const double> weights, std::int64_t iteration,
                         bool always = false);
 
-  // True once the time limit has passed or the observer has asked to stop.
+  // True once the time limit has passed, the observer has asked to stop, or stop.hpp says so.
   [[nodiscard]] bool out_of_time() const;
 
   // Stops the clock for work that is not the solver's (writing a trace, evaluating a gap).
@@ -57,6 +59,7 @@ class Tracer {
   const InformationSet& set_;
   const SolveOptions& options_;
   SolveObserver* observer_;
+  TimeLimit limit_;
   Clock::time_point start_;
   Clock::time_point pause_start_;
   Clock::duration paused_{};

@@ -33,6 +33,7 @@
 #include "graybox/problems/aligned_array.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/nonnegative_quadratic.hpp"
+#include "graybox/solvers/sensitivity_error.hpp"
 
 namespace graybox {
 
@@ -68,6 +69,10 @@ class WorkingSet {
   [[nodiscard]] std::span<const std::size_t> indices() const { return indices_; }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
   [[nodiscard]] const InverseCholesky& inverse() const { return inverse_; }
+  // How far rounding can move sensitivities that are computed with inverse(), relatively.
+  [[nodiscard]] double sensitivity_error() const {
+    return graybox::sensitivity_error(matrix_, inverse_.trace_dual(), dimension_, size());
+  }
   [[nodiscard]] double gap() const { return gap_; }
   [[nodiscard]] std::int64_t newton_steps() const { return newton_steps_; }
 

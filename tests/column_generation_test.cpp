@@ -254,6 +254,13 @@ TEST(ColumnGeneration, SameAnswerForEveryThreadCountAndSeedRepeats) {
   const Solution two = ColumnGeneration().solve(set, {.duality_gap = 1e-9, .threads = 2});
   EXPECT_EQ(one.design.weights, two.design.weights);
   EXPECT_EQ(one.counters.passes, two.counters.passes);
+  for (const std::uint64_t seed : {1UL, 7UL}) {
+    const SolveOptions options{.duality_gap = 1e-9, .seed = seed};
+    const Solution first = ColumnGeneration().solve(set, options);
+    const Solution again = ColumnGeneration().solve(set, options);
+    EXPECT_EQ(first.design.weights, again.design.weights);
+    EXPECT_EQ(first.counters.iterations, again.counters.iterations);
+  }
 }
 
 TEST(ColumnGeneration, NeedsFewPassesAndHasASmallSupport) {

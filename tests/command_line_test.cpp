@@ -192,10 +192,6 @@ TEST_F(CommandLine, CheckJudgesAnybodysDesign) {
 
 TEST_F(CommandLine, ALimitLeavesADesignAndExitCodeOne) {
   make("random --family wis --candidates 2000 --dimension 6 -o set.h5");
-  if (graybox("solve set.h5 --solver multiplicative --iteration-limit 1 --gap 1e-2").exit_code ==
-      2) {
-    GTEST_SKIP() << "multiplicative is not registered";
-  }
   const Outcome outcome = graybox(
       "solve set.h5 --solver multiplicative --iteration-limit 3 --gap 1e-9 --json -o design.json");
   EXPECT_EQ(outcome.exit_code, 1);
@@ -209,7 +205,6 @@ TEST_F(CommandLine, CtrlCKeepsTheBestDesign) {
   const Outcome outcome = graybox(
       "solve set.h5 --solver multiplicative --gap 1e-15 --time-limit 60 --json -o design.json",
       "timeout --foreground --preserve-status --signal=INT 2");
-  if (outcome.exit_code == 2) GTEST_SKIP() << "multiplicative is not registered";
   ASSERT_EQ(outcome.exit_code, 1) << outcome.err;
   const Json report = Json::parse(outcome.out);
   EXPECT_EQ(report["status"], "time_limit");

@@ -177,7 +177,8 @@ TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 
   const auto refused = [&](const std::string& place, const std::string& why) {
-    write_text(folder_.file("places.yaml"), "format: graybox-places/1\nplaces:\n  - " + place + "\n");
+    write_text(folder_.file("places.yaml"),
+               "format: graybox-places/1\nplaces:\n  - " + place + "\n");
     expect_refused("diagnose model.yaml campaign --places places.yaml", why);
   };
   refused("{kind: element, between: [second, first]}", "as 'first-second'");
@@ -227,6 +228,17 @@ TEST_F(Diagnose, FindsTheFrictionOfARealAxis) {
   const Json found = Json::parse(outcome.out);
   EXPECT_GE(found["physics"].size(), 2U) << found["words"];
   EXPECT_LT(found["fit"]["after"]["validation"]["nrmse"].get<double>(), 7.0) << found["words"];
+  // newcomer.md 2.3: whatever the verdict, it says by which test, and what to do next.
+  int failed = 0;
+  for (const Json& reason : found["reasons"]) {
+    if (reason["passed"] != false) continue;
+    ++failed;
+    EXPECT_FALSE(reason["next"].get<std::string>().empty()) << reason;
+  }
+  EXPECT_EQ(failed > 0, found["verdict"] != "explained") << found["reasons"];
+  EXPECT_TRUE(found["checked_range"]["kept_out"].get<bool>());
+  for (const Json& law : found["physics"])
+    EXPECT_GT(law["held_out_gain"].get<double>(), 0.0) << law;
 }
 
 // Cogging of a real motor of 7 pole pairs and 12 slots: the harmonics are those of its construction, and by hand
@@ -274,7 +286,8 @@ laws:
     force: level * (s + r)
     parameters: {level: {unit: F, range: positive}}
 )");
-  expect_refused("diagnose model.yaml campaign --laws laws.yaml", "two_bristles: states: there are 2");
+  expect_refused("diagnose model.yaml campaign --laws laws.yaml",
+                 "two_bristles: states: there are 2");
   replace_in_campaign("preprocess: []",
                       "preprocess:\n  - {kind: low_pass, frequency: 100, order: 8}\n"
                       "  - {kind: decimate, factor: 2}");

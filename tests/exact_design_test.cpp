@@ -23,6 +23,7 @@
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_method.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
+#include "graybox/solvers/exact/local_exchange.hpp"
 #include "graybox/solvers/exact/rounding.hpp"
 #include "temporary_folder.hpp"
 
@@ -204,6 +205,93 @@ TEST(ExactDesign, ExchangeFindsTheOptimumOfMostSmallProblems) {
   }
   EXPECT_GT(tried, 60);
   EXPECT_GE(found, tried * 95 / 100);
+}
+
+// Full-rank matrices of 1e-6 beside rank-one ones of 1: designs differ in condition by many decades.
+InformationSet mixed_set(std::uint64_t seed, Eigen::Index d, std::size_t small, std::size_t lines) {
+  Random random(seed);
+  std::vector<Eigen::MatrixXd> all;
+  for (std::size_t i = 0; i < small + lines; ++i) {
+    const Eigen::MatrixXd g = gaussian(d, i < small ? d : 1, random);
+    all.push_back((i < small ? 1e-6 : 1.0) * g * g.transpose());
+  }
+  return from_matrices(all);
+}
+
+// log det from a factorisation in extended precision.
+double precise_log_det(const InformationSet& set, const Relaxation& relaxation,
+                       const Counts& counts) {
+  return certify_exact(set, {counts}, ExactDesign{counts}.experiments(), relaxation).log_det;
+}
+
+// Finding S5: sums changed term by term made exchanges gain that undo each other, for ever.
+TEST(LocalExchange, EachStepRaisesAFreshlySummedLogDet) {
+  int steps = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const auto d = static_cast<Eigen::Index>(2 + random.below(4));
+    const InformationSet set = mixed_set(seed, d, 1 + random.below(4), 2 + random.below(6));
+    const Relaxation relaxation = solve_relaxation(set);
+    std::vector<std::size_t> all(set.candidate_count());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const WhitenedPool pool(set, relaxation, all, 1);
+    LocalExchange exchange(pool);
+    Counts counts(set.candidate_count(), 0);
+    const auto experiments = static_cast<std::int64_t>(1 + random.below(6));
+    for (std::int64_t run = 0; run < experiments; ++run) ++counts[random.below(counts.size())];
+    const double before = exchange.log_det(counts);
+    const double after = exchange.improve(counts);
+    EXPECT_EQ(after, exchange.log_det(counts));
+    EXPECT_EQ(ExactDesign{counts}.experiments(), experiments);
+    const std::int64_t taken = exchange.steps();
+    if (taken > 0) EXPECT_GT(after, before);
+    EXPECT_EQ(exchange.improve(counts), after);  // there is nothing left to gain
+    EXPECT_EQ(exchange.steps(), taken);
+    steps += static_cast<int>(taken);
+  }
+  EXPECT_GT(steps, 300);
+}
+
+// Finding S5.
+TEST(ExactDesign, EveryMethodEndsOnIllConditionedSets) {
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    SCOPED_TRACE(seed);
+    const InformationSet set = mixed_set(seed, 5, 4, 4);
+    const Relaxation relaxation = solve_relaxation(set);
+    for (const auto& method : exact_methods()) {
+      SCOPED_TRACE(method->name());
+      const ExactSolution answer = method->solve(set, relaxation, {.experiments = 3, .seed = seed});
+      EXPECT_EQ(answer.design.experiments(), 3);
+      EXPECT_NE(answer.status, ExactStatus::kTimeLimit);
+    }
+  }
+}
+
+// Finding S6: a box that holds one design was branched for ever, where the rounding of its bound
+// exceeded the gap.
+TEST(ExactDesign, IsProvenToTheSmallestGapOnIllConditionedSets) {
+  int optimal = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const InformationSet set = mixed_set(seed, 5, 4, 4);
+    const Relaxation relaxation = solve_relaxation(set);
+    for (const std::int64_t experiments : {1, 2, 3}) {
+      SCOPED_TRACE("seed " + std::to_string(seed) + " M " + std::to_string(experiments));
+      const ExactSolution answer = exact_method("branch_and_bound")
+                                       .solve(set, relaxation,
+                                              {.experiments = experiments,
+                                               .gap = 1e-9,
+                                               .time_limit = 60.0});
+      EXPECT_EQ(answer.status, ExactStatus::kOptimal) << answer.message;
+      EXPECT_LT(answer.nodes, 1000);
+      const double found = precise_log_det(set, relaxation, answer.design.counts);
+      for_each_design(set.candidate_count(), experiments, [&](const Counts& counts) {
+        EXPECT_LE(precise_log_det(set, relaxation, counts), found + 5.0 * 1.1e-9);
+      });
+      ++optimal;
+    }
+  }
+  EXPECT_EQ(optimal, 180);
 }
 
 // Screening, from the relaxed optimum and from poor designs alike, with incumbents from poor to

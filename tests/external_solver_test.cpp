@@ -118,8 +118,7 @@ TEST(ExternalSolver, LeavesAFalseClaimToTheChecker) {
 TEST(ExternalSolver, ReportsAProgramThatIsNotThere) {
   const Solution solution = run("/no/such/program", scalars({1.0, 2.0}));
   EXPECT_EQ(solution.status, SolveStatus::kNumericalFailure);
-  EXPECT_NE(solution.message.find("exit code 127"), std::string::npos) << solution.message;
-  EXPECT_NE(solution.message.find("/no/such/program"), std::string::npos) << solution.message;
+  EXPECT_EQ(solution.message, "no such program: /no/such/program");
   expect_uniform(solution, 2);
 }
 

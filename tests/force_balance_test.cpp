@@ -1,6 +1,7 @@
 // Missing physics in the force balance of simulated drives, where the truth is known.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +12,7 @@
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"
@@ -132,6 +134,64 @@ TEST_F(ForceBalance, FindsFrictionInNoiseThatFollowsItself) {
   EXPECT_NEAR(level.value, 8.0, 4.0 * level.standard_error);
 }
 
+bool fails(const Diagnosis& diagnosis, const std::string& test) {
+  return std::ranges::any_of(diagnosis.reasons, [&](const VerdictReason& reason) {
+    return has_failed(reason) && reason.test.find(test) != std::string::npos;
+  });
+}
+
+TEST_F(ForceBalance, SaysWhatALawGainsOnRecordingsKeptOutAndWhereItWasChecked) {
+  record([](double, double v) { return 8.0 * std::tanh(v / 0.01); }, 1.0, 3);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  const std::optional<HeldOutEffect>& held_out = diagnosis.effects[0].held_out;
+  ASSERT_TRUE(held_out);
+  EXPECT_NEAR(held_out->error_without, diagnosis.validation_before->nrmse, 1e-9);
+  EXPECT_NEAR(held_out->error_with, diagnosis.validation_after->nrmse, 1e-9);
+  EXPECT_GT(held_out->gain, 0.8);
+  EXPECT_TRUE(diagnosis.rejected.empty());
+  EXPECT_EQ(excluding(diagnosis.implausible), 0U);
+  EXPECT_TRUE(diagnosis.checked.kept_out);
+  EXPECT_EQ(diagnosis.checked.files, std::vector<std::string>{"run_2.csv"});
+  const auto velocity = std::ranges::find(diagnosis.checked.spans, "velocity of carriage",
+                                          &CheckedRange::Span::quantity);
+  ASSERT_NE(velocity, diagnosis.checked.spans.end());
+  // No more than all sines together, and most of that.
+  EXPECT_LT(velocity->to, 0.3 * 1.1 + 0.1 * 2.9 + 0.03 * 6.1 + 1e-9);
+  EXPECT_GT(velocity->to, 0.4);
+  EXPECT_LT(velocity->from, -0.4);
+}
+
+// A spring that was there while the fit's recording was made, and no longer.
+TEST_F(ForceBalance, RejectsALawThatRaisesTheErrorOfRecordingsKeptOut) {
+  int samples = 0;
+  record([&samples](double x, double) { return ++samples <= 1500 ? 300.0 * x * x * x : 0.0; }, 0.5,
+         4);
+  const Diagnosis diagnosis = diagnose(*problem());
+  EXPECT_TRUE(diagnosis.effects.empty());
+  ASSERT_FALSE(diagnosis.rejected.empty());
+  ASSERT_TRUE(diagnosis.rejected[0].held_out);
+  EXPECT_LT(diagnosis.rejected[0].held_out->gain, 0.0);
+  EXPECT_GT(diagnosis.rejected[0].held_out->error_with,
+            diagnosis.rejected[0].held_out->error_without);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  EXPECT_TRUE(fails(diagnosis, "laws found"));
+}
+
+// newcomer.md, section 5, 5: damping of -0.003, "explained".
+TEST_F(ForceBalance, NeverExplainsAnythingByNegativeDamping) {
+  record([](double, double v) { return -4.0 * v; }, 0.2, 5);
+  SearchOptions options;
+  options.ignore_channel_faults = true;
+  const Diagnosis diagnosis = diagnose(*problem(), options);
+  EXPECT_NE(diagnosis.verdict, Verdict::kExplained);
+  ASSERT_FALSE(diagnosis.implausible.empty());
+  EXPECT_EQ(diagnosis.implausible[0].rule, PlausibilityRule::kSign);
+  EXPECT_GT(diagnosis.implausible[0].standard_errors, 3.0);
+  EXPECT_TRUE(fails(diagnosis, "no machine has"));
+}
+
 TEST(ColouredNoise, KnowsWhatSamplesOfAKnownMemoryAreWorth) {
   Random random(5);
   Eigen::VectorXd values(20000);
@@ -234,7 +294,7 @@ TEST_F(ForceBalance, FindsPlayInASpring) {
 TEST(LawForce, FollowsABristleOfAnyStiffnessUnderConstantVelocity) {
   // Dahl: x' = z' (1 - x sign(z') s/F): x(t) = F/s (1 - exp(-s z/F)) from rest.
   const LawEntry& entry = *find_law("dahl", false);
-  PlaceMotion motion;
+  RecordedPlaceMotion motion;
   motion.time = Eigen::VectorXd::LinSpaced(200, 0.0, 1.0);
   motion.deflection = 0.4 * motion.time;
   motion.rate = Eigen::VectorXd::Constant(200, 0.4);
@@ -275,8 +335,8 @@ TEST_F(ForceBalance, ReadsBackTheModelThatItExtendedByALawWithMemory) {
   ASSERT_EQ(diagnosis.effects.size(), 1U);
   EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "dahl");
   const fs::path extended = folder_ / "extended.yaml";
-  std::ofstream(extended) << extended_model_text(folder_ / "drive.yaml", extended,
-                                                 diagnosis.after, data->hypotheses());
+  std::ofstream(extended) << extended_model_text(folder_ / "drive.yaml", extended, diagnosis.after,
+                                                 data->hypotheses());
   const auto again = force_balance_problem(extended, read_campaign(folder_));
   const ExtendedFit fit = again->fit({}, nullptr);
   EXPECT_NEAR(fit.estimation.nrmse, diagnosis.after.estimation.nrmse,
@@ -322,8 +382,8 @@ TEST_F(ForceBalance, FitsAMassBesideALawWithMemory) {
     EXPECT_EQ(fit.status, InverseDynamicsStatus::kConverged);
     ASSERT_EQ(fit.parameters.size(), each.truth.size());
     for (std::size_t p = 0; p < fit.parameters.size(); ++p) {
-      const double error = std::sqrt(
-          fit.covariance(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(p)));
+      const double error =
+          std::sqrt(fit.covariance(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(p)));
       EXPECT_NEAR(fit.parameters[p].value, each.truth[p], 4.0 * error) << fit.parameters[p].name;
       EXPECT_LT(error, 0.03 * each.truth[p]) << fit.parameters[p].name;
     }

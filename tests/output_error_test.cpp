@@ -625,6 +625,42 @@ TEST(OutputErrorFit, StandardErrorsCoverTheTruth) {
   }
 }
 
+// A spring that is not the same in every recording: errors inside each recording are far too small.
+TEST(OutputErrorFit, StandardErrorsAllowForTheSpreadBetweenRecordings) {
+  constexpr Eigen::Index kSamples = 400;
+  constexpr int kFits = 30, kRecordings = 5;
+  Random random(21);
+  int covered = 0;
+  double white = 0.0;
+  for (int k = 0; k < kFits; ++k) {
+    OutputErrorData all;
+    for (int g = 0; g < kRecordings; ++g) {
+      const LumpedModel own =
+          model_of(duffing(2.0, 0.8, 50.0 * (1.0 + 0.03 * random.normal()), 0.0));
+      const auto seed = static_cast<std::uint64_t>(100 * k + g);
+      OutputErrorData one =
+          data_of({recording_of(smooth_input(kSamples, 7 + seed, 30.0), 1)}, InputHold::kZero);
+      record(own, one, 0.01, 5000 + seed);
+      if (g == 0) {
+        all = one;
+      } else {
+        all.recordings.push_back(one.recordings[0]);
+      }
+    }
+    LumpedModel start = model_of(duffing(2.0, 0.8, 50.0, 0.0));
+    start.parameters[3].fixed = true;
+    OutputErrorProblem problem(start, all);
+    const OutputErrorFit fit = fit_output_error(
+        problem, {.initial_state = InitialState::kRest, .equation_error = false, .starts = 0});
+    ASSERT_EQ(fit.status, OutputErrorStatus::kConverged);
+    const double error = fit.theta(1) - 50.0;
+    covered += std::abs(error) <= 1.96 * fit.standard_errors()(1) ? 1 : 0;
+    white += error * error / fit.white_covariance(1, 1) / kFits;
+  }
+  EXPECT_GE(covered, 25);  // of 30 at 95 %: fewer once in 500
+  EXPECT_GT(white, 4.0);
+}
+
 TEST(OutputErrorFit, ReportsDivergenceAsAStatus) {
   // A mass on a spring that pushes away: whatever the stiffness, it leaves.
   std::string text = duffing(1.0, 0.1, 1.0, 0.0);

@@ -195,8 +195,10 @@ TEST(Classify, TheCheckerDecidesNotTheClaim) {
     certificate.rounding_bound = 1e-14;
     return classify(ProcessOutcome{}, answer, certificate, 1e-6);
   };
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), ReportStatus::kSolved);
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 - 2e-14), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), ReportStatus::kNumericalFailure);  // not proven
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), ReportStatus::kInaccurate);
+  EXPECT_EQ(judged(SolveStatus::kSolved, -1e-13), ReportStatus::kNumericalFailure);
   EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-6), ReportStatus::kInaccurate);
   EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-5), ReportStatus::kClaimedButWrong);
   EXPECT_EQ(judged(SolveStatus::kSolved, kInfinity), ReportStatus::kClaimedButWrong);
@@ -260,13 +262,18 @@ TEST_F(Study, EveryWayToFailGetsItsName) {
 TEST_F(Study, AFalseClaimIsChargedTheLimit) {
   options_.max_candidates = 50;
   run({"honest", "liar"});
+  std::size_t liars = 0, honest = 0;
   for (const PointSummary& point : summarise_points(rows().runs)) {
     if (point.solver == "liar") {
+      ++liars;
       EXPECT_EQ(point.charged_seconds, 5.0);
     } else {
+      ++honest;
       EXPECT_EQ(point.charged_seconds, point.seconds.median);
     }
   }
+  EXPECT_GE(liars, 1U);
+  EXPECT_GE(honest, 1U);
 }
 
 TEST_F(Study, RepeatsSolvedPointsAndThemAlone) {

@@ -64,6 +64,10 @@ TEST(VerdictWords, RoundTheValueToTheErrorsTwoDigits) {
             "1.93e+09 ± 0.13e+09 N m/rad^3");
   EXPECT_EQ(estimate_words({"d", "N m", 11.96341, 0.0312}), "11.963 ± 0.031 N m");
   EXPECT_EQ(estimate_words({"x", "1", 0.5, 12.3}), "0 ± 12");
+  // newcomer.md, section 5, 5: not as if it were known.
+  EXPECT_EQ(estimate_words({"d", "1", 0.5, 12.3}), "not determined (0 ± 12)");
+  EXPECT_EQ(estimate_words({"phase", "rad", 0.1, 0.2}), "0.10 ± 0.20 rad");
+  EXPECT_EQ(estimate_words({"phase", "rad", 0.1, 2.0}), "not determined (0.1 ± 2.0 rad)");
   EXPECT_EQ(estimate_words({"x", "rad", 0.0, 0.0}), "0 rad (no standard error)");
   EXPECT_EQ(estimate_words({"x", "rad", 3.0, std::nan("")}), "3 rad (no standard error)");
   EXPECT_EQ(estimate_words({"lever", "m", 0.81863, std::nan(""), 0.0123}), "0.819 ± 0.012 m");
@@ -203,6 +207,74 @@ TEST(VerdictWords, SayItAsAnEngineerWould) {
               std::string::npos)
         << entry.name;
   }
+}
+
+// newcomer.md 2.1, mend 4: words follow the numbers.
+TEST(VerdictWords, SayThatFrictionFallsWithSpeedOnlyWhereItDoes) {
+  const auto sentence = [](const char* law, std::vector<LawParameterEstimate> parameters) {
+    return law_sentence({"load", "", law, {}}, {0, std::move(parameters)});
+  };
+  const auto friction = [&](const char* law, double sliding, double still) {
+    return sentence(law, {{"level", "N m", sliding, 0.01}, {"static_level", "N m", still, 0.01}});
+  };
+  for (const char* law : {"stribeck", "lugre"}) {
+    EXPECT_NE(friction(law, 1.0, 1.5).find("falls with speed"), std::string::npos) << law;
+    EXPECT_NE(friction(law, 1.5, 1.0).find("rises with speed"), std::string::npos) << law;
+    EXPECT_NE(friction(law, 1.0, 1.01).find("hardly depends on speed"), std::string::npos) << law;
+  }
+  EXPECT_EQ(
+      sentence("sublinear_friction", {{"level", "N", 5.0, 0.1}, {"exponent", "1", 0.99, 0.02}}),
+      "load has viscous friction");
+  EXPECT_NE(sentence("sublinear_friction", {{"level", "N", 5.0, 0.1}, {"exponent", "1", 0.5, 0.02}})
+                .find("grows less than speed"),
+            std::string::npos);
+  const auto by_direction = [&](double backward) {
+    return sentence("asymmetric_coulomb",
+                    {{"forward_level", "N", 5.0, 0.2}, {"backward_level", "N", backward, 0.2}});
+  };
+  EXPECT_NE(by_direction(8.0).find("differs between the directions"), std::string::npos);
+  EXPECT_NE(by_direction(5.1).find("the same in both directions"), std::string::npos);
+}
+
+TEST(VerdictWords, NeverSayInfStandardErrors) {
+  Diagnosis diagnosis = explained();
+  diagnosis.noise_is_known = false;
+  for (const double difference : {std::numeric_limits<double>::infinity(), 1e300, 1e7}) {
+    diagnosis.effects[0].bic_difference = difference;
+    diagnosis.effects[0].excluded[0].bic_difference = difference;
+    const std::string all = all_words(diagnosis);
+    EXPECT_EQ(all.find("inf"), std::string::npos) << all;
+    EXPECT_NE(all.find("prediction far worse"), std::string::npos) << all;
+  }
+}
+
+TEST(VerdictWords, SayFirstWhatNoMachineHas) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kUnknown;
+  diagnosis.implausible = {{PlausibilityRule::kSign, "load.inertia", -1.3, 9.0,
+                            "load.inertia is negative by 9 standard errors: -1.3", "Usually ..."}};
+  const std::vector<std::string> lines = verdict_words(diagnosis, kHypotheses);
+  EXPECT_NE(lines[0].find("not one that a machine can have"), std::string::npos) << lines[0];
+  EXPECT_EQ(lines[1],
+            "Implausible: load.inertia is negative by 9 standard errors: -1.3. Usually ...");
+  const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"});
+  EXPECT_EQ(json.at("plausibility").at(0).at("quantity"), "load.inertia");
+}
+
+TEST(VerdictFile, ListsWhatWasTriedAndRejected) {
+  Diagnosis diagnosis = explained();
+  diagnosis.rejected = {
+      {{1, {}}, "it raises the error of recordings kept out", HeldOutEffect{6.1, 8.3, -0.8, true}}};
+  diagnosis.effects[0].held_out = HeldOutEffect{12.5, 1.6, 0.98};
+  const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"});
+  EXPECT_EQ(json.at("rejected").at(0).at("law"), "coulomb");
+  EXPECT_EQ(json.at("physics").at(0).at("held_out_gain").get<double>(), 0.98);
+  EXPECT_EQ(json.at("physics").at(0).at("held_out_error_without").get<double>(), 12.5);
+  const std::string all = all_words(diagnosis);
+  EXPECT_NE(all.find("Tried and rejected: coulomb at joint_2.motor: it raises the error"),
+            std::string::npos)
+      << all;
+  EXPECT_NE(all.find("from 12.5 % to 1.6 %"), std::string::npos) << all;
 }
 
 // A delay of the only actuator or of the only sensor: one system, two places.

@@ -153,7 +153,7 @@ void turn_back(Motion& piece, Index j) {
 
 std::string messages(const std::vector<ChannelFault>& faults) {
   std::string text;
-  for (const ChannelFault& fault : faults) text += fault.message + "\n";
+  for (const ChannelFault& fault : faults) text += fault.statement() + "\n";
   return text;
 }
 
@@ -237,6 +237,69 @@ TEST(WiringFaults, AreNamedWhetherMassesAreKnownOrNot) {
             fmt::format("{}, seed {}, masses {}: {}", fault.message, seed, masses, messages(found));
         EXPECT_EQ(found.size(), 1U) << where;
         EXPECT_NE(messages(found).find(fault.message), std::string::npos) << where;
+      }
+    }
+  }
+}
+
+// The truth is in the class that is named, and a verdict without rivals is right.
+TEST(WiringFaults, NameAClassThatHoldsTheTruth) {
+  const std::vector<Fault> faults{
+      {"t1 and t2 are swapped", [](Motion& piece) { swap_columns(piece.torque, 0, 1); }},
+      {"q1 and q3 are swapped", [](Motion& piece) { swap_motions(piece, 0, 2); }},
+      {"t3 has the wrong sign", [](Motion& piece) { piece.torque.col(2) *= -1.0; }},
+      {"q2 has the wrong sign", [](Motion& piece) { turn_back(piece, 1); }},
+      {"t2 is 1e+03 times too large", [](Motion& piece) { piece.torque.col(1) *= 1000.0; }},
+      {"t2 is 120 times too small", [](Motion& piece) { piece.torque.col(1) /= 120.0; }},
+      {"degrees, where radians are stated", [](Motion& piece) {
+         for (MatrixXd* signal : {&piece.position, &piece.velocity, &piece.acceleration}) {
+           *signal *= kDegrees;
+         }
+       }}};
+  int cases = 0, held = 0, sure = 0, sure_and_wrong = 0;
+  for (const Fault& fault : faults) {
+    for (std::uint64_t seed = 21; seed < 25; ++seed) {
+      const RecordedArm arm(seed);
+      for (const char* masses : {"known", "unknown"}) {
+        const std::vector<ChannelFault> found = arm.faults(masses, fault.make);
+        ++cases;
+        if (messages(found).find(fault.message) != std::string::npos) ++held;
+        if (found.empty() || !found.front().rivals.empty()) continue;
+        ++sure;
+        if (found.front().message.find(fault.message) == std::string::npos) ++sure_and_wrong;
+      }
+    }
+  }
+  EXPECT_GE(held, static_cast<int>(std::ceil(0.95 * cases))) << "of " << cases;
+  EXPECT_GT(sure, 0);
+  EXPECT_EQ(sure_and_wrong, 0) << "of " << sure;
+}
+
+// A position in counts that wrap, and rates that are differentiated from it or recorded.
+void wrap_first_joint(Motion& piece, double range) {
+  for (double& q : piece.position.col(0)) q -= range * std::round(q / range);
+}
+
+TEST(WiringFaults, OfACounterThatWrapsAreNoWrongSign) {
+  for (const std::uint64_t seed : {5U, 6U, 7U}) {
+    const RecordedArm arm(seed);
+    for (const bool rates_are_recorded : {true, false}) {
+      for (const bool is_filtered : {false, true}) {
+        const std::vector<ChannelFault> found = arm.faults("unknown", [&](Motion& piece) {
+          wrap_first_joint(piece, 0.8);
+          if (is_filtered) {
+            constexpr double kCutOff = 10.0, kSample = 0.01;
+            piece.position.col(0) =
+                zero_phase_low_pass(piece.position.col(0), kCutOff * kSample, 4);
+            piece.filters = {{kCutOff, 4}};
+          }
+          if (rates_are_recorded) return;
+          piece.velocity.col(0) = time_derivative(piece.time, piece.position.col(0));
+          piece.acceleration.col(0) = time_derivative(piece.time, piece.velocity.col(0));
+        });
+        const std::string said = messages(found);
+        EXPECT_NE(said.find("q1 jumps"), std::string::npos) << seed << said;
+        EXPECT_EQ(said.find("wrong sign"), std::string::npos) << said;
       }
     }
   }

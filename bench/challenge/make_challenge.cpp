@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -18,6 +19,8 @@
 #include "graybox/diagnosis/simulation/recording_writer.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/formats/folder_lock.hpp"
+#include "graybox/problems/formats/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -136,11 +139,21 @@ bool lies_within(const fs::path& inner, const fs::path& outer) {
   return std::mismatch(b.begin(), b.end(), a.begin(), a.end()).first == b.end();
 }
 
-// The truth's folder is of this challenge, or becomes so.
-void claim_folders(const MakeOptions& options) {
+void require_apart(const MakeOptions& options) {
   if (lies_within(options.truth, options.cases) || lies_within(options.cases, options.truth)) {
     throw InputError("challenge make: --truth and -o must not lie in each other");
   }
+}
+
+// Nothing but what a run in the making leaves that is killed.
+bool holds_nothing(const fs::path& folder) {
+  return std::ranges::all_of(fs::directory_iterator(folder), [](const fs::directory_entry& entry) {
+    return is_temporary_name(entry.path().filename().string());
+  });
+}
+
+// The truth's folder is of this challenge, or becomes so.
+void claim_folders(const MakeOptions& options) {
   const Json stamp{{"format", "graybox-challenge-plan/1"},
                    {"seed", options.origin.seed},
                    {"commit", options.origin.commit},
@@ -153,12 +166,10 @@ void claim_folders(const MakeOptions& options) {
                                  options.truth.string()));
   }
   for (const fs::path& folder : {options.truth, options.cases}) {
-    if (fs::exists(folder) && !fs::is_empty(folder)) {
+    if (!holds_nothing(folder)) {
       throw InputError(fmt::format("{}: is not empty; choose another folder", folder.string()));
     }
   }
-  make_folder(options.truth);
-  make_folder(options.cases);
   write_text_file(file.string(), stamp.dump(2) + "\n");
 }
 
@@ -287,6 +298,8 @@ bool write_case(const CaseTruth& truth, const fs::path& folder,
 }
 
 MakeOutcome make_challenge(const MakeOptions& options) {
+  require_apart(options);
+  const FolderLock truth_lock(options.truth), cases_lock(options.cases);
   claim_folders(options);
   Rounds rounds(options);
   MakeOutcome outcome{options.origin.cases, false, {}};

@@ -15,6 +15,9 @@
 #include "graybox/bench/challenge/seal.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/formats/folder_lock.hpp"
+#include "graybox/problems/formats/temporary_name.hpp"
+#include "graybox/problems/program_version.hpp"
 #include "graybox/solvers/child_process.hpp"
 
 namespace graybox::bench {
@@ -36,6 +39,10 @@ std::vector<std::string> case_names(const fs::path& cases) {
   return names;
 }
 
+bool is_leftover(const fs::directory_entry& entry) {
+  return is_temporary_name(entry.path().filename().string());
+}
+
 void claim_answers(const RunOptions& options, const ChallengeHeader& header) {
   const Json stamp{{"format", "graybox-answers/1"},
                    {"truth_sha256", header.truth_sha256},
@@ -50,15 +57,9 @@ void claim_answers(const RunOptions& options, const ChallengeHeader& header) {
                     "another folder",
                     options.answers.string()));
   }
-  if (fs::exists(options.answers) && !fs::is_empty(options.answers)) {
+  if (!std::ranges::all_of(fs::directory_iterator(options.answers), is_leftover)) {
     throw InputError(
         fmt::format("{}: is not empty; choose another folder", options.answers.string()));
-  }
-  std::error_code error;
-  fs::create_directories(options.answers, error);
-  if (error) {
-    throw InputError(
-        fmt::format("{}: can't be made: {}", options.answers.string(), error.message()));
   }
   write_text_file(file.string(), stamp.dump(2) + "\n");
 }
@@ -139,6 +140,7 @@ class CaseRun {
     ok_ =
         !out_of_time && fs::exists(answer_ / "verdict.json") && (exit_code == 0 || exit_code == 1);
     const Json record{{"format", "graybox-answer/1"},
+                      {"written_by", written_by()},
                       {"status", out_of_time ? "time_limit"
                                  : ok_       ? "answered"
                                              : "failed"},
@@ -206,6 +208,7 @@ RunOutcome run_challenge(const RunOptions& options) {
   if (tasks.empty()) {
     throw InputError(fmt::format("{}: no case to run", options.cases.string()));
   }
+  const FolderLock lock(options.answers);
   claim_answers(options, header);
   RunOutcome outcome{.cases = tasks.size()};
   std::vector<const Task*> waiting;

@@ -13,11 +13,13 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <vector>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/program_version.hpp"
 #include "graybox/problems/sha256.hpp"
 
 namespace graybox::bench {
@@ -97,12 +99,16 @@ std::string utc_now() {
 
 std::string program_hash() {
   std::ifstream stream("/proc/self/exe", std::ios::binary);
-  Sha256 hash;
-  std::vector<char> buffer(1 << 16);
-  while (stream.read(buffer.data(), static_cast<std::streamsize>(buffer.size())),
-         stream.gcount() > 0) {
-    hash.update(buffer.data(), static_cast<std::size_t>(stream.gcount()));
+  std::string bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  // A commit that changes no code makes no other program: its name in it does not count.
+  const std::string& commit = program_commit();
+  for (std::size_t at = bytes.find(commit); at != std::string::npos; at = bytes.find(commit, at)) {
+    const std::size_t end = std::min(at + kCommitField, bytes.size());
+    std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(at),
+              bytes.begin() + static_cast<std::ptrdiff_t>(end), '\0');
   }
+  Sha256 hash;
+  hash.update(bytes);
   return hash.hexadecimal().substr(0, 12);
 }
 

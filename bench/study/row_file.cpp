@@ -13,6 +13,8 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -82,7 +84,8 @@ RowFile::~RowFile() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-void RowFile::append(const json& row) {
+void RowFile::append(json row) {
+  row["written_by"] = written_by();
   const std::string line = row.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
   for (std::size_t done = 0; done < line.size();) {
     const ssize_t count = write(descriptor_, line.data() + done, line.size() - done);
@@ -110,13 +113,11 @@ void divide_rows(const std::filesystem::path& file, const std::filesystem::path&
     if (is_row && !stays) others += line + "\n";
   }
   if (all) return;
-  std::filesystem::path temporary = file;
-  temporary += ".temporary";
-  if (!(std::ofstream(temporary) << kept).flush() ||
-      !(std::ofstream(rest, std::ios::app) << others).flush()) {
-    throw InputError(fmt::format("{}: can't be rewritten; is the disk full?", file.string()));
+  // First the rest, so that a run that is killed here loses no row.
+  if (!(std::ofstream(rest, std::ios::app) << others).flush()) {
+    throw InputError(fmt::format("{}: can't be written; is the disk full?", rest.string()));
   }
-  std::filesystem::rename(temporary, file);
+  write_text_file(file.string(), kept);
 }
 
 }  // namespace graybox::bench

@@ -31,7 +31,7 @@ class RowFile {
   RowFile& operator=(const RowFile&) = delete;
   ~RowFile();
 
-  void append(const nlohmann::json& row);
+  void append(nlohmann::json row);
 
  private:
   std::filesystem::path path_;

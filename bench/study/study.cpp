@@ -21,7 +21,9 @@
 #include "graybox/bench/study/statistics.hpp"
 #include "graybox/bench/study/worker.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/folder_lock.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
+#include "graybox/problems/formats/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -116,6 +118,8 @@ class StudyRunner {
 
  private:
   void prepare_folder() {
+    lock_.emplace(options_.output);
+    require_own_folder();
     std::error_code error;
     fs::create_directories(options_.output / "work", error);
     if (error) {
@@ -123,12 +127,30 @@ class StudyRunner {
                                    error.message()));
     }
     const fs::path file = options_.output / "rows.jsonl";
-    if (!options_.resume) fs::remove(file);
+    if (options_.fresh) fs::remove(file);
     if (!fs::exists(file)) return;
     divide_rows(file, options_.output / "rows_of_other_builds.jsonl", [&](const auto& row) {
       return !row.contains("binary") || row["binary"] == setup_.binary;
     });
     for (RunRow& run : read_rows(file).runs) earlier_.insert_or_assign(run.key, std::move(run));
+  }
+
+  // Rows are hours of work, and other files are not ours.
+  void require_own_folder() const {
+    const std::string folder = options_.output.string();
+    if (fs::exists(options_.output / "rows.jsonl")) {
+      if (options_.resume || options_.fresh) return;
+      throw InputError(
+          fmt::format("{}: holds the rows of an earlier study; --resume goes on with them, --fresh "
+                      "deletes them, or choose another folder",
+                      folder));
+    }
+    for (const auto& entry : fs::directory_iterator(options_.output)) {
+      const std::string name = entry.path().filename().string();
+      if (name == "work" || is_temporary_name(name)) continue;
+      throw InputError(fmt::format(
+          "{}: is not empty and holds no study; choose another folder", folder));
+    }
   }
 
   void run_round() {
@@ -296,6 +318,7 @@ class StudyRunner {
   const StudySetup& setup_;
   Progress& progress_;
   StudyLimits limits_;
+  std::optional<FolderLock> lock_;
   SetStore sets_;
   std::vector<PointState> states_;
   std::map<RunKey, RunRow> earlier_;

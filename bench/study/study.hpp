@@ -47,7 +47,7 @@ struct StudyOutcome {
   std::size_t runs_found = 0;  // done earlier, found on resuming
 };
 
-// Without options.resume earlier rows are replaced. Throws InputError for bad options and where
+// Earlier rows are refused without options.resume or options.fresh. Throws InputError for bad options and where
 // nothing can be written.
 StudyOutcome run_study(const StudyOptions& options, const SolverRegistry& registry,
                        const StudySetup& setup, Progress& progress);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -26,12 +27,17 @@ InformationSet robot_set(std::size_t candidates) {
 }  // namespace
 
 const std::vector<std::string>& study_families() {
-  static const std::vector<std::string> names{"rob",  "wis", "flat",  "smo",
-                                              "smr6", "r1g", "cube3", "dup"};
+  static const std::vector<std::string> names{"rob",      "wis",     "flat",        "smo",
+                                              "smr6",     "r1g",     "cube3",       "dup",
+                                              "legendre", "splines", "exponentials"};
   return names;
 }
 
 InformationSet make_study_set(const std::string& family, std::size_t candidates) {
+  if (const auto end = family.find_last_not_of("0123456789");
+      end != std::string::npos && end + 1 < family.size() && family[end] == '_') {
+    return make_family(family.substr(0, end), candidates, std::stoul(family.substr(end + 1)));
+  }
   if (family == "robot") return robot_set(candidates);
   if (family == "robot_units") return in_units(robot_set(candidates), kUnitDecades);
   const auto known = std::ranges::find(families(), family, &Family::name);

@@ -10,13 +10,14 @@
 
 namespace graybox::bench {
 
-// rob, wis, flat, smo, smr6, r1g, cube3, dup: what the study runs besides the robot.
+// rob, wis, flat, smo, smr6, r1g, cube3, dup and, of the smooth curves, legendre, splines and
+// exponentials: what the study runs besides the robot.
 [[nodiscard]] const std::vector<std::string>& study_families();
 
 // "robot" gives nested random subsets of the paper's 7920 positions, and beyond them positions of a
 // finer grid. A family of fixed size gives that size, and `dup` the next multiple of its ten copies
 // below `candidates`, at most its default; all others exactly `candidates`, nested. Throws
-// InputError for an unknown family.
+// InputError for an unknown family. "FAMILY_D" is the family with D parameters (legendre_31).
 // "robot_units" is the robot's set with its parameters in units twelve decades apart: the same
 // problem to a mathematician, and to the checker.
 [[nodiscard]] InformationSet make_study_set(const std::string& family, std::size_t candidates);

@@ -40,13 +40,13 @@ Eigen::VectorXd rms_of(const Eigen::MatrixXd& force) {
   return (rms.array() > 0.0).select(rms, largest > 0.0 ? largest : 1.0);
 }
 
-struct Solution {
+struct LinearSolution {
   Eigen::VectorXd values;
   bool full_rank = false;
 };
 
 // Symmetric positive definite systems, scaled to a unit diagonal.
-Solution solve(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& right) {
+LinearSolution solve(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& right) {
   if (right.size() == 0) return {right, true};
   const Eigen::VectorXd diagonal = matrix.diagonal();
   if (!(diagonal.minCoeff() > 0.0) || !matrix.allFinite()) return {};
@@ -207,7 +207,7 @@ BalanceFit BalanceRegression::fit(std::span<const BalanceColumns> laws) const {
                          static_cast<double>(p + m) / static_cast<double>(joints);
   const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_.force).cwiseQuotient(noise_);
   Eigen::VectorXd relative = Eigen::VectorXd::Ones(joints);
-  Solution found;
+  LinearSolution found;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     found = solution(relative.cwiseAbs2().cwiseInverse(), -1);
     if (!found.full_rank) return fit;
@@ -241,7 +241,7 @@ BalanceFit BalanceRegression::fit(std::span<const BalanceColumns> laws) const {
   fit.held_out.resize(kBlocks, joints);
   const Eigen::VectorXd weights = relative.cwiseAbs2().cwiseInverse();
   for (Index b = 0; b < kBlocks; ++b) {
-    const Solution others = solution(weights, b);
+    const LinearSolution others = solution(weights, b);
     const auto count = static_cast<double>(begins_[static_cast<std::size_t>(b) + 1] -
                                            begins_[static_cast<std::size_t>(b)]);
     for (Index j = 0; j < joints; ++j) {

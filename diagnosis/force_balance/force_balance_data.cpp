@@ -24,8 +24,13 @@ constexpr double kDependent = 1e-6;
 // Every stride-th sample.
 Motion thinned(const Motion& piece, Eigen::Index stride) {
   const auto kept = Eigen::seq(Eigen::Index{0}, Eigen::last, stride);
-  return {piece.time(kept), piece.position(kept, Eigen::all), piece.velocity(kept, Eigen::all),
-          piece.acceleration(kept, Eigen::all), piece.torque(kept, Eigen::all)};
+  return {piece.time(kept),
+          piece.position(kept, Eigen::all),
+          piece.velocity(kept, Eigen::all),
+          piece.acceleration(kept, Eigen::all),
+          piece.torque(kept, Eigen::all),
+          piece.filters,
+          piece.position_is_recorded};
 }
 
 void thin(std::vector<Motion>& pieces) {
@@ -56,7 +61,9 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   RigidBodyRegressor bodies(robot);
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
+    rows.filtered.emplace_back(piece);
     const Eigen::MatrixXd remembered = columns.remembered(piece);
+    const Eigen::Index first = row;
     for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
       const Eigen::VectorXd q = piece.position.row(t), velocity = piece.velocity.row(t),
                             acceleration = piece.acceleration.row(t);
@@ -68,6 +75,12 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
         const auto at = static_cast<std::size_t>(j);
         rows.model.in[at].row(row) = columns.matrix().row(j);
         rows.flange_body.in[at].row(row) = links.row(j).tail<kStandardParameters>();
+      }
+    }
+    for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
+      for (Eigen::Index j = 0; j < joints; ++j) {
+        rows.model.in[static_cast<std::size_t>(j)].col(law.column).segment(first, piece.samples()) +=
+            law.output(j) * law.change;
       }
     }
   }
@@ -95,8 +108,11 @@ void keep_base_parameters(const TorqueColumns& columns, ForceBalanceData& data) 
   if (columns.size() == 0) return;
   const BaseParameters base =
       base_parameters(stacked(data.estimation.model), columns.names(), kDependent);
-  for (const Eigen::Index column : base.columns) {
+  for (std::size_t b = 0; b < base.columns.size(); ++b) {
+    const Eigen::Index column = base.columns[b];
     data.parameter_units.push_back(columns.units()[static_cast<std::size_t>(column)]);
+    data.parameter_kinds.push_back(
+        base_parameter_kind(base.names[b], data.parameter_units.back(), base.relations));
   }
   data.parameter_names = base.names;
   keep(base.columns, data.estimation.model);
@@ -194,6 +210,7 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   }
   data.flange = robot.flange;
   data.robot = robot;
+  data.position_is_recorded = !robot.channels.position.empty();
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
   add_neighbours(robot, data.places);
@@ -204,36 +221,31 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   return data;
 }
 
-PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {
+RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {
   return {piece.time, piece.position * place.location.input, piece.velocity * place.location.input,
           piece.acceleration * place.location.input};
 }
 
-namespace {
-
-// `scalar`: the force along b_out of one piece.
-template <typename Scalar>
-Eigen::VectorXd place_samples(const CandidatePlace& place, const ForceBalanceRows& rows,
-                              Scalar scalar) {
+Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
+                            const ForceBalanceRows& rows) {
   Eigen::VectorXd result(rows.samples());
   Eigen::Index row = 0;
-  for (const Motion& piece : rows.pieces) {
-    result.segment(row, piece.samples()) = scalar(motion_at(place, piece));
-    row += piece.samples();
+  for (const FilteredMotion& piece : rows.filtered) {
+    const Eigen::VectorXd force = piece.force(law, place.location.input);
+    result.segment(row, force.size()) = force;
+    row += force.size();
   }
   return result;
 }
 
-}  // namespace
-
-Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
-                            const ForceBalanceRows& rows) {
-  return place_samples(place, rows,
-                       [&law](const PlaceMotion& motion) { return law_force(law, motion); });
-}
-
 Eigen::VectorXd inertia_samples(const CandidatePlace& place, const ForceBalanceRows& rows) {
-  return place_samples(place, rows, [](const PlaceMotion& motion) { return motion.acceleration; });
+  Eigen::VectorXd result(rows.samples());
+  Eigen::Index row = 0;
+  for (const Motion& piece : rows.pieces) {
+    result.segment(row, piece.samples()) = piece.acceleration * place.location.input;
+    row += piece.samples();
+  }
+  return result;
 }
 
 }  // namespace graybox

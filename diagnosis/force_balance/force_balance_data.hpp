@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
@@ -29,6 +31,7 @@ struct ForceBalanceRows {
   BalanceColumns model;            // columns of the model's own parameters
   BalanceColumns flange_body;      // of the ten standard parameters of a body at the flange, if any
   std::vector<Motion> pieces;      // in the order of the rows
+  std::vector<FilteredMotion> filtered;  // of each piece, for laws
   std::vector<std::string> names;  // of each piece's recording
 
   [[nodiscard]] bool empty() const { return pieces.empty(); }
@@ -44,10 +47,13 @@ struct BalanceCoordinate {
 struct ForceBalanceData {
   std::vector<BalanceCoordinate> coordinates;
   std::vector<std::string> parameter_names, parameter_units;  // of the model's columns
+  // What each may be: a sum of masses, moments of inertia or coefficients of laws, or kOther where anything is possible.
+  std::vector<QuantityKind> parameter_kinds;
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
   RigidRobotModel robot;
+  bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;  // for estimation, every sample
 };
 
@@ -58,9 +64,10 @@ struct ForceBalanceData {
     std::span<const std::filesystem::path> place_files = {});
 
 // Deflection and rate of a place in one piece: z = b_in^T q.
-[[nodiscard]] PlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);
+[[nodiscard]] RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);
 
-// A law's force in all rows: b_out f(z, z'), pieces one after another.
+// A law's force in all rows, as the torques' filters leave it: b_out f(z, z'), pieces one after
+// another.
 [[nodiscard]] Eigen::VectorXd law_samples(const CandidatePlace& place, const Law& law,
                                           const ForceBalanceRows& rows);
 // The same for an inertia of one: b_out z''.

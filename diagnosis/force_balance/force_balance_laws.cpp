@@ -144,7 +144,21 @@ BalanceColumns basis_columns(const PlacedLaw& law, std::span<const std::vector<d
   return columns;
 }
 
-std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place) {
+namespace {
+
+bool needs_position(const LawEntry& entry) {
+  if (entry.use != LawUse::kForce) return false;
+  std::vector<double> parameters(entry.parameters.size());
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    parameters[i] = 0.6 + 0.05 * static_cast<double>(i);
+  }
+  return depends_on_position(*entry.make(parameters));
+}
+
+}  // namespace
+
+std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place,
+                                                bool position_is_recorded) {
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
     if (place.location.is_flange) {
@@ -155,6 +169,7 @@ std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place) {
     // A hidden mass on a spring needs its own motion, which a force balance does not follow.
     if (entry.name == "mode") continue;
     if (entry.name == "balancer" && !place.turns) continue;
+    if (!position_is_recorded && needs_position(entry)) continue;
     laws.push_back(&entry);
   }
   return laws;
@@ -165,7 +180,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const Motion& piece : rows.pieces) {
-    const PlaceMotion motion = motion_at(place, piece);
+    const RecordedPlaceMotion motion = motion_at(place, piece);
     const double mean = motion.deflection.mean();
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {
       scale.deflections.push_back(std::abs(motion.deflection(t)));

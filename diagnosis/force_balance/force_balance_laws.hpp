@@ -46,8 +46,10 @@ struct PlacedLaw {
                                            const ForceBalanceData& data,
                                            const ForceBalanceRows& rows);
 
-// The laws that can be hypotheses at a place of a force balance.
-[[nodiscard]] std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place);
+// The laws that can be hypotheses at a place of a force balance; without positions only those that
+// don't depend on them.
+[[nodiscard]] std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place,
+                                                              bool position_is_recorded = true);
 [[nodiscard]] MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& rows);
 
 }  // namespace graybox

@@ -17,8 +17,10 @@
 #include "graybox/diagnosis/force_balance/wiring_faults.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/diagnosis/long_run_variance.hpp"
+#include "graybox/diagnosis/recording_spread.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -105,14 +107,17 @@ class ForceBalanceProblem : public MismatchProblem {
   [[nodiscard]] std::vector<ExtendedFit> fit_each(std::span<const std::vector<LawStart>> laws,
                                                   const ExtendedFit* nearby) const override {
     std::vector<ExtendedFit> fits(laws.size());
+    const StopClock clock;
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t i = 0; i < laws.size(); ++i) {
+      if (clock.stops()) continue;
       try {
         fits[i] = fit(laws[i], nearby);
       } catch (const InputError& error) {  // must not leave a thread
         fits[i].trouble = error.what();
       }
     }
+    stop_if_requested();
     return fits;
   }
 
@@ -158,6 +163,28 @@ class ForceBalanceProblem : public MismatchProblem {
       channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
     }
     return channels;
+  }
+
+  [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
+    PhysicalContext context;
+    context.kinds = data_.parameter_kinds;
+    for (const FittedLaw& law : fit.laws) {
+      PhysicalContext::OfLaw& own = context.laws.emplace_back();
+      const PlacedLaw placed_law = placed_of(law);
+      if (!placed_law.place->location.is_flange) describe_physics(placed_law, own);
+    }
+    return context;
+  }
+
+  [[nodiscard]] CheckedRange checked_range() const override {
+    CheckedRange range;
+    range.kept_out = !data_.validation.empty();
+    const ForceBalanceRows& rows = range.kept_out ? data_.validation : data_.estimation;
+    for (const std::string& name : rows.names) {
+      if (std::ranges::find(range.files, name) == range.files.end()) range.files.push_back(name);
+    }
+    for (Index j = 0; j < coordinates(); ++j) add_spans(rows, j, range);
+    return range;
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
@@ -214,10 +241,14 @@ class ForceBalanceProblem : public MismatchProblem {
   void list_hypotheses() {
     for (const CandidatePlace& place : data_.places) {
       scales_.push_back(motion_scale(place, data_.estimation));
-      for (const LawEntry* entry : force_balance_laws(place)) {
-        hypotheses_.push_back({place.location.name, place.yaml, entry->name,
-                               special_cases_of(*entry, false), place.is_compound,
-                               entry->name == "ripple"});
+      for (const LawEntry* entry : force_balance_laws(place, data_.position_is_recorded)) {
+        hypotheses_.push_back({.place = place.location.name,
+                               .location = place.yaml,
+                               .law = entry->name,
+                               .special_cases = special_cases_of(*entry, false),
+                               .is_compound = place.is_compound,
+                               .repeatable = entry->name == "ripple",
+                               .characteristic = characteristic_of(*entry, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }
@@ -337,8 +368,25 @@ class ForceBalanceProblem : public MismatchProblem {
     return count / (count - static_cast<double>(fitted)) * scores.long_run_variance(lags);
   }
 
-  // Standard deviations of the model's parameters and of those of the laws; NaN where the data do not
-  // see one.
+  // What each recording adds to the errors of the estimates, a row each.
+  [[nodiscard]] Eigen::MatrixXd recording_sums(const Eigen::MatrixXd& influence) const {
+    const ForceBalanceRows& rows = data_.estimation;
+    Eigen::MatrixXd sums(0, influence.cols());
+    Index row = 0;
+    for (std::size_t piece = 0; piece < rows.pieces.size(); ++piece) {
+      if (piece == 0 || rows.names[piece] != rows.names[piece - 1]) {
+        sums.conservativeResize(sums.rows() + 1, Eigen::NoChange);
+        sums.bottomRows<1>().setZero();
+      }
+      const Index samples = rows.pieces[piece].samples();
+      sums.bottomRows<1>() += influence.middleRows(row, samples).colwise().sum();
+      row += samples;
+    }
+    return sums;
+  }
+
+  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the spread between
+  // recordings (recording_spread.hpp); NaN where the data do not see one.
   struct Deviations {
     Eigen::VectorXd model;
     std::vector<Column> parameters;
@@ -355,10 +403,12 @@ class ForceBalanceProblem : public MismatchProblem {
       if (is_seen[k]) seen.push_back(static_cast<Index>(k));
     }
     const Eigen::MatrixXd influence = influences(all(Eigen::all, seen), fitted);
+    const Eigen::VectorXd between = deviations_between(recording_sums(influence));
     Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
     for (std::size_t k = 0; k < seen.size(); ++k) {
+      const auto own = static_cast<Index>(k);
       deviation(seen[k]) =
-          std::sqrt(covariance(influence.col(static_cast<Index>(k)), all.cols())(0, 0));
+          std::max(std::sqrt(covariance(influence.col(own), all.cols())(0, 0)), between(own));
     }
     const Index model = data_.estimation.model.count;
     result.model = deviation.head(model);
@@ -474,7 +524,7 @@ class ForceBalanceProblem : public MismatchProblem {
     ForcePicture result{
         law.hypothesis, units.deflection, units.deflection + "/s", units.force, {}, {}, {}, {}};
     for (const Motion& piece : data_.estimation.pieces) {
-      const PlaceMotion motion = motion_at(*placed_law.place, piece);
+      const RecordedPlaceMotion motion = motion_at(*placed_law.place, piece);
       result.deflection.insert(result.deflection.end(), motion.deflection.begin(),
                                motion.deflection.end());
       result.rate.insert(result.rate.end(), motion.rate.begin(), motion.rate.end());
@@ -482,6 +532,61 @@ class ForceBalanceProblem : public MismatchProblem {
     result.force.assign(force.begin(), force.end());
     result.law_force.assign(law_force.begin(), law_force.end());
     return result;
+  }
+
+  // What the model has at the law's place, and the law along the motion.
+  void describe_physics(const PlacedLaw& law, PhysicalContext::OfLaw& own) const {
+    const Location& place = law.place->location;
+    if (place.input != place.output) return;  // driven from elsewhere, it may well feed energy in
+    if (place.units.deflection == "m") own.stiffness = 0.0;  // gravity may make a joint topple
+    own.damping = 0.0;
+    for (const Element& element : data_.robot.elements) {
+      const bool is_there = element.location.output == place.output;
+      if (is_there && element.law_name == "viscous") own.damping += element.parameters[0];
+    }
+    const ForceBalanceRows& rows = data_.estimation;
+    const BalanceColumns force = law_force_column(law, data_, rows);
+    const Eigen::VectorXd direction = place.output / place.output.squaredNorm();
+    Eigen::VectorXd at_place = Eigen::VectorXd::Zero(rows.samples());
+    for (Index j = 0; j < coordinates(); ++j) {
+      const Eigen::MatrixXd& block = force.in[static_cast<std::size_t>(j)];
+      const Eigen::VectorXd column =
+          block.size() > 0 ? Eigen::VectorXd(block.col(0)) : Eigen::VectorXd::Zero(rows.samples());
+      own.trace.acting.insert(own.trace.acting.end(), column.begin(), column.end());
+      at_place += direction(j) * column;
+    }
+    own.trace.force.assign(at_place.begin(), at_place.end());
+    for (const Motion& piece : rows.pieces) {
+      const RecordedPlaceMotion motion = motion_at(*law.place, piece);
+      own.trace.deflection.insert(own.trace.deflection.end(), motion.deflection.begin(),
+                                  motion.deflection.end());
+      own.trace.rate.insert(own.trace.rate.end(), motion.rate.begin(), motion.rate.end());
+    }
+    const Eigen::VectorXd measured = rows.measured * direction;
+    const Eigen::Map<const Eigen::VectorXd> rate(own.trace.rate.data(), rows.samples());
+    own.trace.carried = measured.cwiseAbs().maxCoeff();
+    own.trace.fed_in = measured.cwiseProduct(rate).cwiseMax(0.0).mean();
+  }
+
+  void add_spans(const ForceBalanceRows& rows, Index j, CheckedRange& range) const {
+    const BalanceCoordinate& moving = data_.coordinates[static_cast<std::size_t>(j)];
+    constexpr double kNever = std::numeric_limits<double>::infinity();
+    CheckedRange::Span position{"position of " + moving.name, moving.units.deflection, kNever,
+                                -kNever};
+    CheckedRange::Span velocity{"velocity of " + moving.name, moving.units.deflection + "/s",
+                                kNever, -kNever};
+    const auto widen = [](CheckedRange::Span& span, const auto& values) {
+      span.from = std::min(span.from, values.minCoeff());
+      span.to = std::max(span.to, values.maxCoeff());
+    };
+    for (const Motion& piece : rows.pieces) {
+      widen(position, piece.position.col(j));
+      widen(velocity, piece.velocity.col(j));
+    }
+    range.spans.push_back(std::move(position));
+    range.spans.push_back(std::move(velocity));
+    range.spans.push_back({channel_name(j), moving.units.force, rows.measured.col(j).minCoeff(),
+                           rows.measured.col(j).maxCoeff()});
   }
 
   [[nodiscard]] std::string channel_name(Index coordinate) const {
@@ -498,7 +603,7 @@ class ForceBalanceProblem : public MismatchProblem {
       ResidualCurve curve;
       curve.channel = channel_name(j);
       curve.unit = data_.coordinates[static_cast<std::size_t>(j)].units.force;
-      curve.experiment = rows.names.front() + (held_out ? ", kept out of the fit" : "");
+      curve.experiment = rows.names.front();
       curve.over_time = true;
       curve.held_out = held_out;
       const auto own = Eigen::seqN(Index{0}, piece.samples());

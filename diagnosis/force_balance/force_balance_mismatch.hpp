@@ -8,7 +8,8 @@
 //
 // Fit. Parameters in which the force is linear by weighted least squares on compressed columns
 // (balance_regression.hpp), the others of the laws by variable projection (shape_refinement.hpp).
-// Standard errors and Wald statistics allow for residuals that are correlated in time.
+// Standard errors and Wald statistics allow for residuals that are correlated in time; standard errors are at least as
+// wide as the spread between recordings (recording_spread.hpp).
 //
 // Noise is not known: its deviation s_j at each joint is that of the residuals, its memory that of an
 // autoregressive model of what the first fit leaves, less what of that depends on the motion

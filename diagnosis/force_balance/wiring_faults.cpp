@@ -16,6 +16,7 @@
 
 #include "graybox/diagnosis/force_balance/rate_faults.hpp"
 #include "graybox/diagnosis/force_balance/wired_balance.hpp"
+#include "graybox/diagnosis/force_balance/wrap_faults.hpp"
 
 namespace graybox {
 namespace {
@@ -91,16 +92,16 @@ class Detective {
       const Suspicion& other = claimed[i];
       // Of masses that are not known only the ratios of forces tell.
       const bool is_same =
-          other.touched == best.touched || (best.is_force_unit && other.is_force_unit);
-      if (!is_same || other.error > kAlike * best.error) continue;
-      best.fault.message += "; or " + other.fault.message;
-      for (const std::string& channel : other.fault.channels) {
-        if (std::ranges::find(best.fault.channels, channel) == best.fault.channels.end()) {
-          best.fault.channels.push_back(channel);
-        }
-      }
+          share_joints(other, best) || (best.is_force_unit && other.is_force_unit);
+      if (is_same && other.error <= kAlike * best.error) best.fault.add_rival(other.fault);
     }
     return best;
+  }
+
+  static bool share_joints(const Suspicion& a, const Suspicion& b) {
+    return std::ranges::any_of(a.touched, [&b](Index joint) {
+      return std::ranges::find(b.touched, joint) != b.touched.end();
+    });
   }
 
   // Whether undoing it makes the balance fit, not at the cost of other joints; then with its figures.
@@ -323,7 +324,8 @@ class Detective {
     return robot_.channels.torque[at(j)];
   }
   [[nodiscard]] const std::string& motion_name(Index j) const {
-    return robot_.channels.position[at(j)];
+    const RobotChannels& channels = robot_.channels;
+    return (channels.position.empty() ? channels.velocity : channels.position)[at(j)];
   }
 
   const RigidRobotModel& robot_;
@@ -338,7 +340,9 @@ class Detective {
 std::vector<ChannelFault> find_wiring_faults(const RigidRobotModel& robot,
                                              std::span<const Motion> pieces,
                                              const std::function<bool()>& keep_going) {
-  std::vector<ChannelFault> faults = find_rate_faults(robot, pieces);
+  std::vector<ChannelFault> faults = find_wraps(robot, pieces);
+  if (!faults.empty()) return faults;  // a jump looks like a wrong sign
+  faults = find_rate_faults(robot, pieces);
   if (!faults.empty()) return faults;  // what follows would follow from them
   return Detective(robot, pieces, keep_going).run();
 }

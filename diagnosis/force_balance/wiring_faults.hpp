@@ -1,6 +1,7 @@
 // Faults of wiring, sign and unit in the recordings of a rigid robot, whose masses the recordings themselves must tell
-// (channel_faults.hpp has those of flexible models, whose responses are known). Three questions:
+// (channel_faults.hpp has those of flexible models, whose responses are known). Four questions:
 //
+//   0. Do positions or velocities jump as counters do that wrap (wrap_faults.hpp)? Then only that is said.
 //   1. Are recorded velocities and accelerations those of the recorded positions (rate_faults.hpp)? Where they are not
 //      only that is said.
 //   2. Would the force balance (wired_balance.hpp) fit if wires were others? Every exchange of two joints' forces or
@@ -8,7 +9,7 @@
 //      degrees or radians are tried. A fault is claimed where undoing it brings the mean relative error of the joints
 //      where it shows from 0.1 or more to at most 0.6 of what it was (0.4 where forces and motions are exchanged) and
 //      below 0.6, the sum over all joints down, and lets no joint gain energy by friction (3). The best is undone, then
-//      the next is looked for; others of the same joints that do about as well are named with it. With a factor of a
+//      the next is looked for; others of its joints that do about as well are named with it: "one of". With a factor of a
 //      force the error of some joint must be half of that with factors 30 times larger and smaller: a force that
 //      outweighs all others keeps the masses that they share to itself. Angles that turn more than twice may be degrees,
 //      and others radians where degrees are stated.

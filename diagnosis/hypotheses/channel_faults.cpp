@@ -24,6 +24,7 @@ using Eigen::MatrixXd;
 constexpr double kSuspicious = 0.7;
 constexpr double kSettled = 0.35;
 constexpr double kLargestSettled = 0.6;
+constexpr double kAlike = 1.25;  // ratio of dissimilarities: either fault may be the one
 constexpr double kSmallestFactor = 3.0;
 constexpr double kSignalToNoise = 9.0;  // of powers, for an element to count
 constexpr std::size_t kFewestLines = 5;
@@ -249,12 +250,39 @@ class Detective {
     add_signs(list);
     add_units(list);
     add_swaps(list);
-    std::optional<Suspicion> best;
+    std::vector<Suspicion> claimed;
     for (Suspicion& suspicion : list) {
       std::optional<Suspicion> found = weighed(std::move(suspicion));
-      if (found && (!best || found->gain > best->gain)) best = std::move(found);
+      if (found) claimed.push_back(*std::move(found));
+    }
+    if (claimed.empty()) return {};
+    const auto first = std::ranges::max_element(claimed, {}, &Suspicion::gain);
+    std::iter_swap(claimed.begin(), first);
+    Suspicion best = std::move(claimed.front());
+    const double least = dissimilarity_of_all(best.rewiring);
+    for (std::size_t i = 1; i < claimed.size(); ++i) {
+      const Suspicion& other = claimed[i];
+      const bool is_alike = dissimilarity_of_all(other.rewiring) <= kAlike * least;
+      if (is_alike && share_elements(other, best)) best.fault.add_rival(other.fault);
     }
     return best;
+  }
+
+  static bool share_elements(const Suspicion& a, const Suspicion& b) {
+    return std::ranges::any_of(a.touched, [&b](const std::pair<Index, Index>& element) {
+      return std::ranges::find(b.touched, element) != b.touched.end();
+    });
+  }
+
+  [[nodiscard]] double dissimilarity_of_all(const Rewiring& wiring) const {
+    double sum = 0.0;
+    for (Index c = 0; c < n_y_; ++c) {
+      for (Index i = 0; i < n_u_; ++i) {
+        const double own = dissimilarity(wiring, c, i);
+        if (!std::isnan(own)) sum += own;
+      }
+    }
+    return sum;
   }
 
   [[nodiscard]] const std::string& output(Index c) const {
@@ -276,6 +304,20 @@ class Detective {
 };
 
 }  // namespace
+
+std::string ChannelFault::statement() const {
+  if (rivals.empty()) return message;
+  std::string words = "one of: " + message;
+  for (const std::string& rival : rivals) words += "; " + rival;
+  return words;
+}
+
+void ChannelFault::add_rival(const ChannelFault& other) {
+  rivals.push_back(other.message);
+  for (const std::string& channel : other.channels) {
+    if (std::ranges::find(channels, channel) == channels.end()) channels.push_back(channel);
+  }
+}
 
 std::vector<ChannelFault> find_channel_faults(const ComparedResponses& compared) {
   return Detective(compared).run();
@@ -309,7 +351,8 @@ std::string unit_fault_words(const std::string& channel, const std::string& unit
   return fmt::format("{} is {:.3g} times too {} for {}{}", channel,
                      factor > 1.0 ? factor : 1.0 / factor, factor > 1.0 ? "large" : "small",
                      unit.empty() ? "its unit" : unit,
-                     guess.empty() ? ": another unit, a gear ratio or a gain?" : guess);
+                     guess.empty() ? ": another unit, a gear ratio or a gain?"
+                                   : guess + " (or a gear ratio or gain of that size)");
 }
 
 }  // namespace graybox

@@ -14,6 +14,9 @@
 //   unit    of an input or output: a factor above 3 or below 1/3, named where it is a known one
 //   swap    two inputs, two outputs, or both of two joints
 //
+// Faults that leave little more dissimilarity than the best and share elements with it are its rivals:
+// the statement then is "one of".
+//
 // With one input and one output the sign or unit of one can't be told from that of the other; the fault
 // then names both. Cost: O(lines positions n_y n_u (n_y + n_u)^2), milliseconds.
 #pragma once
@@ -40,6 +43,12 @@ struct ChannelFault {
   std::string message;  // what is wrong, in one sentence without a final stop
   double dissimilarity_before = 0.0, dissimilarity_after = 0.0;
   std::string measure = "dissimilarity of responses";  // of what these are
+  // Faults that would explain the recordings about as well; empty: this one is sure among those tried.
+  std::vector<std::string> rivals = {};
+
+  // "one of: A; B", or what is wrong alone.
+  [[nodiscard]] std::string statement() const;
+  void add_rival(const ChannelFault& other);
 };
 
 [[nodiscard]] std::vector<ChannelFault> find_channel_faults(const ComparedResponses& compared);

@@ -21,8 +21,10 @@
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
 #include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "graybox/diagnosis/hypotheses/checked_range.hpp"
 #include "graybox/diagnosis/hypotheses/next_experiment.hpp"
 #include "graybox/diagnosis/hypotheses/score_test.hpp"
+#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {
@@ -172,12 +174,15 @@ struct ChannelRest {
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
 };
 
-// The picture of a law: the force that the data ask for at a place, against the motion there, sample
-// by sample, beside what the fitted law gives for the same motion.
+// The picture of a law: the force that the data ask for at a place, with its noise, against the motion
+// there, sample by sample, beside what the fitted law gives for the same motion. `force` is empty where
+// the recordings say too little of it.
 struct ForcePicture {
   std::size_t hypothesis = 0;
   std::string deflection_unit, rate_unit, force_unit;
   std::vector<double> deflection, rate, force, law_force;
+  // Of the noise in `force`, as the fit states it; 0: not known.
+  double force_deviation = 0.0;
 };
 
 // What was measured, what the model leaves and the noise in it (rms), along frequency or time, of one
@@ -202,6 +207,21 @@ struct TimeVariation {
   double duration = 0.0;       // s, of the recording that tells most
   std::vector<double> course;  // there, at equal steps
   std::vector<std::string> alternatives;  // "damping at joint_2.motor": not told apart from it
+};
+
+// What only the problem knows of its parameters and laws, to judge whether they can be (fit_physics.hpp).
+struct PhysicalContext {
+  // Of a law of the fit; NaN: not known.
+  struct OfLaw {
+    // What the model has at the place already.
+    double stiffness = std::numeric_limits<double>::quiet_NaN();
+    double damping = std::numeric_limits<double>::quiet_NaN();
+    double inertia = std::numeric_limits<double>::quiet_NaN();
+    LawTrace trace;  // its names and its conservative part are filled in by fit_physics
+  };
+  std::vector<double> starts;       // of the model's parameters; empty: none
+  std::vector<QuantityKind> kinds;  // likewise; empty: by their units
+  std::vector<OfLaw> laws;          // in the fit's order; empty: nothing is known
 };
 
 class MismatchProblem {
@@ -257,6 +277,12 @@ class MismatchProblem {
                                                                     double /*gain*/) const {
     return {};
   }
+
+  [[nodiscard]] virtual PhysicalContext physical_context(const ExtendedFit& /*fit*/) const {
+    return {};
+  }
+  // Of the recordings kept out, or of the fit's own where there are none.
+  [[nodiscard]] virtual CheckedRange checked_range() const { return {}; }
 
   // Where the noise is not known, channel by channel on the recordings of the fit.
   [[nodiscard]] virtual std::vector<ChannelRest> channel_rests(const ExtendedFit& /*fit*/) const {

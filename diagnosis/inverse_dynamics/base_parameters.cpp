@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 
 #include "graybox/problems/random.hpp"
 
@@ -57,6 +60,14 @@ std::string term(double coefficient, const std::string& name, bool is_first) {
   return sign + factor + name;
 }
 
+// "ZZ2", "M1", "rotor_inertia_2".
+bool is_positive(const std::string& name) {
+  const bool is_moment = name.starts_with("XX") || name.starts_with("YY") || name.starts_with("ZZ");
+  const bool is_mass =
+      name.size() > 1 && name[0] == 'M' && std::isdigit(static_cast<unsigned char>(name[1])) != 0;
+  return is_moment || is_mass || name.starts_with("rotor_inertia_");
+}
+
 void name_base_parameters(const std::vector<std::string>& names, BaseParameters& base) {
   for (Index b = 0; b < base.size(); ++b) {
     const Index own = base.columns[static_cast<std::size_t>(b)];
@@ -106,6 +117,23 @@ BaseParameters base_parameters(const Eigen::MatrixXd& columns,
   base.regrouping.conservativeResize(base.size(), Eigen::NoChange);
   name_base_parameters(names, base);
   return base;
+}
+
+QuantityKind base_parameter_kind(const std::string& name, const std::string& unit,
+                                 const std::vector<std::string>& relations) {
+  if (name.find('.') != std::string::npos) return quantity_kind(name, unit);
+  const auto relation = std::ranges::find_if(
+      relations, [&](const std::string& each) { return each.starts_with(name + " = "); });
+  if (relation == relations.end()) {
+    const bool is_regrouped = name.ends_with('R');  // with what is not known
+    return is_positive(name) && !is_regrouped ? quantity_kind(name, unit) : QuantityKind::kOther;
+  }
+  std::istringstream words(relation->substr(name.size() + 3));
+  for (std::string word; words >> word;) {
+    const bool is_name = std::isalpha(static_cast<unsigned char>(word[0])) != 0;
+    if (word[0] == '-' || (is_name && !is_positive(word))) return QuantityKind::kOther;
+  }
+  return quantity_kind(name, unit);
 }
 
 BaseParameters structural_base_parameters(TorqueColumns& columns, Index joints) {

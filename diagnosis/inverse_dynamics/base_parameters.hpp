@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 
 namespace graybox {
 
@@ -38,6 +39,12 @@ struct BaseParameters {
 [[nodiscard]] BaseParameters base_parameters(const Eigen::MatrixXd& columns,
                                              const std::vector<std::string>& names,
                                              double tolerance);
+
+// What a base parameter may be: where it is a sum of masses and moments of inertia alone it is positive as they are; a
+// difference, a product of inertia and a first moment may have either sign. A parameter of an element ("friction.damping")
+// goes by its unit.
+[[nodiscard]] QuantityKind base_parameter_kind(const std::string& name, const std::string& unit,
+                                               const std::vector<std::string>& relations);
 
 // Of the model: at random positions, velocities and accelerations, the same each time. What no motion
 // whatever can tell apart.

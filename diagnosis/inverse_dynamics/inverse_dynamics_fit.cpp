@@ -70,6 +70,11 @@ Eigen::MatrixXd piece_rows(TorqueColumns& columns, const Motion& piece) {
     rows.col(columns.size() + 1) =
         (piece.torque.row(t) - remembered.row(t)).transpose() - columns.known();
   }
+  for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
+    for (Index j = 0; j < joints; ++j) {
+      values(Eigen::seqN(j, piece.samples(), joints), law.column) += law.output(j) * law.change;
+    }
+  }
   return values;
 }
 
@@ -80,14 +85,16 @@ ModelRows rows_of(const RigidRobotModel& robot, const std::vector<const MotionRe
   ModelRows result;
   result.rows.joints = robot.size();
   std::vector<Eigen::MatrixXd> pieces;
-  Index total = 0;
+  Index total = 0, recording = 0;
   for (const MotionRecord* record : records) {
     for (const Motion& piece : record->pieces) {
+      result.rows.piece_recordings.push_back(recording);
       pieces.push_back(piece_rows(columns, piece));
       if (decimation > 1) pieces.back() = filtered(pieces.back(), robot.size(), decimation);
       result.rows.piece_samples.push_back(pieces.back().rows() / robot.size());
       total += pieces.back().rows();
     }
+    if (!record->pieces.empty()) ++recording;
   }
   result.rows.columns.resize(total, columns.size());
   result.rows.torque.resize(total);

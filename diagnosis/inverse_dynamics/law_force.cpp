@@ -12,7 +12,7 @@ double phi_1(double x) { return std::abs(x) < 1e-8 ? 1.0 + 0.5 * x : std::expm1(
 
 }  // namespace
 
-Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion) {
+Eigen::VectorXd law_force(const Law& law, const RecordedPlaceMotion& motion) {
   constexpr double kShare = 1e-3;  // of the step, for the slope along it
   const Eigen::Index n = motion.deflection.size();
   const std::size_t states = law.state_count();
@@ -38,6 +38,20 @@ Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion) {
     }
   }
   return force;
+}
+
+bool depends_on_position(const Law& law) {
+  constexpr Eigen::Index kSamples = 200;
+  constexpr double kEqual = 1e-9;
+  RecordedPlaceMotion motion;
+  motion.time = Eigen::VectorXd::LinSpaced(kSamples, 0.0, 2.0);
+  motion.deflection = (3.0 * motion.time.array()).sin();
+  motion.rate = 3.0 * (3.0 * motion.time.array()).cos();
+  motion.acceleration = -9.0 * motion.deflection;
+  const Eigen::VectorXd here = law_force(law, motion);
+  motion.deflection.array() += 0.37;
+  const Eigen::VectorXd elsewhere = law_force(law, motion);
+  return !((elsewhere - here).norm() <= kEqual * here.norm());
 }
 
 }  // namespace graybox

@@ -13,10 +13,13 @@
 
 namespace graybox {
 
-struct PlaceMotion {
+struct RecordedPlaceMotion {
   Eigen::VectorXd time, deflection, rate, acceleration;
 };
 
-[[nodiscard]] Eigen::VectorXd law_force(const Law& law, const PlaceMotion& motion);
+[[nodiscard]] Eigen::VectorXd law_force(const Law& law, const RecordedPlaceMotion& motion);
+
+// Whether the force depends on where zero is, beside how the place moves: tried at a few motions.
+[[nodiscard]] bool depends_on_position(const Law& law);
 
 }  // namespace graybox

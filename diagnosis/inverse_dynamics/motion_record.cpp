@@ -5,6 +5,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/units.hpp"
@@ -49,9 +51,12 @@ class MotionReader {
       motion.time = piece.time;
       motion.torque = piece.values(Eigen::all, torque);
       if (channels.motor_torque) motion.torque = (motion.torque * robot_.transmission).eval();
-      motion.position = joints(piece.values(Eigen::all, position));
+      motion.filters = filters_of(torque);
+      motion.position_is_recorded = !position.empty();
+      if (!position.empty()) motion.position = joints(piece.values(Eigen::all, position));
       motion.velocity = velocity.empty() ? slopes(motion.time, motion.position)
                                          : joints(piece.values(Eigen::all, velocity));
+      if (position.empty()) motion.position = integral(motion.time, motion.velocity);
       motion.acceleration = acceleration.empty() ? slopes(motion.time, motion.velocity)
                                                  : joints(piece.values(Eigen::all, acceleration));
       motions.push_back(std::move(motion));
@@ -85,6 +90,28 @@ class MotionReader {
     return result;
   }
 
+  // Of the least filtered torque.
+  [[nodiscard]] std::vector<FilterPass> filters_of(const std::vector<Index>& torques) const {
+    const std::vector<Signal>& signals = recording_.data.signals;
+    const Signal* least = &signals[static_cast<std::size_t>(torques.front())];
+    for (const Index column : torques) {
+      const Signal& signal = signals[static_cast<std::size_t>(column)];
+      if (signal.filters.empty()) return {};
+      if (signal.low_pass > least->low_pass) least = &signal;
+    }
+    return least->filters;
+  }
+
+  // By trapezoids, from zero on.
+  static Eigen::MatrixXd integral(const Eigen::VectorXd& time, const Eigen::MatrixXd& rates) {
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(rates.rows(), rates.cols());
+    for (Index t = 1; t < rates.rows(); ++t) {
+      result.row(t) = result.row(t - 1) +
+                      0.5 * (time(t) - time(t - 1)) * (rates.row(t - 1) + rates.row(t));
+    }
+    return result;
+  }
+
   static Eigen::MatrixXd slopes(const Eigen::VectorXd& time, const Eigen::MatrixXd& values) {
     Eigen::MatrixXd result(values.rows(), values.cols());
     for (Index k = 0; k < values.cols(); ++k) result.col(k) = time_derivative(time, values.col(k));
@@ -98,12 +125,36 @@ class MotionReader {
 
 }  // namespace
 
+bool needs_position(const RigidRobotModel& robot) {
+  TorqueColumns columns(robot);
+  const Eigen::Index joints = robot.size();
+  const auto at = [&](double position) {
+    columns.evaluate(Eigen::VectorXd::Constant(joints, position),
+                     Eigen::VectorXd::LinSpaced(joints, 0.7, 1.9),
+                     Eigen::VectorXd::LinSpaced(joints, -1.1, 2.3));
+    Eigen::MatrixXd all(joints, columns.size() + 1);
+    all << columns.matrix(), columns.known();
+    return all;
+  };
+  for (const Element& element : robot.elements) {
+    if (element.law && depends_on_position(*element.law)) return true;
+  }
+  const Eigen::MatrixXd here = at(0.0);
+  return !at(0.83).isApprox(here, 1e-12) || !at(-2.1).isApprox(here, 1e-12);
+}
+
 std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
                                               const Campaign& campaign) {
   if (robot.channels.torque.empty()) {
     throw InputError(
         fmt::format("model {}: has no 'channels', which say what the campaign's torques and "
                     "positions are called",
+                    robot.name));
+  }
+  if (robot.channels.position.empty() && needs_position(robot)) {
+    throw InputError(
+        fmt::format("model {}: channels: needs 'position': gravity, a law or another joint makes "
+                    "the torques depend on it",
                     robot.name));
   }
   std::vector<MotionRecord> records;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/recordings/preprocess.hpp"
 #include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
@@ -19,6 +20,10 @@ struct Motion {
   Eigen::VectorXd time;
   Eigen::MatrixXd position, velocity, acceleration;
   Eigen::MatrixXd torque;  // N^T u
+  // That the torques went through; where they differ, those of the least filtered one.
+  std::vector<FilterPass> filters = {};
+  // False: it is the integral of the velocity, from zero at the first sample on.
+  bool position_is_recorded = true;
 
   [[nodiscard]] Eigen::Index samples() const { return time.size(); }
 };
@@ -33,7 +38,12 @@ struct MotionRecord {
 // through the transmission; velocities and accelerations that are not named are parabolas' slopes
 // (time_derivative in preprocess.hpp). Throws InputError for recordings with errors, a robot without
 // channels, a channel that is not there or in a wrong unit, and a campaign without estimation data.
+// Where only velocities are named, positions are their integrals from zero on: refused if the torques
+// depend on positions.
 [[nodiscard]] std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
                                                             const Campaign& campaign);
+
+// Whether the torques of the model depend on positions: by gravity, by an element, by other joints.
+[[nodiscard]] bool needs_position(const RigidRobotModel& robot);
 
 }  // namespace graybox

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 
 namespace graybox {
@@ -127,14 +128,37 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
   }
 }
 
+Eigen::VectorXd TorqueColumns::change_by_filters(const Force& force, const Motion& piece) {
+  Eigen::VectorXd plain(piece.samples());
+  const Eigen::VectorXd deflection = piece.position * force.input;
+  const Eigen::VectorXd rate = piece.velocity * force.input;
+  for (Index t = 0; t < plain.size(); ++t) plain(t) = force.law->force(deflection(t), rate(t), {});
+  return force.factor * (FilteredMotion(piece).force(*force.law, force.input) - plain);
+}
+
 Eigen::MatrixXd TorqueColumns::remembered(const Motion& piece) const {
   Eigen::MatrixXd torque = Eigen::MatrixXd::Zero(piece.samples(), piece.position.cols());
   for (const Force& force : with_memory_) {
-    const PlaceMotion motion{piece.time, piece.position * force.input, piece.velocity * force.input,
-                             piece.acceleration * force.input};
-    torque += law_force(*force.law, motion) * force.output.transpose();
+    torque += FilteredMotion(piece).force(*force.law, force.input) * force.output.transpose();
+  }
+  if (piece.filters.empty()) return torque;
+  for (const Force& force : forces_) {
+    if (force.law && force.column < 0) {
+      torque += change_by_filters(force, piece) * force.output.transpose();
+    }
   }
   return torque;
+}
+
+std::vector<TorqueColumns::FilteredColumn> TorqueColumns::filtered_columns(
+    const Motion& piece) const {
+  std::vector<FilteredColumn> columns;
+  if (piece.filters.empty()) return columns;
+  for (const Force& force : forces_) {
+    if (!force.law || force.column < 0) continue;
+    columns.push_back({force.column, force.output, change_by_filters(force, piece)});
+  }
+  return columns;
 }
 
 void TorqueColumns::evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,

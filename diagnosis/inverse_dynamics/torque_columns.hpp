@@ -41,8 +41,16 @@ class TorqueColumns {
                 const Eigen::Ref<const Eigen::VectorXd>& acceleration);
   [[nodiscard]] const Eigen::MatrixXd& matrix() const { return matrix_; }  // n x size()
   [[nodiscard]] const Eigen::VectorXd& known() const { return known_; }    // n
-  // N^T u of the elements with memory, which begin at rest at the first sample: samples x n.
+  // N^T u of the elements with memory, which begin at rest at the first sample: samples x n. Where
+  // the torques are filtered, also what the other known laws add by passing the filters.
   [[nodiscard]] Eigen::MatrixXd remembered(const Motion& piece) const;
+  // What a law's column becomes by passing the filters of the torques, less what it is sample by
+  // sample: along `output`. None where the torques are not filtered.
+  struct FilteredColumn {
+    Eigen::Index column = 0;
+    Eigen::VectorXd output, change;
+  };
+  [[nodiscard]] std::vector<FilteredColumn> filtered_columns(const Motion& piece) const;
 
  private:
   // One force along `output`: of a law at z = input^T q, or `input`^T q'' if it is an inertia.
@@ -59,6 +67,7 @@ class TorqueColumns {
     Eigen::Index column = -1;
   };
 
+  [[nodiscard]] static Eigen::VectorXd change_by_filters(const Force& force, const Motion& piece);
   Eigen::Index add_column(std::string name, std::string unit);
   void add_links(const RigidRobotModel& robot);
   void add_rotors(const RigidRobotModel& robot);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <memory>
 
+#include "graybox/diagnosis/quiet_ceres.hpp"
+
 namespace graybox {
 namespace {
 
@@ -141,6 +143,7 @@ RefinementResult solve_problem(std::unique_ptr<ceres::CostFunction> cost, const 
   options.line_search_interpolation_type = ceres::QUADRATIC;
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(options, &problem, &summary);
   RefinementResult result{scaling.values(moved.data()), std::vector<bool>(moved.size()),
                           summary.termination_type == ceres::CONVERGENCE,

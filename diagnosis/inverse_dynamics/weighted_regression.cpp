@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "graybox/diagnosis/long_run_variance.hpp"
+#include "graybox/diagnosis/recording_spread.hpp"
 
 namespace graybox {
 namespace {
@@ -49,11 +50,29 @@ Eigen::MatrixXd scores(const TorqueRows& rows, const Eigen::VectorXd& residuals,
   return result;
 }
 
+// Sums of the scores by recording.
+Eigen::MatrixXd recording_sums(const TorqueRows& rows, const Eigen::MatrixXd& scores) {
+  if (rows.piece_recordings.empty()) return Eigen::MatrixXd(0, scores.cols());
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(rows.piece_recordings.back() + 1, scores.cols());
+  Index first = 0;
+  for (std::size_t piece = 0; piece < rows.piece_samples.size(); ++piece) {
+    const Index length = rows.piece_samples[piece];
+    sums.row(rows.piece_recordings[piece]) += scores.middleRows(first, length).colwise().sum();
+    first += length;
+  }
+  return sums;
+}
+
 double scaled_condition(const TorqueRows& rows, const Eigen::VectorXd& noise) {
   Eigen::MatrixXd scaled = row_weights(noise, rows.torque.size()).asDiagonal() * rows.columns;
   scaled.array().rowwise() /= scaled.colwise().norm().array().eval();
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(scaled);
-  return svd.singularValues()(0) / svd.singularValues().tail(1)(0);
+  // The triangle has the columns' singular values. The general decompositions of Eigen would take a
+  // minute to compile.
+  const Eigen::HouseholderQR<Eigen::MatrixXd> factor(scaled);
+  const Index p = scaled.cols();
+  const Eigen::MatrixXd triangle = factor.matrixQR().topRows(p).triangularView<Eigen::Upper>();
+  const Eigen::JacobiSVD<Eigen::MatrixXd, Eigen::NoQRPreconditioner> svd(triangle);
+  return svd.singularValues()(0) / svd.singularValues()(p - 1);
 }
 
 WeightedRegression without_parameters(const TorqueRows& rows, const Eigen::VectorXd& rms,
@@ -109,7 +128,8 @@ Eigen::MatrixXd correlated_covariance(const TorqueRows& rows, const Eigen::Vecto
   const Eigen::MatrixXd spectrum = whitened.long_run_variance(lags);
   const auto count = static_cast<double>(rows.torque.size());
   const double correction = count / (count - static_cast<double>(rows.columns.cols()));
-  const Eigen::MatrixXd covariance = correction * bread * spectrum * bread;
+  const Eigen::MatrixXd covariance = widened(correction * bread * spectrum * bread,
+                                             deviations_between(recording_sums(rows, g) * bread));
   const Eigen::VectorXd inverse = lengths.cwiseInverse();
   return inverse.asDiagonal() * (0.5 * (covariance + covariance.transpose())) *
          inverse.asDiagonal();

@@ -9,7 +9,8 @@
 // scores g_t = sum over j of W_jt^T e_jt / s_j^2 and H = W^T S^-1 W,
 //   cov = H^-1 G H^-1 N/(N - p),   G = sum over all lags of the autocovariances of g.
 // G is the long-run variance of long_run_variance.hpp, with the number of lags from AR(1) models
-// weighted by their spectra (Andrews 1991, equation 6.4, Bartlett kernel).
+// weighted by their spectra (Andrews 1991, equation 6.4, Bartlett kernel). From three recordings on it is widened by
+// the spread between them (recording_spread.hpp).
 //
 // Cost O(N p^2) an iteration, O(L N p^2 / n) for the covariance.
 #pragma once
@@ -25,6 +26,8 @@ struct TorqueRows {
   Eigen::VectorXd torque;
   Eigen::Index joints = 1;
   std::vector<Eigen::Index> piece_samples;  // consecutive times of each piece, at least 3
+  // The recording that each piece is of, rising; empty: nothing is known of recordings.
+  std::vector<Eigen::Index> piece_recordings{};
 
   [[nodiscard]] Eigen::Index samples() const { return torque.size() / joints; }
 };

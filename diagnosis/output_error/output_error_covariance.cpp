@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/long_run_variance.hpp"
+#include "graybox/diagnosis/recording_spread.hpp"
 
 namespace graybox {
 namespace {
@@ -74,11 +75,14 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
   const Eigen::Index p = theta.size(), ny = deviation.size();
   OutputErrorCovariance result;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(p, p), spread = normal;
+  Eigen::MatrixXd sums(static_cast<Eigen::Index>(runs.size()), p);  // of the scores, by recording
   double square = 0.0, cross = 0.0;
   for (std::size_t k = 0; k < runs.size(); ++k) {
     const Whitened part = whiten(problem, stretches[k], runs[k], deviation, initial_is_free);
     normal += part.jacobian.transpose() * part.jacobian;
-    spread += long_run_variance(scores_of(part, ny));
+    const Eigen::MatrixXd scores = scores_of(part, ny);
+    spread += long_run_variance(scores);
+    sums.row(static_cast<Eigen::Index>(k)) = scores.colwise().sum();
     const Eigen::Index later = part.residual.size() - ny;
     square += part.residual.squaredNorm();
     if (later > 0) cross += part.residual.head(later).dot(part.residual.tail(later));
@@ -100,8 +104,13 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
                                   scaled.ldlt().solve(Eigen::MatrixXd::Identity(p, p)) *
                                   scale.asDiagonal();
   result.white = variance * inverse;
-  result.robust = inverse * spread * inverse;
-  const Eigen::MatrixXd robust_information = normal * spread.ldlt().solve(Eigen::MatrixXd(normal));
+  const Eigen::MatrixXd within = inverse * spread * inverse;
+  result.robust = widened(within, deviations_between(sums * inverse));
+  const Eigen::VectorXd widening =
+      result.robust.diagonal().cwiseQuotient(within.diagonal()).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd robust_information = widening.asDiagonal() * normal *
+                                             spread.ldlt().solve(Eigen::MatrixXd(normal)) *
+                                             widening.asDiagonal();
   if (robust_information.allFinite()) {
     result.identifiability = examine_identifiability(
         0.5 * (robust_information + robust_information.transpose()), theta, names);

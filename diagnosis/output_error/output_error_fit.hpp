@@ -25,7 +25,8 @@
 //           Newey and West (Econometrica 55, 1987), Bartlett weights w_l, lags by the rule of
 //           Andrews (Econometrica 59, 1991, (6.2) and (6.4)), scores whitened first (Andrews and
 //           Monahan, Econometrica 60, 1992).
-// Residuals of real recordings are not white: the robust one is what is reported.
+// Residuals of real recordings are not white: the robust one is what is reported. From three recordings on it is widened
+// by the spread between them (recording_spread.hpp).
 //
 //   const OutputErrorFit fit = fit_output_error(problem);
 //   if (fit.status == OutputErrorStatus::kConverged) use(fit.theta, fit.covariance);

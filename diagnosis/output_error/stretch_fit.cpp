@@ -8,6 +8,8 @@
 #include <memory>
 #include <utility>
 
+#include "graybox/diagnosis/quiet_ceres.hpp"
+
 namespace graybox {
 namespace {
 
@@ -15,8 +17,8 @@ namespace {
 constexpr double kLargest = 500.0;
 
 // Between a parameter and the number that Ceres moves: its logarithm where it must be positive.
-struct ParameterScale {
-  explicit ParameterScale(const OutputErrorProblem& problem) {
+struct ParameterTransform {
+  explicit ParameterTransform(const OutputErrorProblem& problem) {
     for (const std::size_t k : problem.free_parameters()) {
       ranges.push_back(problem.model().parameters[k].range);
     }
@@ -68,7 +70,7 @@ class SharedSimulation final : public ceres::EvaluationCallback {
     problem_.simulate(theta, stretches_, initial_states, evaluate_jacobians, runs);
   }
 
-  ParameterScale scale;
+  ParameterTransform scale;
   Eigen::VectorXd inner_theta, theta;
   std::vector<Eigen::VectorXd> initial_states;
   std::vector<Simulated> runs;
@@ -140,7 +142,7 @@ Eigen::VectorXd weights_of(const Eigen::VectorXd& deviation, Eigen::Index size) 
   return deviation.cwiseInverse().replicate(size / deviation.size(), 1);
 }
 
-void bound_parameters(const ParameterScale& scale, double* inner, ceres::Problem& problem) {
+void bound_parameters(const ParameterTransform& scale, double* inner, ceres::Problem& problem) {
   for (std::size_t i = 0; i < scale.ranges.size(); ++i) {
     const int at = static_cast<int>(i);
     const bool is_unit = scale.ranges[i] == ParameterRange::kUnitInterval;
@@ -172,7 +174,7 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
                          const Eigen::VectorXd& deviation, const StretchFitOptions& options) {
   const bool has_initial = !initial.empty() && problem.initial_size() > 0;
   if (!has_initial) initial.clear();
-  const ParameterScale scale(problem);
+  const ParameterTransform scale(problem);
   SharedSimulation shared(problem, stretches, scale.inner(theta), std::move(initial));
   StretchFit result;
   result.theta = theta;
@@ -207,6 +209,7 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
   Interruption interruption(options.keep_going);
   solver.callbacks.push_back(&interruption);
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(solver, &minimised, &summary);
   result.iterations = static_cast<int>(summary.iterations.size());
   result.theta = options.free_parameters ? scale.outer(shared.inner_theta) : theta;

@@ -231,7 +231,7 @@ class RecordProducts {
   VectorXcd residual_;          // decorrelated
   BlockSums own_;
   MatrixXcd against_;  // residual, jacobian and directions that columns are multiplied with
-  PlaceMotion motion_;
+  SteadyPlaceMotion motion_;
   PeriodicMotion times_;
   MatrixXcd seen_, seen_moved_;
   Eigen::MatrixXf seen_noise_;

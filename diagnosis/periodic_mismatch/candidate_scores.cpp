@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/record_loop.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -145,6 +146,7 @@ std::vector<std::vector<PlantChange>> body_changes(const PlantFamily& family,
 #pragma omp parallel for num_threads(threads) schedule(dynamic)
   for (std::size_t i = 0; i < changes.size(); ++i) {
     try {
+      stop_if_requested();
       change(i);
     } catch (...) {  // an arm that finds no rest with such a body; it must not leave a thread
       const std::scoped_lock lock(guard);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "graybox/problems/frequency_response.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -108,6 +109,7 @@ ModelState evaluate_model(const PlantFamily& family, const PeriodicData& data,
 #pragma omp parallel for num_threads(threads) schedule(dynamic)
   for (std::size_t i = 0; i < state.positions.size(); ++i) {
     try {
+      stop_if_requested();
       PositionResponse& response = state.positions[i];
       response.plant = family.plant(data.positions[i], parameters, state.bodies);
       if (with_derivatives) {

@@ -18,6 +18,7 @@
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/diagnosis/responses/line_spectra.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -144,6 +145,7 @@ class Reader {
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t k = 0; k < read.size(); ++k) {
       try {
+        stop_if_requested();
         read[k] = read_record(k);
       } catch (...) {
         const std::scoped_lock lock(guard);

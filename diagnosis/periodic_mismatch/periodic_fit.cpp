@@ -12,7 +12,9 @@
 
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "graybox/diagnosis/recording_spread.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -52,6 +54,7 @@ struct Evaluation {
   double chi_square = kNever;
   MatrixXd information;
   VectorXd gradient;              // J^T r
+  MatrixXd record_gradients;      // of each record (rows), by the parameters themselves
   std::vector<bool> imitated;     // PeriodicFit::imitated
   std::vector<MatrixXcd> forces;  // of each record, to start the next from
   double unsettled = 0.0;
@@ -320,15 +323,18 @@ class PeriodicFitter {
     }
     const std::size_t records = data_.estimation.size();
     std::vector<RecordSums> sums(records);
+    const StopClock clock;
 #pragma omp parallel num_threads(options_.threads)
     {
       Workspace work{SteadyStateSolver(family_, data_, {}), {}, {}, {}};
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records; ++i) {
+        if (clock.stops()) continue;
         sums[i] = sums_of(work, *model, data_.estimation[i],
                           starts != nullptr ? &(*starts)[i] : nullptr, exact);
       }
     }
+    stop_if_requested();
     if (options_.freed != nullptr) result.imitated = imitated_by(*model, *options_.freed);
     add_up(sums, result);
     return result;
@@ -384,7 +390,10 @@ class PeriodicFitter {
     result.chi_square = 0.0;
     result.information = MatrixXd::Zero(size, size);
     result.gradient = VectorXd::Zero(size);
+    result.record_gradients.resize(static_cast<Index>(sums.size()), size);
+    Index row = 0;
     for (RecordSums& record : sums) {
+      result.record_gradients.row(row++) = record.gradient.transpose();
       result.chi_square += record.chi_square;
       result.unsettled += record.unsettled * record.unsettled / static_cast<double>(sums.size());
       result.information += scales.asDiagonal() * record.information * scales.asDiagonal();
@@ -460,6 +469,7 @@ class PeriodicFitter {
     VectorXd inverse(now.values.size());
     for (Index k = 0; k < inverse.size(); ++k) inverse(k) = 1.0 / scale(k, now.values);
     result.information = inverse.asDiagonal() * now.information * inverse.asDiagonal();
+    result.record_gradients = now.record_gradients;
   }
 
   const PlantFamily& family_;
@@ -518,6 +528,33 @@ VectorXd standard_errors(const MatrixXd& information) {
       }
     }
     errors(k) = is_seen ? unit(k) * std::sqrt(variance) : std::numeric_limits<double>::quiet_NaN();
+  }
+  return errors;
+}
+
+VectorXd standard_errors(const PeriodicFit& fit) {
+  const VectorXd within = standard_errors(fit.information);
+  if (fit.record_gradients.rows() < kFewestRecordings ||
+      fit.record_gradients.cols() != within.size() || !fit.record_gradients.allFinite()) {
+    return within;
+  }
+  std::vector<Index> seen;
+  for (Index k = 0; k < within.size(); ++k) {
+    if (std::isfinite(within(k))) seen.push_back(k);
+  }
+  if (seen.empty()) return within;
+  // By columns of length one: the inverse does not depend on units.
+  const VectorXd unit = VectorXd(fit.information.diagonal())(seen).cwiseSqrt().cwiseInverse();
+  const MatrixXd scaled =
+      unit.asDiagonal() * MatrixXd(fit.information(seen, seen)) * unit.asDiagonal();
+  const MatrixXd gradients = MatrixXd(fit.record_gradients(Eigen::all, seen)) * unit.asDiagonal();
+  const MatrixXd influences =
+      scaled.completeOrthogonalDecomposition().solve(gradients.transpose()).transpose() *
+      unit.asDiagonal();
+  const VectorXd between = deviations_between(influences);
+  VectorXd errors = within;
+  for (std::size_t k = 0; k < seen.size(); ++k) {
+    errors(seen[k]) = std::max(within(seen[k]), between(static_cast<Index>(k)));
   }
   return errors;
 }

@@ -39,7 +39,8 @@ struct PeriodicFit {
   Eigen::VectorXd parameters;   // of the model
   std::vector<ActingLaw> laws;  // with their estimates
   double chi_square = std::numeric_limits<double>::infinity();
-  Eigen::MatrixXd information;  // J^T J by parameters, then those of the laws
+  Eigen::MatrixXd information;       // J^T J by parameters, then those of the laws
+  Eigen::MatrixXd record_gradients;  // J^T r of each record (rows), likewise
   bool has_steady_state =
       false;  // under the laws (rms over the recordings); a fit without one has not converged
   int iterations = 0;
@@ -67,5 +68,7 @@ struct PeriodicFit {
 // Standard errors: roots of the diagonal of the information's inverse; NaN for parameters that are
 // part of a combination the data do not see.
 [[nodiscard]] Eigen::VectorXd standard_errors(const Eigen::MatrixXd& information);
+// Those of a fit, at least as wide as the spread between its records (recording_spread.hpp).
+[[nodiscard]] Eigen::VectorXd standard_errors(const PeriodicFit& fit);
 
 }  // namespace graybox

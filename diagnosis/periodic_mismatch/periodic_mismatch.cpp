@@ -5,6 +5,7 @@
 #include <deque>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -42,6 +43,43 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+// Excited frequencies, levels, positions, and how far the outputs went (rms).
+CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord>& records,
+                      bool kept_out) {
+  constexpr double kHertz = 0.5 / std::numbers::pi;
+  CheckedRange range;
+  range.kept_out = kept_out;
+  if (data.excited.empty() || records.empty()) return range;
+  range.spans.push_back({"frequency", "Hz", data.frequencies[data.excited.front()] * kHertz,
+                         data.frequencies[data.excited.back()] * kHertz});
+  const auto add = [&](std::string quantity, std::string unit, const std::vector<double>& values) {
+    const auto [least, most] = std::ranges::minmax_element(values);
+    range.spans.push_back({std::move(quantity), std::move(unit), *least, *most});
+  };
+  std::vector<double> levels;
+  std::vector<std::vector<double>> amplitudes(data.outputs.size());
+  for (const MeasuredRecord& record : records) {
+    levels.push_back(record.level);
+    for (std::size_t y = 0; y < amplitudes.size(); ++y) {
+      amplitudes[y].push_back(record.output.row(static_cast<Index>(y)).norm() / std::sqrt(2.0));
+    }
+    if (std::ranges::find(range.files, record.name) == range.files.end()) {
+      range.files.push_back(record.name);
+    }
+    if (record.position < data.position_names.size() &&
+        std::ranges::find(range.positions, data.position_names[record.position]) ==
+            range.positions.end()) {
+      range.positions.push_back(data.position_names[record.position]);
+    }
+  }
+  if (*std::ranges::max_element(levels) > 0.0) add("level", "", levels);
+  for (std::size_t y = 0; y < amplitudes.size(); ++y) {
+    add("rms of " + data.outputs[y], data.output_units[y], amplitudes[y]);
+  }
+  std::erase(range.positions, std::string());
+  return range;
+}
 
 class Problem : public MismatchProblem {
  public:
@@ -196,6 +234,37 @@ class Problem : public MismatchProblem {
     PeriodicData again = data_;
     graybox::clear_transients(*family_, model, reading_, again);
     return find_in(again);
+  }
+
+  [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
+    PhysicalContext context;
+    for (const ModelParameter& parameter : family_->parameters()) {
+      context.starts.push_back(parameter.positive ? parameter.start
+                                                  : std::numeric_limits<double>::quiet_NaN());
+    }
+    const std::vector<ForcePicture> pictures =
+        law_pictures(*family_, data_, state_of(fit), base_laws_.size());
+    for (std::size_t l = 0; l < fit.laws.size(); ++l) {
+      const CandidatePlace& place = *places_[fit.laws[l].hypothesis];
+      PhysicalContext::OfLaw& own = context.laws.emplace_back();
+      if (place.location.kind != LocationKind::kElement) continue;
+      // A force that follows the motion elsewhere may well feed energy in.
+      if (place.location.input != place.location.output) continue;
+      if (place.spring_stiffness > 0.0 || place.location.units.deflection == "m") {
+        own.stiffness = place.spring_stiffness;
+      }
+      own.damping = place.stated_damping;
+      own.inertia = place.stated_inertia;
+      own.trace.deflection = pictures[l].deflection;
+      own.trace.rate = pictures[l].rate;
+      own.trace.force = pictures[l].law_force;
+    }
+    return context;
+  }
+
+  [[nodiscard]] CheckedRange checked_range() const override {
+    return range_of(data_, data_.validation.empty() ? data_.estimation : data_.validation,
+                    !data_.validation.empty());
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
@@ -512,7 +581,7 @@ class Problem : public MismatchProblem {
     result.trouble = fitted.trouble;
     if (fitted.parameters.size() == 0) return result;
     result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
-    const VectorXd errors = standard_errors(fitted.information);
+    const VectorXd errors = standard_errors(fitted);
     Index k = 0;
     for (const ModelParameter& parameter : family_->parameters()) {
       result.model_parameters.push_back(

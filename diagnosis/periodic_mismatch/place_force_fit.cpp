@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -271,6 +272,7 @@ double regress(const PlantFamily& family, const PeriodicData& data,
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
+  silence_ceres();
   ceres::Solve(options, &problem, &summary);
   const double power = power_of(seen);
   if (!summary.IsSolutionUsable() || !(power > 0.0)) {

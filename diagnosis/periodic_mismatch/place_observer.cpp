@@ -40,9 +40,9 @@ void answer_at(SteadyStateSolver& solver, const ModelState& model, const Measure
   }
 }
 
-PlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Location& place,
+SteadyPlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Location& place,
                                    const MatrixXcd& answer) const {
-  PlaceMotion motion;
+  SteadyPlaceMotion motion;
   const Index lines = data_.last_line;
   const SteadyState& state = solver_.state();
   const LinearPlant& plant = model_.positions[record.position].plant;
@@ -70,7 +70,7 @@ PlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Location&
   return motion;
 }
 
-void PlaceObserver::move(const VectorXd& b, const VectorXcd& force, PlaceMotion& motion) const {
+void PlaceObserver::move(const VectorXd& b, const VectorXcd& force, SteadyPlaceMotion& motion) const {
   motion.is_moved = !force.isZero(0.0);
   if (motion.is_moved) motion.coordinates = solver_.moved_coordinates(b, force);
 }

@@ -18,7 +18,7 @@ void answer_at(SteadyStateSolver& solver, const ModelState& model, const Measure
                const Location& place, Eigen::MatrixXcd& answer);
 
 // The virtual force and the motion at a place, in one recording.
-struct PlaceMotion {
+struct SteadyPlaceMotion {
   Eigen::VectorXcd deflection;   // or the signal
   Eigen::VectorXcd force;        // virtual; empty at signals
   Eigen::MatrixXcd coordinates;  // with it
@@ -33,11 +33,11 @@ class PlaceObserver {
       : solver_(solver), model_(model), data_(data), follows_data_(follows_data) {}
 
   // `answer`: whitened, of a force at the place (not used at sensors).
-  [[nodiscard]] PlaceMotion observe(const MeasuredRecord& record, const Location& place,
+  [[nodiscard]] SteadyPlaceMotion observe(const MeasuredRecord& record, const Location& place,
                                     const Eigen::MatrixXcd& answer) const;
 
  private:
-  void move(const Eigen::VectorXd& b, const Eigen::VectorXcd& force, PlaceMotion& motion) const;
+  void move(const Eigen::VectorXd& b, const Eigen::VectorXcd& force, SteadyPlaceMotion& motion) const;
   [[nodiscard]] Eigen::VectorXcd holds() const;
   [[nodiscard]] Eigen::VectorXcd virtual_force(const Eigen::MatrixXcd& residual,
                                                const Eigen::MatrixXcd& answer) const;

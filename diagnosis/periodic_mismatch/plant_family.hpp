@@ -93,13 +93,13 @@ class PlantFamily {
 [[nodiscard]] std::unique_ptr<PlantFamily> plant_family(
     const std::filesystem::path& model, std::span<const std::filesystem::path> places = {});
 
-enum class RobotDynamics : std::int8_t {
+enum class PlantKind : std::int8_t {
   kFull,   // with the arm's own forces: Coriolis, changing inertia and gravity
   kLocal,  // motions so small that nothing but the linear plant shows
 };
 
 // A robot without elements or places for laws.
 [[nodiscard]] std::unique_ptr<PlantFamily> robot_family(const RobotModel& robot,
-                                                        RobotDynamics dynamics);
+                                                        PlantKind dynamics);
 
 }  // namespace graybox

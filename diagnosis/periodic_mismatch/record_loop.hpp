@@ -6,16 +6,19 @@
 
 #include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 
 // Sums over recordings are made for each chunk, and the chunks' are added in order.
 inline constexpr std::size_t kRecordChunks = 8;
 
-// work(solver, record, index, chunk): chunks at once, the recordings of each in order.
+// work(solver, record, index, chunk): chunks at once, the recordings of each in order. Throws Stopped where
+// time is up (stop.hpp).
 template <typename Work>
 void for_each_record(const PlantFamily& family, const PeriodicData& data,
                      const std::vector<MeasuredRecord>& records, int threads, const Work& work) {
+  const StopClock clock;
 #pragma omp parallel num_threads(threads)
   {
     SteadyStateSolver solver(family, data, {});
@@ -23,9 +26,10 @@ void for_each_record(const PlantFamily& family, const PeriodicData& data,
     for (std::size_t chunk = 0; chunk < kRecordChunks; ++chunk) {
       const std::size_t first = records.size() * chunk / kRecordChunks;
       const std::size_t last = records.size() * (chunk + 1) / kRecordChunks;
-      for (std::size_t i = first; i < last; ++i) work(solver, records[i], i, chunk);
+      for (std::size_t i = first; i < last && !clock.stops(); ++i) work(solver, records[i], i, chunk);
     }
   }
+  stop_if_requested();
 }
 
 }  // namespace graybox

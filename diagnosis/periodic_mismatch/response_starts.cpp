@@ -11,6 +11,7 @@
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -88,6 +89,7 @@ class ResponseFitter {
       for (int k = 0; k < kStarts; ++k)
         minima[static_cast<std::size_t>(k) + 1] = minimise(drawn(k));
     }
+    stop_if_requested();
     std::ranges::stable_sort(minima, {}, &Evaluation::cost);
     return distinct(minima);
   }

@@ -13,6 +13,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -194,11 +195,13 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
   const std::size_t known = data.estimation.size();
   const double numbers = data.numbers_in(data.estimation) / static_cast<double>(known);
   std::vector<MatrixXd> tasks(known + options.size());
+  const StopClock clock;
 #pragma omp parallel num_threads(threads)
   {
     SteadyStateSolver solver(family, data, {.tolerance = kTolerance});
 #pragma omp for schedule(dynamic)
     for (std::size_t i = 0; i < tasks.size(); ++i) {
+      if (clock.stops()) continue;
       if (i < known) {
         // These were fitted, and are there whatever a search leaves.
         tasks[i] = compare(solver, data.estimation[i], a, b, numbers).information;
@@ -218,6 +221,7 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
       tasks[i] *= static_cast<double>(known) / static_cast<double>(records.size());
     }
   }
+  stop_if_requested();
   MatrixXd now = MatrixXd::Zero(tasks.front().rows(), tasks.front().cols());
   for (std::size_t i = 0; i < known; ++i) now += tasks[i];
   // Parameters that are known have no columns.

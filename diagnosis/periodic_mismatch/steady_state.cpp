@@ -9,6 +9,7 @@
 #include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/frequency_response.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -502,6 +503,7 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
   double best_size = std::numeric_limits<double>::infinity();
   double share = 1.0;
   for (int iteration = 0; iteration < options_.iteration_limit; ++iteration) {
+    if (stop_requested()) break;  // whoever started this throws Stopped
     assemble();
     const double own_size = renew_own_force(record);
     renew_forces(error);

@@ -11,6 +11,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -50,12 +51,14 @@ std::vector<MatrixXd> information_of_positions(const PlantFamily& family, const 
   std::vector<MatrixXd> of_records(records.size());
   try {
     const ModelState model = evaluate_model(family, data, parameters, laws, true, threads);
+    const StopClock clock;
 #pragma omp parallel num_threads(threads)
     {
       SteadyStateSolver solver(family, data, {});
       MatrixXcd jacobian;
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records.size(); ++i) {
+        if (clock.stops()) continue;
         const MeasuredRecord& record = data.estimation[records[i]];
         solver.solve(model, record, nullptr);
         solver.differentiate(model, record, false, jacobian);
@@ -64,6 +67,7 @@ std::vector<MatrixXd> information_of_positions(const PlantFamily& family, const 
         of_records[i] = all.topLeftCorner(parameters.size(), parameters.size());
       }
     }
+    stop_if_requested();
   } catch (const InputError&) {
     return {};
   }

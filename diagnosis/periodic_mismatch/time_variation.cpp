@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -53,14 +54,17 @@ class VariationTest {
       const std::vector<MatrixXcd> answers = answers_of(group);
       const std::size_t first = found.size();
       found.resize(first + group.records.size());
+      const StopClock clock;
 #pragma omp parallel num_threads(threads_)
       {
         SteadyStateSolver solver(family_, data_, {});
 #pragma omp for schedule(dynamic)
         for (std::size_t i = 0; i < group.records.size(); ++i) {
+          if (clock.stops()) continue;
           found[first + i] = test(solver, *group.records[i], answers);
         }
       }
+      stop_if_requested();
     }
     for (std::size_t c = 0; c < scores_.size(); ++c) sum_up(found, c);
     double free_power = 0.0;

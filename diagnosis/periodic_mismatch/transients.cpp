@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -107,13 +108,17 @@ class Clearing {
     collect();
     for (int round = 0; round < kRounds; ++round) {
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-      for (std::size_t i = 0; i < plants_.size(); ++i) weigh(plants_[i]);
+      for (std::size_t i = 0; i < plants_.size(); ++i) {
+        if (!clock_.stops()) weigh(plants_[i]);
+      }
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
       for (std::size_t i = 0; i < records_.size(); ++i) {
+        if (clock_.stops()) continue;
         if (round > 0) add_forces(records_[i]);
         separate(records_[i]);
         if (round > 0) leave_out_laws_if_worse(records_[i]);
       }
+      stop_if_requested();
       whiten();
     }
     settle();
@@ -146,14 +151,21 @@ class Clearing {
       SteadyStateSolver solver(family_, data_, {});
 #pragma omp for schedule(dynamic)
       for (std::size_t i = 0; i < records_.size(); ++i) {
-        slopes[i] = describe(solver, records_[i]);
+        if (!clock_.stops()) slopes[i] = describe(solver, records_[i]);
       }
     }
+    stop_if_requested();
     for (std::size_t i = 0; i < records_.size(); ++i) share_plant(records_[i], slopes[i]);
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < plants_.size(); ++i) describe(plants_[i]);
+    for (std::size_t i = 0; i < plants_.size(); ++i) {
+      if (!clock_.stops()) describe(plants_[i]);
+    }
+    stop_if_requested();
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < records_.size(); ++i) find_excess(records_[i]);
+    for (std::size_t i = 0; i < records_.size(); ++i) {
+      if (!clock_.stops()) find_excess(records_[i]);
+    }
+    stop_if_requested();
   }
 
   // On the unit circle of z.
@@ -487,7 +499,10 @@ class Clearing {
       return;
     find_common_errors();
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
-    for (std::size_t i = 0; i < records_.size(); ++i) settle(records_[i]);
+    for (std::size_t i = 0; i < records_.size(); ++i) {
+      if (!clock_.stops()) settle(records_[i]);
+    }
+    stop_if_requested();
     whiten();
   }
 
@@ -595,10 +610,12 @@ class Clearing {
     std::vector<std::shared_ptr<const CommonError>> errors(plants_.size());
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
     for (std::size_t i = 0; i < plants_.size(); ++i) {
+      if (clock_.stops()) continue;
       weigh(plants_[i]);
       errors[i] = std::make_shared<CommonError>(
           common_error(motion_at_lines(plants_[i]), plants_[i].information));
     }
+    stop_if_requested();
     for (FreeRecord& free : records_) free.record->common_error = errors[free.plant];
   }
 
@@ -656,8 +673,11 @@ class Clearing {
     {
       SteadyStateSolver solver(family_, data_, {});
 #pragma omp for schedule(dynamic)
-      for (std::size_t i = 0; i < records_.size(); ++i) take_out_feedback(solver, records_[i]);
+      for (std::size_t i = 0; i < records_.size(); ++i) {
+        if (!clock_.stops()) take_out_feedback(solver, records_[i]);
+      }
     }
+    stop_if_requested();
   }
 
   [[nodiscard]] bool knows_controller() const {
@@ -711,6 +731,7 @@ class Clearing {
   const ModelState& model_;
   const PeriodicDataOptions& options_;
   PeriodicData& data_;
+  StopClock clock_;
   std::vector<ForceLaw> laws_;
   bool has_curved_laws_ = false;
   std::vector<FreePlant> plants_;

@@ -328,7 +328,7 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
     const Eigen::VectorXd& time = recording.data.pieces.back().time;
     recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
   }
-  preprocess(experiment.name, campaign.preprocess, recording.data);
+  preprocess(fmt::format("{}: {}", campaign.file.string(), experiment.name), campaign.preprocess, recording.data);
   return recording;
 }
 

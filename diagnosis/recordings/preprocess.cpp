@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
@@ -81,6 +82,7 @@ class Preprocessor {
       }
       signal.low_pass =
           signal.low_pass > 0.0 ? std::min(signal.low_pass, step.frequency) : step.frequency;
+      signal.filters.push_back({step.frequency, step.order});
       for (SignalPiece& piece : data_.pieces) {
         auto column = piece.values.col(static_cast<Index>(k));
         column = zero_phase_low_pass(column, share, step.order);
@@ -136,7 +138,7 @@ class Preprocessor {
     for (std::size_t k = 0; k < step.of.size(); ++k) {
       const Signal& signal = data_.signals[index_of(step.of[k])];
       added.push_back({step.names[k], unit_of_derivative(signal.unit),
-                       step.role.value_or(signal.role), signal.low_pass});
+                       step.role.value_or(signal.role), signal.low_pass, signal.filters});
     }
     const std::vector<Index> of = indices(step.of);
     const double sample_time = step.band_limited ? even("band_limited derivative") : 0.0;
@@ -169,11 +171,13 @@ class Preprocessor {
       fail(fmt::format("transmission: {} is in {}, but {} is in {}; all must be of one unit", name,
                        signal.unit, step.of.front(), unit));
     }
-    const double low_pass = common_low_pass(step.of);
+    const Signal& least = least_filtered(step.of);
+    const double low_pass = least.low_pass;
+    const std::vector<FilterPass> filters = least.filters;
     std::vector<Signal> added;
     for (std::size_t k = 0; k < step.of.size(); ++k) {
       const ChannelRole role = step.role.value_or(data_.signals[index_of(step.of[k])].role);
-      added.push_back({step.names[k], unit, role, low_pass});
+      added.push_back({step.names[k], unit, role, low_pass, filters});
     }
     // Columns are samples: arm = N^-1 motor for motion, N' motor for torques, and back.
     Eigen::MatrixXd matrix =
@@ -207,15 +211,17 @@ class Preprocessor {
     for (const std::string& name : names) result.push_back(static_cast<Index>(index_of(name)));
     return result;
   }
-  // Of a combination of channels: as high as its least filtered one.
-  double common_low_pass(const std::vector<std::string>& names) const {
-    double highest = 0.0;
+  // A combination of channels is filtered as its least filtered one.
+  const Signal& least_filtered(const std::vector<std::string>& names) const {
+    const auto height = [](const Signal& signal) {
+      return signal.low_pass > 0.0 ? signal.low_pass : std::numeric_limits<double>::infinity();
+    };
+    const Signal* least = &data_.signals[index_of(names.front())];
     for (const std::string& name : names) {
-      const double low_pass = data_.signals[index_of(name)].low_pass;
-      if (low_pass == 0.0) return 0.0;
-      highest = std::max(highest, low_pass);
+      const Signal& signal = data_.signals[index_of(name)];
+      if (height(signal) > height(*least)) least = &signal;
     }
-    return highest;
+    return *least;
   }
   static void append(SignalPiece& piece, const Eigen::MatrixXd& columns) {
     const Index before = piece.values.cols();

@@ -26,11 +26,18 @@
 
 namespace graybox {
 
+// One low-pass that a signal went through.
+struct FilterPass {
+  double frequency = 0.0;  // Hz
+  int order = 0;
+};
+
 struct Signal {
   std::string name;
   std::string unit;  // base unit (units.hpp)
   ChannelRole role;
   double low_pass = 0.0;  // Hz, lowest filter it went through; 0: none
+  std::vector<FilterPass> filters = {};  // all of them; of a combination those of its least filtered
 };
 
 // Consecutive samples.

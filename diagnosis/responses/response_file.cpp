@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <hdf5.h>
 
 #include <cmath>
 #include <complex>
@@ -15,7 +14,7 @@
 #include "graybox/diagnosis/responses/response_summary.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/hdf5_support.hpp"
+#include "graybox/problems/formats/hdf5_writer.hpp"
 
 namespace graybox {
 namespace {
@@ -39,37 +38,16 @@ const char* name_of_hold(InputHold hold) {
 
 class Hdf5Group {
  public:
-  Hdf5Group(hid_t parent, const std::string& name, const std::string& path)
-      : path_(path),
-        group_(H5Gcreate2(parent, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose) {
-    check(group_.valid() ? 0 : -1);
-  }
+  Hdf5Group(const hdf5::Writer& writer, hid_t parent, const std::string& name)
+      : writer_(&writer), group_(writer.group(parent, name.c_str())) {}
 
-  void attribute(const char* name, const std::string& text) const {
-    const hdf5::Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-    H5Tset_size(type, text.size() + 1);
-    const hdf5::Handle space(H5Screate(H5S_SCALAR), H5Sclose);
-    const hdf5::Handle at(H5Acreate2(group_, name, type, space, H5P_DEFAULT, H5P_DEFAULT),
-                          H5Aclose);
-    check(H5Awrite(at, type, text.c_str()));
-  }
-  void attribute(const char* name, const std::vector<double>& values) const {
-    const auto size = static_cast<hsize_t>(values.size());
-    const hdf5::Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose);
-    const hdf5::Handle at(H5Acreate2(group_, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT),
-                          H5Aclose);
-    if (!values.empty()) check(H5Awrite(at, H5T_NATIVE_DOUBLE, values.data()));
+  template <typename Value>
+  void attribute(const char* name, const Value& value) const {
+    writer_->attribute(group_, name, value);
   }
   void dataset(const char* name, const std::vector<hsize_t>& shape,
                const std::vector<double>& values) const {
-    const hdf5::Handle space(
-        H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), H5Sclose);
-    const hdf5::Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    check(H5Pset_obj_track_times(creation, false));
-    const hdf5::Handle data(
-        H5Dcreate2(group_, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, creation, H5P_DEFAULT),
-        H5Dclose);
-    check(H5Dwrite(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()));
+    (void)writer_->dataset(group_, name, shape, values.data());
   }
   void matrices(const char* name, const std::vector<MatrixXcd>& matrices) const {
     if (matrices.empty()) return;
@@ -89,10 +67,7 @@ class Hdf5Group {
   }
 
  private:
-  void check(herr_t status) const {
-    if (status < 0) throw InputError(path_ + ": can't be written; is the disk full?");
-  }
-  std::string path_;
+  const hdf5::Writer* writer_;
   hdf5::Handle group_;
 };
 
@@ -126,11 +101,11 @@ void write_detection(const Hdf5Group& group, const FrequencyResponseEstimate& es
   group.dataset("detection_p_value", shape, p_value);
 }
 
-void write_group(hid_t file, const std::string& path, std::size_t number,
+void write_group(const hdf5::Writer& writer, hid_t file, std::size_t number,
                  const FrequencyResponseEstimate& estimate) {
-  const Hdf5Group group(file, fmt::format("response_{}", number), path);
+  const Hdf5Group group(writer, file, fmt::format("response_{}", number));
   group.attribute("method", std::string(to_string(estimate.method)));
-  group.attribute("hold", name_of_hold(estimate.hold));
+  group.attribute("hold", std::string(name_of_hold(estimate.hold)));
   group.attribute("position", estimate.position);
   group.attribute("inputs", fmt::format("{}", fmt::join(estimate.inputs, ", ")));
   group.attribute("outputs", fmt::format("{}", fmt::join(estimate.outputs, ", ")));
@@ -166,27 +141,12 @@ void write_group(hid_t file, const std::string& path, std::size_t number,
 
 void write_hdf5_responses(const std::string& path,
                           const std::vector<FrequencyResponseEstimate>& estimates) {
-  const hdf5::QuietErrors quiet;
-  AtomicFile target(path);
-  {
-    const hdf5::Handle file(
-        H5Fcreate(target.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
-    if (!file.valid()) throw InputError(path + ": can't be written");
-    const std::string format = "graybox-responses/1";
-    const hdf5::Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-    H5Tset_size(type, format.size() + 1);
-    const hdf5::Handle space(H5Screate(H5S_SCALAR), H5Sclose);
-    const hdf5::Handle attribute(H5Acreate2(file, "format", type, space, H5P_DEFAULT, H5P_DEFAULT),
-                                 H5Aclose);
-    H5Awrite(attribute, type, format.c_str());
+  hdf5::write_file(path, [&](const hdf5::Writer& writer, hid_t file) {
+    writer.attribute(file, "format", std::string("graybox-responses/1"));
     for (std::size_t k = 0; k < estimates.size(); ++k) {
-      write_group(file, path, k + 1, estimates[k]);
+      write_group(writer, file, k + 1, estimates[k]);
     }
-    if (H5Fflush(file, H5F_SCOPE_LOCAL) < 0) {
-      throw InputError(path + ": can't be written; is the disk full?");
-    }
-  }
-  target.commit();
+  });
 }
 
 // ---- CSV ----------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@
 
 #include "graybox/diagnosis/hypotheses/law_departure.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 
@@ -50,6 +51,16 @@ struct Rival {
   bool on_other_noise = false;
   // Excluded by recordings kept out, whatever it does on those of the fit.
   bool is_contradicted = false;
+  // Laws that make a sum with `law`, which stands in the place of the law found (plainer_sums.hpp).
+  std::vector<FittedLaw> with = {};
+};
+
+// What a law does to recordings kept out of the fit, beside the others: the model refitted without it against the one
+// with it.
+struct HeldOutEffect {
+  double error_without = 0.0, error_with = 0.0;  // NRMSE, %
+  double gain = 0.0;      // share of the squared error over the noise that it takes away
+  bool misleads = false;  // it raises that error, beyond chance where the noise is known
 };
 
 struct FoundEffect {
@@ -62,6 +73,27 @@ struct FoundEffect {
   std::vector<Rival> generalisations;  // of those, as rich as the data do not ask for; the best few
   std::vector<Rival> excluded;         // the best of those that are, by their distance
   std::vector<FittedLaw> same_at = {};  // as in Rival
+  // None where no recordings were kept out, or the model without it could not be fitted.
+  std::optional<HeldOutEffect> held_out = {};
+};
+
+// A law that lowered the error of the fit and is not found all the same.
+struct RejectedLaw {
+  FittedLaw law;
+  std::string reason;
+  std::optional<HeldOutEffect> held_out = {};
+};
+
+// One test that the verdict is computed from (verdict_reasons.hpp).
+struct VerdictReason {
+  std::string test;
+  std::optional<double> value;  // none: it is no number, or was not asked
+  double limit = 0.0;
+  bool is_lower_limit = false;  // the value must be at least that; else at most
+  bool passed = true;
+  std::string not_tested = {};            // why not; then it neither passes nor fails
+  Verdict otherwise = Verdict::kUnknown;  // the verdict where it fails
+  std::string next = {};                  // what to do about it; empty where it passed
 };
 
 // Laws that were found at one place for one characteristic.
@@ -77,6 +109,7 @@ struct Diagnosis {
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
   std::vector<ChannelFault> channel_faults;
+  bool channels_checked = true;  // false: there was no time to, or not for all
   Detection detection;
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;
@@ -105,6 +138,10 @@ struct Diagnosis {
   std::vector<ChannelRest> channels_before, channels_after;  // where the noise is not known
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
+  std::vector<RejectedLaw> rejected;
+  std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
+  CheckedRange checked;
+  std::vector<VerdictReason> reasons;  // in the order in which they decide
 };
 
 }  // namespace graybox

@@ -4,22 +4,27 @@
 #include <optional>
 #include <utility>
 
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/diagnosis/search/first_fit.hpp"
 #include "graybox/diagnosis/search/law_exchange.hpp"
 #include "graybox/diagnosis/search/law_pruning.hpp"
+#include "graybox/diagnosis/search/law_rejection.hpp"
 #include "graybox/diagnosis/search/law_selection.hpp"
 #include "graybox/diagnosis/search/mismatch_detection.hpp"
 #include "graybox/diagnosis/search/rival_weighing.hpp"
 #include "graybox/diagnosis/search/search_state.hpp"
 #include "graybox/diagnosis/search/shape_check.hpp"
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/search/verification.hpp"
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
 
 bool has_channel_faults(SearchState& state) {
-  state.proceed("checking wires, signs and units");
+  const bool has_time = state.proceed("checking wires, signs and units");
   state.result.channel_faults = state.problem->channel_faults();
+  state.result.channels_checked = has_time && state.proceed("wires, signs and units are checked");
   if (state.result.channel_faults.empty()) return false;
   state.result.trouble = "the recordings are not what the channels say";
   return true;
@@ -32,6 +37,13 @@ void find_laws(SearchState& state) {
   if (!state.problem->noise_is_known()) exchange_laws(state);
   prune_laws(state);  // beside laws made plainer another may no longer be missed
   weigh_rivals(state);
+  if (reject_laws(state)) weigh_rivals(state);
+}
+
+void judge_plausibility(SearchState& state) {
+  state.result.checked = state.problem->checked_range();
+  if (!state.result.after.usable) return;
+  state.result.implausible = implausibilities(fit_physics(*state.problem, state.result.after));
 }
 
 // Whatever was found, models that do not depend on time do not describe what does.
@@ -46,32 +58,31 @@ void look_for_change(SearchState& state) {
   }
 }
 
-Verdict verdict_of(const Diagnosis& result) {
-  if (!result.detection.detected) return result.interrupted ? Verdict::kUnknown : Verdict::kNone;
-  if (result.effects.empty() || !result.verified || result.time_variation ||
-      !result.departures.empty() || !result.shared_characteristics.empty() || result.interrupted) {
-    return Verdict::kUnknown;
-  }
-  const auto has_rivals = [](const FoundEffect& effect) {
-    return !effect.rivals.empty() || !effect.same_at.empty();
-  };
-  const bool is_clear = result.predicts && std::ranges::none_of(result.effects, has_rivals);
-  return is_clear ? Verdict::kExplained : Verdict::kAmbiguous;
-}
-
-}  // namespace
-
-Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
-  SearchState state(problem, options);
-  if (!options.ignore_channel_faults && has_channel_faults(state)) return std::move(state.result);
-  if (!fit_as_it_is(state)) return std::move(state.result);
+void search(SearchState& state) {
+  if (!state.options.ignore_channel_faults && has_channel_faults(state)) return;
+  if (!fit_as_it_is(state)) return;
   detect_mismatch(state);
   while (state.result.detection.detected && fit_better(state)) detect_mismatch(state);
   if (state.result.detection.detected) find_laws(state);
   verify_rest(state);
   look_for_departures(state);
   look_for_change(state);
-  state.result.verdict = verdict_of(state.result);
+  note_held_out_effects(state);
+  judge_plausibility(state);
+}
+
+}  // namespace
+
+Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
+  SearchState state(problem, options);
+  try {
+    search(state);
+  } catch (const Stopped&) {  // in the middle of a step
+    state.result.interrupted = true;
+    if (!state.result.after.usable) state.result.after = state.result.before;
+  }
+  state.result.reasons = verdict_reasons(state.result, options);
+  state.result.verdict = verdict_of(state.result.reasons);
   return std::move(state.result);
 }
 

@@ -53,6 +53,9 @@
 //      is known and a law is excluded by its rival, or one of several laws has a rival of lower BIC, that takes
 //      its place and all are weighed again. Where the search has as many laws as may be and the rest is no
 //      noise, rivals are not weighed.
+//      Then recordings kept out are asked about each law: what raises their error goes, and, where the noise is not known,
+//      what has a size that its error does not tell from zero (law_rejection.hpp). All laws go where the error still is as
+//      large as the signal.
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest must not be
 //      larger than noise by more than `tolerance` of its variance (a test of practical size: chi-square against
 //      the non-central distribution with noncentrality tolerance x degrees of freedom). (That step 5 asked them
@@ -76,6 +79,9 @@
 //      it.
 //
 //   7. Next: for the nearest rival of each law, the experiment that tells the two apart (next_experiment.hpp).
+//
+//   8. Judge whether the final model is one that a machine can have (plausibility.hpp), and compute the verdict from the list
+//      of all tests (verdict_reasons.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
 // `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
+#include "graybox/diagnosis/search/plainer_sums.hpp"
 
 namespace graybox {
 namespace {
@@ -60,24 +61,45 @@ void prune_laws(SearchState& state) {
   }
 }
 
+namespace {
+
+// Whether a plainer law took its place.
+bool give_way_to_special_case(SearchState& state, std::size_t law, const ExtendedFit& without) {
+  const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
+  if (richer.special_cases.empty()) return false;
+  std::vector<LawStart> plainer;
+  for (const HypothesisScore& score : rank_hypotheses(state, without, 0).scores) {
+    const Hypothesis& candidate = state.hypothesis(score.start.hypothesis);
+    if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
+      plainer.push_back(score.start);
+    }
+  }
+  const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
+  if (trials.empty() || trials.front().fit.parameter_count >= state.result.after.parameter_count ||
+      state.compare.excludes(state.result.after, trials.front().fit)) {
+    return false;
+  }
+  state.result.after = trials.front().fit;
+  return true;
+}
+
+bool give_way_to_sum(SearchState& state, std::size_t law, const ExtendedFit& without) {
+  if (state.result.after.laws.size() >= state.effect_limit()) return false;
+  const std::vector<ExtendedFit> sums = sums_of_plainer_laws(state, law, without);
+  if (sums.empty() || !is_preferred(state, sums.front())) return false;
+  state.result.after = sums.front();
+  return true;
+}
+
+}  // namespace
+
 void simplify_laws(SearchState& state) {
   for (std::size_t law = 0; law < state.result.after.laws.size(); ++law) {
-    const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
-    if (richer.special_cases.empty()) continue;
+    const Hypothesis& found = state.hypothesis(state.result.after.laws[law].hypothesis);
+    if (found.special_cases.empty() && state.problem->noise_is_known()) continue;
     const ExtendedFit without = fit_without(state, state.result.after, law);
     if (!without.usable) continue;
-    std::vector<LawStart> plainer;
-    for (const HypothesisScore& score : rank_hypotheses(state, without, 0).scores) {
-      const Hypothesis& candidate = state.hypothesis(score.start.hypothesis);
-      if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
-        plainer.push_back(score.start);
-      }
-    }
-    const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
-    if (!trials.empty() &&
-        trials.front().fit.parameter_count < state.result.after.parameter_count &&
-        !state.compare.excludes(state.result.after, trials.front().fit)) {
-      state.result.after = trials.front().fit;
+    if (give_way_to_special_case(state, law, without) || give_way_to_sum(state, law, without)) {
       law = static_cast<std::size_t>(-1);  // the others stand in another order now
     }
   }

@@ -19,7 +19,7 @@ namespace graybox {
 void prune_laws(SearchState& state);
 
 // A law that only generalises another of fewer parameters gives way to it unless it is better beyond
-// the margin.
+// the margin; one that a sum of plainer laws imitates gives way to the sum (plainer_sums.hpp).
 void simplify_laws(SearchState& state);
 
 }  // namespace graybox

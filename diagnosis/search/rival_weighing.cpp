@@ -8,6 +8,7 @@
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/diagnosis/search/explanation_class.hpp"
 #include "graybox/diagnosis/search/law_pruning.hpp"
+#include "graybox/diagnosis/search/plainer_sums.hpp"
 #include "graybox/diagnosis/search/renewal.hpp"
 #include "graybox/diagnosis/search/verification.hpp"
 
@@ -142,6 +143,7 @@ void weigh_rivals(SearchState& state) {
         continue;
       }
       divide_rivals(state, effect, trials);
+      add_rival_sums(state, effect, sums_of_plainer_laws(state, law, without));
       std::ranges::move(outpaced, std::back_inserter(effect.excluded));
     }
     add_twins(state, effect);

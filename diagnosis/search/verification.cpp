@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/problems/distributions.hpp"
 
 namespace graybox {
@@ -20,16 +21,14 @@ bool is_predicted(const SearchState& state, const Assessment& held_out) {
              state.options.verification_level;
 }
 
+bool none_failed(const SearchState& state) {
+  return std::ranges::none_of(rest_reasons(state.result, state.options), has_failed);
+}
+
 void verify_without_noise(SearchState& state) {
   state.result.remaining_structure = state.problem->remaining_structure(state.result.after);
   state.result.autocorrelated_error = state.problem->autocorrelated_error(state.result.after);
-  const bool generalises = !state.result.validation_after ||
-                           state.result.validation_after->chi_square_per_dof() <=
-                               state.options.generalisation * state.options.generalisation *
-                                   state.result.after.estimation.chi_square_per_dof();
-  state.result.verified = generalises && state.result.remaining_structure &&
-                          state.compare.looks_like_noise(state.result.remaining_structure,
-                                                         state.result.autocorrelated_error);
+  state.result.verified = none_failed(state);
 }
 
 }  // namespace
@@ -60,8 +59,7 @@ bool rest_passes(SearchState& state) {
       state.options.tolerance);
   state.result.fit_p_value = practical_size_p_value(state.result.after.estimation,
                                                     kFitTolerance * state.options.tolerance);
-  return std::min(state.result.rest_p_value, state.result.fit_p_value) >=
-         state.options.verification_level;
+  return none_failed(state);
 }
 
 }  // namespace graybox

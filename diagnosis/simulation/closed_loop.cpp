@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
@@ -58,6 +60,23 @@ class OutputNoise {
   Eigen::VectorXd last_;
 };
 
+// When to look up from the work.
+class Breaks {
+ public:
+  // Samples since the last break where one is due, else -1.
+  Eigen::Index due(Eigen::Index sample) {
+    const Clock::time_point now = Clock::now();
+    if (sample > 0 && now < next_) return -1;
+    next_ = now + std::chrono::milliseconds(50);
+    return sample - std::exchange(last_, sample);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point next_;
+  Eigen::Index last_ = 0;
+};
+
 void check(const Plant& plant, const std::optional<PiController>& controller,
            const Eigen::MatrixXd& reference, const ClosedLoopOptions& options) {
   if (reference.rows() != plant.input_count() ||
@@ -81,12 +100,12 @@ void check(const Plant& plant, const std::optional<PiController>& controller,
 Recording simulate_closed_loop(Plant& plant, const std::optional<PiController>& controller,
                                double sample_time, const Eigen::MatrixXd& reference,
                                const ClosedLoopOptions& options,
-                               const std::function<bool()>& keep_going) {
+                               const std::function<bool()>& keep_going,
+                               const std::function<void(Eigen::Index)>& progress) {
   check(plant, controller, reference, options);
   const Eigen::Index period = reference.cols();
   const auto settling = static_cast<Eigen::Index>(options.settling_periods) * period;
   const auto recorded = static_cast<Eigen::Index>(options.periods) * period;
-  const auto second = static_cast<Eigen::Index>(std::ceil(1.0 / sample_time));
   Recording recording{Eigen::MatrixXd(plant.input_count(), recorded),
                       Eigen::MatrixXd(plant.input_count(), recorded),
                       Eigen::MatrixXd(plant.output_count(), recorded)};
@@ -94,8 +113,12 @@ Recording simulate_closed_loop(Plant& plant, const std::optional<PiController>& 
   std::optional<ControllerState> control;
   if (controller) control.emplace(*controller, sample_time);
   OutputNoise noise(plant.output_count(), options, sample_time);
+  Breaks breaks;
   for (Eigen::Index t = 0; t < settling + recorded; ++t) {
-    if (keep_going && t % second == 0 && !keep_going()) return {};
+    if (const Eigen::Index done = breaks.due(t); done >= 0) {
+      if (progress) progress(done);
+      if (keep_going && !keep_going()) return {};
+    }
     const auto r = reference.col(t % period);
     const Eigen::VectorXd y = plant.output() + noise();
     if (!y.allFinite()) throw UnstableMotion("the motion grows without bound");

@@ -38,12 +38,14 @@ struct Recording {
   Eigen::MatrixXd output;     // y, with noise
 };
 
-// `reference`: one period, n_u x N; without a controller it is the input itself. `keep_going` is asked once a second of simulated time; where it
-// says no, the recording is empty. The plant is restarted first. Throws UnstableMotion (plant.hpp).
+// `reference`: one period, n_u x N; without a controller it is the input itself.
+// `keep_going` is asked several times a second; where it says no, the recording is empty. `progress`
+// is told then how many samples have been simulated since the last time. The plant is restarted first. Throws UnstableMotion (plant.hpp).
 [[nodiscard]] Recording simulate_closed_loop(Plant& plant,
                                              const std::optional<PiController>& controller,
                                              double sample_time, const Eigen::MatrixXd& reference,
                                              const ClosedLoopOptions& options,
-                                             const std::function<bool()>& keep_going = {});
+                                             const std::function<bool()>& keep_going = {},
+                                             const std::function<void(Eigen::Index)>& progress = {});
 
 }  // namespace graybox

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "graybox/diagnosis/simulation/multisine.hpp"
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/yaml_field.hpp"
 
@@ -94,6 +96,36 @@ void read_places(const YamlField& root, const SimulatedSystem& system, Excitatio
       root.has("noise") ? root.at("noise").non_negative() : system.velocity_psd_slope;
 }
 
+// A recording is simulated sample by sample and kept whole: neither is done for ever, or beyond memory.
+constexpr double kMostSamples = 1e9;
+
+void require_feasible(const YamlField& root, const SimulatedSystem& system,
+                      const ExcitationPlan& plan) {
+  const auto period = static_cast<double>(plan.period);
+  const double samples = period * static_cast<double>(plan.settling_periods + plan.periods);
+  if (samples > kMostSamples) {
+    const char* key = plan.settling_periods > plan.periods ? "settling_periods" : "periods";
+    root.at(root.has(key) ? key : "period")
+        .fail(fmt::format("period x (settling_periods + periods) makes {:.3g} samples a recording; "
+                          "at most {:.0g} are simulated",
+                          samples, kMostSamples));
+  }
+  // The recording, one period of the reference and of its transform, and the file's copy.
+  const std::size_t channels =
+      system.references.size() + system.inputs.size() + system.outputs.size();
+  const std::size_t a_sample = sizeof(double) * (2 * channels * plan.periods + 6);
+  const double most =
+      std::min(static_cast<double>(available_memory() / a_sample),
+               kMostSamples / static_cast<double>(plan.settling_periods + plan.periods));
+  if (period > most) {
+    root.at("period").fail(
+        fmt::format("{} samples with {} periods of {} channels take {:.2f} GB of memory; at most "
+                    "{:.0f} samples fit",
+                    plan.period, plan.periods, channels,
+                    1e-9 * period * static_cast<double>(a_sample), std::floor(most)));
+  }
+}
+
 }  // namespace
 
 std::string PlannedExperiment::name() const {
@@ -124,6 +156,7 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSyste
   if (root.has("data") && root.at("data").choice({"h5", "csv"}) == "csv") {
     plan.data = ExcitationPlan::DataFormat::kCsv;
   }
+  require_feasible(root, system, plan);
   const std::vector<std::size_t> lines =
       odd_lines(read_frequencies(root, system), plan.period, system.sample_time);
   const std::size_t detection = whole_or_zero(root, "detection_lines", 0);

@@ -17,6 +17,8 @@ namespace {
 
 // More than a held input of one sample ever needs; beyond, the model has become unstable.
 constexpr long kMaxStepsPerSample = 5000;
+constexpr long kSamplesOfMean = 100;
+constexpr double kMostMeanSteps = 1000.0;
 // Each is kept in memory.
 constexpr double kMostDelayedSamples = 1e6;
 
@@ -41,8 +43,10 @@ std::vector<Delay> split(const Eigen::VectorXd& delays, double sample_time) {
   for (const double delay : delays) {
     const double samples = delay / sample_time;
     if (samples > kMostDelayedSamples) {
-      throw InputError(fmt::format("elements: a delay of {:g} s is more than {:g} samples", delay,
-                                   kMostDelayedSamples));
+      throw InputError(fmt::format("elements: a delay of {:g} s is more than {:g} samples of {:g} s; "
+                                   "make it at most {:g} s",
+                                   delay, kMostDelayedSamples, sample_time,
+                                   kMostDelayedSamples * sample_time));
     }
     double whole = std::floor(samples);
     double part = samples - whole;
@@ -158,6 +162,7 @@ class IntegratedPlant final : public Plant {
       record_outputs(stop);
       from = stop;
     }
+    require_bearable_steps();
   }
 
  private:
@@ -188,6 +193,21 @@ class IntegratedPlant final : public Plant {
       if (part_of_sample != 1.0 - output_delays_[j].part) continue;
       if (measured.size() == 0) measured = sensed();
       outputs_[j].push(measured(static_cast<Eigen::Index>(j)));
+    }
+  }
+
+  // Fast parts (stiff springs, hard friction) cost steps without end where others need a few.
+  void require_bearable_steps() {
+    if (++samples_ % kSamplesOfMean != 0) return;
+    long steps = 0;
+    ERKStepGetNumSteps(memory_, &steps);
+    const double mean = static_cast<double>(steps - steps_before_) / kSamplesOfMean;
+    steps_before_ = steps;
+    if (mean > kMostMeanSteps) {
+      throw UnstableMotion(
+          fmt::format("too stiff: {:.0f} steps a sample are needed, {:.0f} are the limit; a stiffness, "
+                      "damping or friction is far too large, or sample_time too long",
+                      mean, kMostMeanSteps));
     }
   }
 
@@ -255,6 +275,8 @@ class IntegratedPlant final : public Plant {
   Eigen::VectorXd state_;  // the integrator's vector looks at it
   Eigen::VectorXd q_, velocity_, force_, acceleration_, law_states_, law_rates_;
   Eigen::VectorXd held_, input_, output_;
+  long samples_ = 0;
+  long steps_before_ = 0;
   Context context_;
   N_Vector vector_ = nullptr;
   void* memory_ = nullptr;

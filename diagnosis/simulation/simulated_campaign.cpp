@@ -1,8 +1,11 @@
 #include "graybox/diagnosis/simulation/simulated_campaign.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <exception>
 #include <fstream>
@@ -19,6 +22,9 @@
 #include "graybox/diagnosis/simulation/recording_writer.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/formats/folder_lock.hpp"
+#include "graybox/problems/formats/temporary_name.hpp"
+#include "graybox/problems/program_version.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
@@ -51,9 +57,18 @@ Multisine excitation(const SimulatedSystem& system, const ExcitationPlan& plan,
       derived_seed(seed, {1, experiment.position, experiment.level, experiment.realisation}));
 }
 
+// What does not fit is said with the files that it stands in.
 std::unique_ptr<Plant> plant_at(const SimulatedSystem& system, const ExcitationPlan& plan,
                                 std::size_t position) {
-  return system.plant(plan.plant, plan.positions[position] * (std::numbers::pi / 180.0));
+  try {
+    return system.plant(plan.plant, plan.positions[position] * (std::numbers::pi / 180.0));
+  } catch (const InputError& error) {
+    std::string files = system.files.front().string();
+    if (system.hidden) files += " with " + system.hidden->string();
+    const Eigen::VectorXd& angles = plan.positions[position];
+    if (angles.size() > 0) files += fmt::format(", position [{:g}]", fmt::join(angles, ", "));
+    throw InputError(fmt::format("{}: {}", files, error.what()));
+  }
 }
 
 // What can't be done is said before anything is written.
@@ -82,8 +97,50 @@ std::vector<RecordedChannel> channels_of(const SimulatedSystem& system,
   return channels;
 }
 
+// What all the recordings will take, from the share that is done after the first seconds.
+class WorkForecast {
+ public:
+  WorkForecast(const ExcitationPlan& plan, std::size_t recordings,
+               const SimulationOptions& options)
+      : options_(&options),
+        samples_(static_cast<double>(plan.period) *
+                 static_cast<double>(plan.settling_periods + plan.periods) *
+                 static_cast<double>(recordings)) {}
+
+  // From any thread. Throws InputError where it would take for ever.
+  void add(Eigen::Index samples) {
+    const std::scoped_lock lock(mutex_);
+    done_ += static_cast<double>(samples);
+    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+    if (told_ || seconds < kFirstSeconds || done_ == 0.0) return;
+    told_ = true;
+    const double all = seconds * samples_ / done_;
+    if (all > kLongest) {
+      throw InputError(
+          fmt::format("the simulation would take {:.0f} days: shorten period, periods, "
+                      "settling_periods or the lists of the plan, or look for a stiffness, damping "
+                      "or friction that is far too large",
+                      all / 86400.0));
+    }
+    if (options_->forecast && all > kWorthTelling) options_->forecast(all);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr double kFirstSeconds = 5.0;
+  static constexpr double kWorthTelling = 60.0;
+  static constexpr double kLongest = 30.0 * 86400.0;
+  const SimulationOptions* options_;
+  double samples_;
+  Clock::time_point start_ = Clock::now();
+  std::mutex mutex_;  // of the two below
+  double done_ = 0.0;
+  bool told_ = false;
+};
+
 Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan,
-                       const PlannedExperiment& experiment, const SimulationOptions& options) {
+                       const PlannedExperiment& experiment, const SimulationOptions& options,
+                       WorkForecast& forecast) {
   const auto plant = plant_at(system, plan, experiment.position);
   const Multisine signal = excitation(system, plan, experiment, options.seed);
   const auto sub = static_cast<std::uint64_t>(experiment.sub_experiment);
@@ -97,7 +154,8 @@ Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan
   try {
     return simulate_closed_loop(*plant, system.controller, system.sample_time,
                                 signal.reference(experiment.sub_experiment), loop,
-                                options.keep_going);
+                                options.keep_going,
+                                [&](Eigen::Index samples) { forecast.add(samples); });
   } catch (const UnstableMotion& error) {
     throw UnstableMotion(fmt::format("{}: {}", experiment.name(), error.what()));
   }
@@ -170,8 +228,9 @@ std::string campaign_text(const SimulatedSystem& system, const ExcitationPlan& p
                           const std::vector<PlannedExperiment>& experiments) {
   fmt::memory_buffer text;
   fmt::format_to(std::back_inserter(text),
-                 "# Simulated: {}.\nformat: graybox-campaign/1\nmodel: {}\nsample_time: {:.10g}\n",
-                 plant_name(plan.plant), system.files.front().filename().string(),
+                 "# Simulated by {}: {}.\nformat: graybox-campaign/1\nmodel: {}\n"
+                 "sample_time: {:.10g}\n",
+                 written_by(), plant_name(plan.plant), system.files.front().filename().string(),
                  system.sample_time);
   append_channels(text, system);
   fmt::format_to(std::back_inserter(text), "hold: zero\n");
@@ -185,41 +244,36 @@ std::string campaign_text(const SimulatedSystem& system, const ExcitationPlan& p
 
 // ---- the folder ----------------------------------------------------------------------------------
 
+// What a run may leave that was killed before it had stated what it simulates.
+bool is_leftover(const fs::path& file) {
+  const std::string name = file.filename().string();
+  return is_temporary_name(name) || name.starts_with("simulation.json.");
+}
+
+bool holds_nothing(const fs::path& folder) {
+  return std::ranges::all_of(fs::directory_iterator(folder), is_leftover);
+}
+
 // The folder is of this simulation, or becomes so.
 void claim_folder(const fs::path& folder, const SimulationOptions& options) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
-  }
   const fs::path file = folder / "simulation.json";
-  const nlohmann::ordered_json stamp{
+  nlohmann::ordered_json stamp{
       {"format", "graybox-simulation/1"}, {"inputs", options.identity}, {"seed", options.seed}};
   if (std::ifstream stream(file); stream) {
-    if (nlohmann::json::parse(stream, nullptr, false) == nlohmann::json(stamp)) return;
+    nlohmann::json there = nlohmann::json::parse(stream, nullptr, false);
+    if (there.is_object()) there.erase("written_by");
+    if (there == nlohmann::json(stamp)) return;
     throw InputError(
         fmt::format("{}: holds recordings of another model, plan or seed; choose another folder or "
                     "remove it",
                     folder.string()));
   }
-  if (!fs::is_empty(folder)) {
+  if (!holds_nothing(folder)) {
     throw InputError(fmt::format("{}: is not empty and holds no simulation; choose another folder",
                                  folder.string()));
   }
+  stamp["written_by"] = written_by();
   write_text_file(file.string(), stamp.dump(2) + "\n");
-}
-
-// Of a run that was killed while it wrote (AtomicFile).
-void remove_leftovers(const fs::path& folder) {
-  std::vector<fs::path> leftovers;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    for (const char* ending : {".h5.", ".csv."}) {
-      if (name.find(ending) != std::string::npos) leftovers.push_back(entry.path());
-    }
-  }
-  std::error_code ignored;
-  for (const fs::path& file : leftovers) fs::remove(file, ignored);
 }
 
 }  // namespace
@@ -229,8 +283,8 @@ SimulationOutcome simulate_campaign(const SimulatedSystem& system, const Excitat
   const auto experiments =
       planned_experiments(plan, static_cast<Eigen::Index>(system.inputs.size()));
   check_feasible(system, plan, experiments, options.seed);
+  const FolderLock lock(folder);
   claim_folder(folder, options);
-  remove_leftovers(folder);
   SimulationOutcome outcome{.recordings = experiments.size()};
   std::vector<std::size_t> missing;
   for (std::size_t k = 0; k < experiments.size(); ++k) {
@@ -239,6 +293,7 @@ SimulationOutcome simulate_campaign(const SimulatedSystem& system, const Excitat
   outcome.already_there = experiments.size() - missing.size();
   std::size_t done = outcome.already_there;
   std::atomic<bool> stopped = false;
+  WorkForecast forecast(plan, missing.size(), options);
   std::exception_ptr failure;
   std::mutex writing;  // HDF5 is not safe among threads; also guards `done` and `failure`
 #pragma omp parallel for num_threads(options.threads) schedule(dynamic)
@@ -246,7 +301,7 @@ SimulationOutcome simulate_campaign(const SimulatedSystem& system, const Excitat
     if (stopped) continue;
     const PlannedExperiment& experiment = experiments[missing[m]];
     try {
-      const Recording recording = simulate_one(system, plan, experiment, options);
+      const Recording recording = simulate_one(system, plan, experiment, options, forecast);
       const std::scoped_lock lock(writing);
       if (recording.output.size() == 0) {
         stopped = true;

@@ -26,6 +26,7 @@ struct SimulationOptions {
   std::string identity;  // of the model's and plan's contents; compared with what the folder holds
   std::function<bool()> keep_going;                      // asked often, from any thread
   std::function<void(std::size_t, std::size_t)> report;  // recordings done, of all; one at a time
+  std::function<void(double)> forecast;  // s that all will take; told once, where they are many
 };
 
 struct SimulationOutcome {
@@ -35,7 +36,7 @@ struct SimulationOutcome {
 };
 
 // Throws InputError, before anything is written, where the folder can't be made or holds other
-// recordings, a position has no rest, or no phases keep the crest limit; and UnstableMotion (plant.hpp)
+// recordings, the work would take more than a month, a position has no rest, or no phases keep the crest limit; and UnstableMotion (plant.hpp)
 // with the recording's name.
 SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const std::filesystem::path& folder,

@@ -78,6 +78,7 @@ SimulatedSystem load_system(const fs::path& model, const std::optional<fs::path>
   SimulatedSystem system =
       format == "graybox-robot/1" ? robot_system(model, physics) : lumped_system(model, physics);
   if (physics) system.files.push_back(*physics);
+  system.hidden = physics;
   return system;
 }
 

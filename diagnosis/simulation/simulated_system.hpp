@@ -23,6 +23,7 @@ struct SimulatedSystem {
   enum class PlantKind : std::int8_t { kLocal, kRobot, kLumped };
 
   std::vector<std::filesystem::path> files;  // model first, then what it is made of
+  std::optional<std::filesystem::path> hidden;  // the graybox-physics/1 file
   double sample_time = 0.0;
   std::vector<Signal> references;  // empty: open loop, the excitation is the input
   std::vector<Signal> inputs, outputs;

@@ -96,6 +96,28 @@ void set_parameter(YAML::Node root, const LawParameterEstimate& estimate,
   }
 }
 
+// "friction.damping" of an element of the file.
+bool is_of_element(const YAML::Node& root, const std::string& name) {
+  const std::size_t dot = name.rfind('.');
+  if (dot == std::string::npos) return false;
+  const YAML::Node parameters = element_parameters(root, name.substr(0, dot));
+  return parameters.IsDefined() && parameters[name.substr(dot + 1)];
+}
+
+constexpr const char* kBaseParametersComment =
+    "# Bodies are known by their base parameters alone: base_parameters has the estimates, named as\n"
+    "# `graybox fit` names them. What is unknown is estimated anew by every fit.\n";
+
+YAML::Node base_parameter_node(const LawParameterEstimate& estimate) {
+  YAML::Node entry;
+  entry["name"] = estimate.name;
+  entry["value"] = exact_number(estimate.value);
+  entry["standard_error"] = exact_number(estimate.standard_error);
+  entry["unit"] = estimate.unit;
+  entry.SetStyle(YAML::EmitterStyle::Flow);
+  return entry;
+}
+
 void redirect(YAML::Node root, const char* key, const std::filesystem::path& model,
               const std::filesystem::path& target) {
   if (!root[key]) return;
@@ -143,10 +165,14 @@ std::string extended_model_text(const std::filesystem::path& model,
                                 const std::filesystem::path& target, const ExtendedFit& fit,
                                 std::span<const Hypothesis> hypotheses) {
   YAML::Node root = YAML::LoadFile(model.string());
-  // What a rigid robot's file leaves unknown, base parameters, is estimated anew from recordings.
   const bool is_rigid = root["format"].as<std::string>() == "graybox-rigid-robot/1";
+  root.remove("base_parameters");  // of an earlier fit
   for (const LawParameterEstimate& estimate : fit.model_parameters) {
-    if (!is_rigid) set_parameter(root, estimate, model);
+    if (!is_rigid || is_of_element(root, estimate.name)) {
+      set_parameter(root, estimate, model);
+    } else {
+      root["base_parameters"].push_back(base_parameter_node(estimate));
+    }
   }
   redirect(root, "urdf", model, target);
   add_definitions(root, fit, hypotheses);
@@ -154,8 +180,9 @@ std::string extended_model_text(const std::filesystem::path& model,
   for (const FittedLaw& law : fit.laws) {
     root["elements"].push_back(element_node(law, hypotheses, names));
   }
-  return fmt::format("# {} with estimated parameters and the physics that was found missing.\n",
-                     model.filename().string()) +
+  return fmt::format("# {} with estimated parameters and the physics that was found missing.\n{}",
+                     model.filename().string(),
+                     root["base_parameters"] ? kBaseParametersComment : "") +
          text_of(root);
 }
 

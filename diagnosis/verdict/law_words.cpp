@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <string>
 #include <string_view>
 
 namespace graybox {
@@ -29,12 +31,12 @@ constexpr std::array<Predicate, 28> kPredicates{{
     {"asymmetric_viscous", false, "has viscous friction that differs between the directions"},
     {"coulomb", false, "has dry friction"},
     {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
-    {"stribeck", false, "has dry friction that falls with speed (Stribeck)"},
+    {"stribeck", false, "has dry friction"},
     {"sublinear_friction", false, "has friction that grows less than speed does"},
     {"quadratic_drag", false, "has drag that grows with the square of speed"},
     {"deflection_damping", false, "is damped the more, the further it is deflected"},
     {"dahl", false, "has friction that gives way like a spring before it slides (Dahl)"},
-    {"lugre", false, "has friction that gives way before it slides and falls with speed (LuGre)"},
+    {"lugre", false, "has friction that gives way before it slides"},
     {"bouc_wen", false, "has a spring that yields (hysteresis, Bouc-Wen)"},
     {"play_and_slip", false, "has play, and slips beyond a force"},
     {"mode", false, "carries something that swings (a flexible mode)"},
@@ -47,6 +49,62 @@ constexpr std::array<Predicate, 28> kPredicates{{
     {"gain", true, "gives more than it should", "gives less than it should"},
     {"offset", true, "is off by a constant"},
 }};
+
+const LawParameterEstimate* parameter(const FittedLaw& law, std::string_view name) {
+  const auto found = std::ranges::find(law.parameters, name, &LawParameterEstimate::name);
+  return found == law.parameters.end() ? nullptr : &*found;
+}
+
+double error_of(const LawParameterEstimate& estimate) {
+  return estimate.standard_error > 0.0 ? estimate.standard_error : 0.0;
+}
+
+// How one parameter stands to another, beyond their errors: -1, 0 or 1.
+int compared(const LawParameterEstimate& a, const LawParameterEstimate& b) {
+  constexpr double kErrors = 2.0;
+  const double difference = a.value - b.value;
+  if (std::abs(difference) <= kErrors * std::hypot(error_of(a), error_of(b))) return 0;
+  return difference < 0.0 ? -1 : 1;
+}
+
+// Friction at standstill against friction when it slides; its viscous part may turn that round at high speed.
+std::string course_words(const FittedLaw& law, std::string_view name) {
+  const LawParameterEstimate *still = parameter(law, "static_level"),
+                             *sliding = parameter(law, "level");
+  if (still == nullptr || sliding == nullptr) return "";
+  switch (compared(*still, *sliding)) {
+    case 1:
+      return fmt::format(" that falls with speed ({})", name);
+    case -1:
+      return " that rises with speed";
+    default:
+      return " that hardly depends on speed";
+  }
+}
+
+// What the numbers say in place of the law's usual words; empty: those.
+std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
+  if (hypothesis.law == "stribeck") return "has dry friction" + course_words(law, "Stribeck");
+  if (hypothesis.law == "lugre") {
+    return "has friction that gives way before it slides" +
+           (course_words(law, "LuGre").empty() ? "" : "," + course_words(law, "LuGre"));
+  }
+  if (hypothesis.law == "sublinear_friction") {
+    const LawParameterEstimate* exponent = parameter(law, "exponent");
+    if (exponent != nullptr && compared(*exponent, {"", "", 1.0, 0.0}) == 0) {
+      return "has viscous friction";
+    }
+  }
+  for (const std::string kind : {"damping", "level"}) {
+    const LawParameterEstimate *forward = parameter(law, "forward_" + kind),
+                               *backward = parameter(law, "backward_" + kind);
+    if (forward != nullptr && backward != nullptr && compared(*forward, *backward) == 0) {
+      return kind == "level" ? "has dry friction, the same in both directions"
+                             : "has viscous friction, the same in both directions";
+    }
+  }
+  return "";
+}
 
 bool is_signal(const std::string& place) {
   return place.starts_with("sensor ") || place.starts_with("actuator ");
@@ -68,6 +126,9 @@ std::string place_words(const std::string& place) {
 
 std::string law_sentence(const Hypothesis& hypothesis, const FittedLaw& law) {
   const std::string place = place_words(hypothesis.place);
+  if (const std::string words = words_by_numbers(hypothesis, law); !words.empty()) {
+    return fmt::format("{} {}", place, words);
+  }
   const auto* known = std::ranges::find_if(kPredicates, [&](const Predicate& predicate) {
     return predicate.law == hypothesis.law && predicate.at_signal == is_signal(hypothesis.place);
   });

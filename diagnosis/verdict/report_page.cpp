@@ -6,8 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "graybox/diagnosis/verdict/law_figure.hpp"
+#include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/svg_chart.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -37,6 +40,10 @@ td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
 std::string paragraph(const std::string& text) { return "<p>" + html_escaped(text) + "</p>\n"; }
 
 std::string heading(const std::string& text) { return "<h2>" + html_escaped(text) + "</h2>\n"; }
+
+std::string end_of_page() {
+  return "<p class=\"files\">" + html_escaped(written_by()) + "</p>\n</body></html>\n";
+}
 
 std::string number_cell(double value, const char* format = "{:.4g}") {
   return "<td class=\"n\">" +
@@ -103,7 +110,7 @@ HeatMap residual_map(const std::vector<MismatchCell>& cells, const std::vector<b
 
 std::vector<ReportFigure> residual_maps(const std::vector<MismatchCell>& cells,
                                         const std::string& when) {
-  const std::vector<bool> rejected = rejected_cells(cells, 0.05);
+  const std::vector<bool> rejected = rejected_cells(cells, kFramedRate);
   std::vector<MapPlace> places;
   for (const MismatchCell& cell : cells) (void)index_in(places, {cell.position, cell.level});
   std::vector<ReportFigure> figures;
@@ -128,23 +135,19 @@ std::vector<double> thinned(const std::vector<double>& values) {
 
 ReportFigure law_figure(const ForcePicture& picture, const std::string& name, bool over_rate,
                         std::size_t effect) {
-  const std::vector<double> x = thinned(over_rate ? picture.rate : picture.deflection);
-  Chart chart;
-  chart.title = name;
-  chart.x.label = over_rate ? fmt::format("rate, {}", picture.rate_unit)
-                            : fmt::format("deflection, {}", picture.deflection_unit);
-  chart.y.label = fmt::format("force, {}", picture.force_unit);
-  chart.series = {{"from the recordings", x, thinned(picture.force), kGrey, true},
-                  {"fitted law", x, thinned(picture.law_force), kOrange, true}};
   return {fmt::format("law_{}_over_{}", effect + 1, over_rate ? "rate" : "deflection"),
-          svg_chart(chart)};
+          svg_chart(law_chart(picture, name, over_rate))};
+}
+
+std::string curve_title(const ResidualCurve& curve) {
+  return curve.channel + (curve.experiment.empty() ? "" : ", " + curve.experiment) +
+         (curve.held_out ? ", kept out of the fit" : "");
 }
 
 ReportFigure curve_figure(const ResidualCurve& before, const ResidualCurve* after,
                           std::size_t number) {
   Chart chart;
-  chart.title = before.channel + (before.experiment.empty() ? "" : ", " + before.experiment) +
-                (before.held_out ? ", kept out of the fit" : "");
+  chart.title = curve_title(before);
   chart.x = {before.over_time ? "time, s" : "frequency, Hz", !before.over_time};
   chart.y = {fmt::format("{}, {}", before.over_time ? "signal" : "rms", before.unit),
              !before.over_time};
@@ -188,7 +191,7 @@ std::vector<ReportFigure> law_figures(const Diagnosis& diagnosis,
                                       std::span<const Hypothesis> hypotheses, std::size_t effect) {
   if (effect >= diagnosis.pictures.size()) return {};
   const ForcePicture& picture = diagnosis.pictures[effect];
-  if (picture.force.empty()) return {};
+  if (picture.law_force.empty()) return {};
   const std::string name = element_name(diagnosis.effects[effect], hypotheses);
   return {law_figure(picture, name, false, effect), law_figure(picture, name, true, effect)};
 }
@@ -265,9 +268,15 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
   const auto add_same_places = [&](const std::vector<FittedLaw>& laws, double bic) {
     for (const FittedLaw& law : laws) rows += law_rows(law, hypotheses, bic, "the same system");
   };
+  const auto add_sum = [&](const Rival& rival) {
+    for (const FittedLaw& law : rival.with) {
+      rows += law_rows(law, hypotheses, rival.bic_difference, "together with the one above");
+    }
+  };
   add_same_places(effect.same_at, 0.0);
   for (const Rival& rival : effect.rivals) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
+    add_sum(rival);
     add_same_places(rival.same_at, rival.bic_difference);
   }
   for (const Rival& rival : effect.generalisations) {
@@ -275,6 +284,7 @@ std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> 
   }
   for (const Rival& rival : effect.excluded) {
     rows += law_rows(rival.law, hypotheses, rival.bic_difference, reason_of_exclusion(rival));
+    add_sum(rival);
   }
   return rows + "</table>\n";
 }
@@ -306,6 +316,11 @@ std::string detectable_table(const Diagnosis& diagnosis, std::span<const Hypothe
             "<td>" + html_escaped(effect.unit) + "</td></tr>\n";
   }
   return rows + "</table></details>\n";
+}
+
+std::string framed_words(const Diagnosis& diagnosis) {
+  const std::string words = map_words(diagnosis);
+  return words.empty() ? "" : paragraph(words);
 }
 
 void append(std::vector<ReportFigure>& all, std::vector<ReportFigure> more) {
@@ -344,8 +359,8 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   page += "<div class=\"verdict\">\n";
   for (const std::string& line : words) page += paragraph(line);
   for (const std::string& line : files.warnings) page += paragraph("The recordings: " + line);
-  page += "</div>\n";
-  if (!diagnosis.trouble.empty()) return page + "</body></html>\n";
+  page += "</div>\n" + reasons_table(diagnosis);
+  if (!diagnosis.trouble.empty()) return page + end_of_page();
   page += heading("The fit before and after") + fit_table(diagnosis);
   if (!diagnosis.mismatch_before.empty()) {
     page += heading("Where it does not fit") +
@@ -361,12 +376,13 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
             drawn(law_figures(diagnosis, hypotheses, effect));
   }
   if (!diagnosis.effects.empty() && !diagnosis.mismatch_after.empty()) {
-    page += heading("What is left") + drawn(residual_maps(diagnosis.mismatch_after, "after"));
+    page += heading("What is left") + framed_words(diagnosis) +
+            drawn(residual_maps(diagnosis.mismatch_after, "after"));
   }
   const std::vector<ReportFigure> curves = curve_figures(diagnosis);
   if (!curves.empty()) page += heading("Residuals against noise") + drawn(curves);
   page += parameter_table(diagnosis) + detectable_table(diagnosis, hypotheses);
-  return page + "</body></html>\n";
+  return page + end_of_page();
 }
 
 }  // namespace graybox

@@ -123,6 +123,20 @@ std::string labels(const Chart& chart) {
                      .c_str());
 }
 
+std::string bars_of(const ChartSeries& series, const Scale& x, const Scale& y) {
+  std::string shape;
+  const std::size_t count = std::min({series.x.size(), series.y.size(), series.bars.size()});
+  for (std::size_t i = 0; i < count; ++i) {
+    const double low = series.y[i] - series.bars[i], high = series.y[i] + series.bars[i];
+    if (!x.shows(series.x[i]) || !y.shows(low) || !y.shows(high)) continue;
+    shape += fmt::format("M{:.1f} {:.1f}V{:.1f}", x.place(series.x[i]), y.place(low),
+                         y.place(high));
+  }
+  if (shape.empty()) return "";
+  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.2\"/>\n", shape,
+                     series.colour);
+}
+
 std::string drawn(const ChartSeries& series, const Scale& x, const Scale& y) {
   const std::size_t count = std::min(series.x.size(), series.y.size());
   std::string shape;
@@ -232,11 +246,17 @@ std::string svg_chart(const Chart& chart) {
   for (const ChartSeries& series : chart.series) {
     for (const double value : series.x) x.include(value);
     for (const double value : series.y) y.include(value);
+    for (std::size_t i = 0; i < std::min(series.y.size(), series.bars.size()); ++i) {
+      y.include(series.y[i] - series.bars[i]);
+      y.include(series.y[i] + series.bars[i]);
+    }
   }
   x.settle();
   y.settle();
   std::string svg = opening(kWidth, kHeight) + grid(x, y) + labels(chart);
-  for (const ChartSeries& series : chart.series) svg += drawn(series, x, y);
+  for (const ChartSeries& series : chart.series) {
+    svg += bars_of(series, x, y) + drawn(series, x, y);
+  }
   return svg + legend(chart.series) + "</svg>\n";
 }
 

@@ -8,9 +8,12 @@
 #include <numeric>
 #include <set>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/responses/distortion.hpp"
+#include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/verdict_words.hpp"
 #include "graybox/problems/distributions.hpp"
+#include "graybox/problems/program_version.hpp"
 
 namespace graybox {
 namespace {
@@ -62,6 +65,17 @@ Json same_at_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis
   return list;
 }
 
+// The other laws of a sum.
+Json sum_json(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const FittedLaw& law : laws) {
+    list.push_back({{"place", hypotheses[law.hypothesis].place},
+                    {"law", hypotheses[law.hypothesis].law},
+                    {"parameters", parameters_json(law)}});
+  }
+  return list;
+}
+
 Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> hypotheses,
                  bool noise_is_known) {
   Json list = Json::array();
@@ -79,7 +93,8 @@ Json rivals_json(const std::vector<Rival>& rivals, std::span<const Hypothesis> h
          {"same_at", same_at_json(rival.same_at, hypotheses)},
          {"on_few_recordings", rival.on_few_recordings},
          {"with_free_motion", rival.on_other_noise},
-         {"contradicted", rival.is_contradicted}});
+         {"contradicted", rival.is_contradicted},
+         {"with", sum_json(rival.with, hypotheses)}});
   }
   return list;
 }
@@ -94,6 +109,9 @@ Json effect_json(const FoundEffect& effect, std::span<const Hypothesis> hypothes
           {"parameters", parameters_json(effect.law)},
           {"explained_share", number(effect.explained_share)},
           {"bic_difference", number(effect.bic_difference)},
+          {"held_out_gain", effect.held_out ? number(effect.held_out->gain) : Json(nullptr)},
+          {"held_out_error_without",
+           effect.held_out ? number(effect.held_out->error_without) : Json(nullptr)},
           {"same_at", same_at_json(effect.same_at, hypotheses)},
           {"alternatives", rivals_json(effect.rivals, hypotheses, noise_is_known)},
           {"generalisations", rivals_json(effect.generalisations, hypotheses, noise_is_known)},
@@ -223,7 +241,10 @@ Json shared_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothe
 Json channel_faults_json(const Diagnosis& diagnosis) {
   Json list = Json::array();
   for (const ChannelFault& fault : diagnosis.channel_faults) {
-    list.push_back({{"channels", fault.channels}, {"message", fault.message}});
+    list.push_back({{"channels", fault.channels},
+                    {"message", fault.statement()},
+                    {"rivals", fault.rivals},
+                    {"sure", fault.rivals.empty()}});
   }
   return list;
 }
@@ -336,9 +357,13 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
   }
   return {
       {"format", "graybox-verdict/1"},
+      {"written_by", written_by()},
       {"model", files.model},
       {"campaign", files.campaign},
       {"verdict", to_string(diagnosis.verdict)},
+      {"reasons", reasons_json(diagnosis)},
+      {"checked_range", range_json(diagnosis.checked)},
+      {"plausibility", plausibility_json(diagnosis.implausible)},
       {"interrupted", diagnosis.interrupted},
       {"noise_is_known", diagnosis.noise_is_known},
       {"verified", diagnosis.verified},
@@ -350,11 +375,13 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
        diagnosis.autocorrelated_error ? number(*diagnosis.autocorrelated_error) : Json(nullptr)},
       {"words", verdict_words(diagnosis, hypotheses)},
       {"channel_faults", channel_faults_json(diagnosis)},
+      {"channels_checked", diagnosis.channels_checked},
       {"recording_warnings", files.warnings},
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
       {"time_variation", time_variation_json(diagnosis.time_variation)},
       {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
+      {"rejected", rejected_json(diagnosis, hypotheses)},
       {"shapes_compared", diagnosis.shapes_compared},
       {"departures", departures_json(diagnosis, hypotheses)},
       {"shared_characteristics", shared_json(diagnosis, hypotheses)},

@@ -1,6 +1,9 @@
 // verdict.json, format graybox-verdict/1 (design, section 8): a diagnosis for other programs.
 //
 //   {"format": "graybox-verdict/1", "model": ..., "campaign": ..., "verdict": "explained",
+//    "reasons": [{"test", "value", "limit", "limit_is": "at_most", "passed", "otherwise": "unknown", "next"}],
+//    "checked_range": {"kept_out": true, "files": [...], "positions": [...], "spans": [{"quantity", "unit", "from", "to"}]},
+//    "plausibility": [{"rule": "sign", "quantity", "value", "standard_errors", "excludes", "words", "remedy"}],
 //    "interrupted": false, "noise_is_known": true, "verified": true, "predicts_kept_out": true,
 //    "remaining_structure": null,
 //    "autocorrelated_error": null, "rivals_weighed": true,
@@ -17,11 +20,13 @@
 //    "time_variation_tested": true,
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
-//                 "explained_share": 0.99, "bic_difference", "same_at": [...],
+//                 "explained_share": 0.99, "bic_difference", "held_out_gain", "held_out_error_without",
+//                 "same_at": [...],
 //                 "alternatives": [{"place", "law", "parameters", "bic_difference",
 //                 "evidence_difference", "held_out_difference", "same_at", "on_few_recordings",
 //                 "with_free_motion", "contradicted"}],
 //                 "generalisations": [...], "excluded": [...]}],
+//    "rejected": [{"place", "law", "reason", "held_out": {"error_without", "error_with", "gain"}}],
 //    "shapes_compared": true,
 //    "departures": [{"place", "law", "chi_square", "degrees_of_freedom", "p_value", "share"}],
 //    "shared_characteristics": [{"place", "characteristic": "spring", "laws": ["backlash", "ripple"]}],
@@ -37,6 +42,9 @@
 // at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band. Where the noise is not
 // known, channels are those of `rest_by_channel` whose rest depends on the motion or on its own past by more than the limits
 // for all of them together, and the other lists are empty.
+// `reasons` (verdict_reasons.hpp): the tests in the order in which they decide; the first that failed makes the verdict what
+// its `otherwise` says. `passed` is null where a test could not be asked, and `not_tested` says why. `next` is there where it
+// failed. `held_out_gain`: the share of the squared error over the noise that a law takes from recordings kept out.
 // `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
 // are null. `predicts_kept_out` is false where recordings kept out are predicted within the errors of the fitted
 // parameters only; `on_few_recordings` is true where few of many recordings excluded a law, `with_free_motion` where it
@@ -67,12 +75,14 @@ struct MismatchSummary {
   std::vector<double> levels;
   std::vector<std::pair<double, double>> bands;  // Hz (or s), merged
 };
+// False discovery rate of the cells that are called more than noise, in words and as frames of a map.
+inline constexpr double kFramedRate = 0.05;
 // That noise alone leaves as much.
 [[nodiscard]] double cell_p_value(const MismatchCell& cell);
 // The cells that are too large at this false discovery rate (Benjamini and Yekutieli 2001).
 [[nodiscard]] std::vector<bool> rejected_cells(const std::vector<MismatchCell>& cells, double rate);
 [[nodiscard]] MismatchSummary summarise_mismatch(const std::vector<MismatchCell>& cells,
-                                                 double rate = 0.05);
+                                                 double rate = kFramedRate);
 
 struct DiagnosedFiles {
   std::string model, campaign;

@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
+#include "graybox/diagnosis/verdict/reason_words.hpp"
+#include "graybox/diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 namespace {
@@ -32,6 +35,10 @@ std::string headline(const Diagnosis& diagnosis) {
   if (diagnosis.interrupted && diagnosis.channel_faults.empty())
     return "Stopped before a verdict; this is what was found until then.";
   if (!diagnosis.trouble.empty()) return "No verdict: " + diagnosis.trouble + ".";
+  if (excluding(diagnosis.implausible) > 0) {
+    return "The fitted model is not one that a machine can have; what it says of missing physics "
+           "does not hold.";
+  }
   if (diagnosis.time_variation && diagnosis.verified) {
     return "Something changes while it is recorded, and no law of the catalogue does that.";
   }
@@ -62,8 +69,12 @@ std::string parameters_words(const FittedLaw& law) {
 // Evidence against an explanation: of BIC, or of prediction where the noise is not known.
 std::string evidence_words(double difference, bool noise_is_known) {
   if (noise_is_known) return fmt::format("BIC {:+.3g}", difference);
-  return fmt::format("prediction {} by {:.2g} standard errors",
-                     difference < 0.0 ? "better" : "worse", std::sqrt(std::abs(difference)));
+  const char* const way = difference < 0.0 ? "better" : "worse";
+  const double errors = std::sqrt(std::abs(difference));
+  constexpr double kCounted =
+      1000.0;  // beyond, blocks could not be predicted at all or all gain alike
+  if (!(errors < kCounted)) return fmt::format("prediction far {}", way);
+  return fmt::format("prediction {} by {:.2g} standard errors", way, errors);
 }
 
 std::string evidence_words(const Rival& rival, bool noise_is_known) {
@@ -75,10 +86,13 @@ std::string evidence_words(const Rival& rival, bool noise_is_known) {
 }
 
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
-                         bool noise_is_known) {
+                         const Diagnosis& diagnosis) {
+  const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  const std::string found = fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
-                                        hypothesis_words(hypothesis), parameters_words(effect.law));
+  const std::string found =
+      fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
+                  hypothesis_words(hypothesis), parameters_words(effect.law)) +
+      held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
     return found + " Without it the model could not be fitted.";
   }
@@ -157,6 +171,21 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                   ".");
 }
 
+// "coulomb at motor with viscous at motor"
+std::string sum_words(const Rival& rival, std::span<const Hypothesis> hypotheses) {
+  std::string words = hypothesis_words(hypotheses[rival.law.hypothesis]);
+  for (const FittedLaw& law : rival.with) {
+    words += " with " + hypothesis_words(hypotheses[law.hypothesis]);
+  }
+  return words;
+}
+
+std::string sum_parameters_words(const Rival& rival) {
+  std::string words = parameters_words(rival.law);
+  for (const FittedLaw& law : rival.with) words += "; " + parameters_words(law);
+  return words;
+}
+
 void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                 bool noise_is_known, std::vector<std::string>& lines) {
   for (const Rival& rival : effect.rivals) {
@@ -166,8 +195,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
       continue;
     }
     lines.push_back(fmt::format("Not excluded in its place: {}: {} ({}).",
-                                hypothesis_words(hypotheses[rival.law.hypothesis]),
-                                parameters_words(rival.law),
+                                sum_words(rival, hypotheses), sum_parameters_words(rival),
                                 evidence_words(rival, noise_is_known)));
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
@@ -180,7 +208,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     const bool would_stand =
         rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
-                            hypothesis_words(hypotheses[rival.law.hypothesis]),
+                            sum_words(rival, hypotheses),
                             evidence_words(rival, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"
@@ -251,6 +279,14 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
                   diagnosis.detectable.size(), blind));
 }
 
+// A phase, an angle or a place is known where its error is small, also if it is zero.
+bool is_determined(const LawParameterEstimate& estimate, double error) {
+  const std::string& name = estimate.name;
+  if (name.ends_with("phase") || name.ends_with("angle")) return error < 1.0;
+  if (name == "x" || name == "y" || name == "z") return true;
+  return error <= std::abs(estimate.value);
+}
+
 }  // namespace
 
 std::string experiment_words(const ExperimentOption& option) {
@@ -268,6 +304,30 @@ bool is_more_than_noise(const ChannelRest& rest) {
   const SearchOptions limits;
   return rest.structure > limits.structure_tolerance ||
          rest.autocorrelated_error > limits.autocorrelation_tolerance;
+}
+
+std::string map_words(const Diagnosis& diagnosis) {
+  const std::vector<MismatchCell>& cells = diagnosis.mismatch_after;
+  const std::vector<bool> framed = rejected_cells(cells, kFramedRate);
+  const auto count = std::ranges::count(framed, true);
+  if (count == 0) return "";
+  double beyond = 0.0, numbers = 0.0;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    numbers += cells[i].degrees_of_freedom;
+    if (framed[i]) beyond += cells[i].statistic - cells[i].degrees_of_freedom;
+  }
+  std::string words = fmt::format(
+      "{} of {} cells of the map of what is left {} framed: there the recordings of the fit have more "
+      "than noise, each cell tested by itself (1 in {:.0f} of the framed may be chance).",
+      count, cells.size(), count == 1 ? "is" : "are", 1.0 / kFramedRate);
+  if (diagnosis.verified) {
+    words += fmt::format(
+        " That and a rest that is no more than noise can both be true: the framed cells have {:.2g} % of the "
+        "noise's power beyond it, and the test of all that is left, on other recordings where there are any, "
+        "allows {:g} %.",
+        100.0 * beyond / numbers, 100.0 * SearchOptions{}.tolerance);
+  }
+  return words;
 }
 
 std::string estimate_words(const LawParameterEstimate& estimate) {
@@ -290,8 +350,9 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   const int decimals = std::clamp(shift - error_exponent + 1, 0, 12);
   const double scale = std::pow(10.0, -shift);
   const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
-  return fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals, power,
-                     error * scale, decimals, power, unit);
+  const std::string words = fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals,
+                                        power, error * scale, decimals, power, unit);
+  return is_determined(estimate, error) ? words : "not determined (" + words + ")";
 }
 
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
@@ -301,9 +362,21 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(fmt::format(
         "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "
         "--ignore-faults searches all the same.",
-        fault.message, fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
+        fault.statement(), fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
   }
-  if (!diagnosis.trouble.empty()) return lines;
+  if (!diagnosis.channels_checked) {
+    lines.push_back(
+        "Wires, signs and units were not checked to the end: there was no time. A fault among them "
+        "looks like missing physics.");
+  }
+  const auto add = [&lines](const std::vector<std::string>& more) {
+    lines.insert(lines.end(), more.begin(), more.end());
+  };
+  add(plausibility_lines(diagnosis.implausible));
+  if (!diagnosis.trouble.empty()) {
+    add(reason_lines(diagnosis));
+    return lines;
+  }
   if (!diagnosis.rivals_weighed) {
     lines.push_back(
         "As many laws as the search takes leave more than noise: they lower the error, but may "
@@ -312,10 +385,11 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (diagnosis.time_variation)
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   for (const FoundEffect& effect : diagnosis.effects) {
-    lines.push_back(effect_words(effect, hypotheses, diagnosis.noise_is_known));
+    lines.push_back(effect_words(effect, hypotheses, diagnosis));
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
+  add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {
     lines.push_back(departure_words(departure, hypotheses));
   }
@@ -346,6 +420,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                       diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
     }
   }
+  if (diagnosis.verified) {
+    if (std::string map = map_words(diagnosis); !map.empty()) lines.push_back(std::move(map));
+  }
   if (diagnosis.verified && !diagnosis.predicts) {
     lines.push_back(
         "The errors of the fitted parameters may be all that recordings kept out have beyond "
@@ -367,6 +444,10 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           " No sensor's noise does: it is a disturbance with memory, or physics that none of these "
           "laws describes.";
     }
+  }
+  add(reason_lines(diagnosis));
+  if (const std::string range = range_words(diagnosis.checked); !range.empty()) {
+    lines.push_back(range);
   }
   add_detectable(diagnosis, lines);
   return lines;

@@ -1,4 +1,5 @@
 #include "graybox/problems/elements/expression.hpp"
+#include "graybox/problems/shortened.hpp"
 
 #include <fmt/format.h>
 
@@ -55,9 +56,7 @@ class ExpressionReader {
   }};
 
   [[noreturn]] void fail(const std::string& message) const {
-    constexpr std::size_t kShown = 100;
-    throw ExpressionError(fmt::format("'{}{}', character {}: {}", text_.substr(0, kShown),
-                                      text_.size() > kShown ? "..." : "", at_ + 1, message));
+    throw ExpressionError(fmt::format("'{}', character {}: {}", shortened(text_), at_ + 1, message));
   }
 
   void skip_blanks() {

@@ -22,13 +22,13 @@ constexpr std::size_t kStudyDimension = 12;
 constexpr std::size_t kFlatDegrees = 200;
 constexpr std::size_t kCopies = 10;
 
-Maker wishart(ParameterScale scale) {
+Maker wishart(ScaleDistribution scale) {
   return [scale](std::size_t q, std::size_t d, std::uint64_t seed) {
     return wishart_family(q, d, d, scale, seed);
   };
 }
 
-Maker rank_one(ParameterScale scale) {
+Maker rank_one(ScaleDistribution scale) {
   return [scale](std::size_t q, std::size_t d, std::uint64_t seed) {
     return rank_one_family(q, d, scale, seed);
   };
@@ -39,7 +39,7 @@ Maker cube(std::size_t levels) {
 }
 
 InformationSet flat(std::size_t q, std::size_t d, std::uint64_t seed) {
-  return wishart_family(q, d, std::max(kFlatDegrees, d), ParameterScale::kNone, seed);
+  return wishart_family(q, d, std::max(kFlatDegrees, d), ScaleDistribution::kNone, seed);
 }
 
 InformationSet smooth(std::size_t q, std::size_t d, std::uint64_t seed) {
@@ -54,6 +54,21 @@ InformationSet duplicated(std::size_t q, std::size_t d, std::uint64_t seed) {
   return duplicated_family(q, kCopies, d, seed);
 }
 
+// Regression on even points of [-1, 1]; the seed does not matter.
+Maker polynomials(PolynomialBasis basis) {
+  return [basis](std::size_t q, std::size_t d, std::uint64_t) {
+    return polynomial_regression(d - 1, even_points(q), basis);
+  };
+}
+
+InformationSet splines(std::size_t q, std::size_t d, std::uint64_t) {
+  return spline_regression(d, even_points(q));
+}
+
+InformationSet exponentials(std::size_t q, std::size_t d, std::uint64_t) {
+  return exponential_regression(d, even_points(q));
+}
+
 struct Entry {
   Family family;
   Maker make;
@@ -64,23 +79,32 @@ const std::vector<Entry>& entries() {
   constexpr std::size_t d = kStudyDimension;
   static const std::vector<Entry> list{
       {{"rob", "log-normal Wishart matrices: a few outliers dominate", q, d, false},
-       wishart(ParameterScale::kLogNormal)},
-      {{"wis", "plain Wishart matrices", q, d, false}, wishart(ParameterScale::kNone)},
+       wishart(ScaleDistribution::kLogNormal)},
+      {{"wis", "plain Wishart matrices", q, d, false}, wishart(ScaleDistribution::kNone)},
       {{"flat", "Wishart matrices of 200 degrees of freedom: nearly equal candidates", q, d, false},
        flat},
       {{"smo", "smooth manifold over four angles, parameters scaled over five decades", q, d,
         false},
        smooth},
       {{"smr6", "smooth manifold over four angles, rank 6", q, d, false}, smooth_rank_six},
-      {{"r1g", "rank one, Gaussian", q, d, false}, rank_one(ParameterScale::kNone)},
-      {{"r1l", "rank one, log-normal scales", q, d, false}, rank_one(ParameterScale::kLogNormal)},
+      {{"r1g", "rank one, Gaussian", q, d, false}, rank_one(ScaleDistribution::kNone)},
+      {{"r1l", "rank one, log-normal scales", q, d, false}, rank_one(ScaleDistribution::kLogNormal)},
       {{"cube3", "quadratic-type regression on the 3^7 grid: massive ties", 2187, d, true},
        cube(3)},
       {{"cube5", "quadratic-type regression on the 5^7 grid: massive ties", 78125, d, true},
        cube(5)},
       {{"dup", "every matrix of rob ten times", 5000, d, false}, duplicated},
       {{"decades", "Wishart matrices whose diagonals spread over twelve decades", q, d, false},
-       wishart(ParameterScale::kDecades)},
+       wishart(ScaleDistribution::kDecades)},
+      {{"legendre", "Legendre polynomials on even points of [-1, 1]", q, d, false, false},
+       polynomials(PolynomialBasis::kLegendre)},
+      {{"chebyshev", "Chebyshev polynomials on the same points", q, d, false, false},
+       polynomials(PolynomialBasis::kChebyshev)},
+      {{"monomials", "1, x, x^2, ... on the same points: ill-conditioned", q, d, false, false},
+       polynomials(PolynomialBasis::kMonomial)},
+      {{"splines", "cubic B-splines on the same points", q, d, false, false}, splines},
+      {{"exponentials", "decays exp(-2^k t) at even times of [0, 1]", q, 8, false, false},
+       exponentials},
   };
   return list;
 }

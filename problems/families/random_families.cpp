@@ -14,16 +14,16 @@
 namespace graybox {
 namespace {
 
-void draw_scale(Random& random, ParameterScale scale, std::vector<double>& s) {
+void draw_scale(Random& random, ScaleDistribution scale, std::vector<double>& s) {
   for (double& value : s) {
     switch (scale) {
-      case ParameterScale::kNone:
+      case ScaleDistribution::kNone:
         value = 1.0;
         break;
-      case ParameterScale::kLogNormal:
+      case ScaleDistribution::kLogNormal:
         value = std::exp(random.normal());
         break;
-      case ParameterScale::kDecades:
+      case ScaleDistribution::kDecades:
         value = std::pow(10.0, random.uniform(-3.0, 3.0));
         break;
     }
@@ -75,7 +75,7 @@ AlignedArray draw_candidates(std::size_t candidates, std::size_t dimension, std:
 }  // namespace
 
 InformationSet wishart_family(std::size_t candidates, std::size_t dimension, std::size_t degrees,
-                              ParameterScale scale, std::uint64_t seed) {
+                              ScaleDistribution scale, std::uint64_t seed) {
   if (degrees < dimension) {
     throw InputError(fmt::format("a Wishart matrix of {} degrees of freedom is singular for d = {}",
                                  degrees, dimension));
@@ -92,7 +92,7 @@ InformationSet wishart_family(std::size_t candidates, std::size_t dimension, std
   return InformationSet(dimension, draw_candidates(candidates, dimension, seed, make_draw));
 }
 
-InformationSet rank_one_family(std::size_t candidates, std::size_t dimension, ParameterScale scale,
+InformationSet rank_one_family(std::size_t candidates, std::size_t dimension, ScaleDistribution scale,
                                std::uint64_t seed) {
   const auto make_draw = [=] {
     return [=, x = std::vector<double>(dimension)](Random& random, double* packed) mutable {
@@ -115,7 +115,7 @@ InformationSet duplicated_family(std::size_t candidates, std::size_t copies, std
   }
   const std::size_t distinct = candidates / copies;
   const InformationSet original =
-      wishart_family(distinct, dimension, dimension, ParameterScale::kLogNormal, seed);
+      wishart_family(distinct, dimension, dimension, ScaleDistribution::kLogNormal, seed);
   std::vector<std::size_t> indices(candidates);
   for (std::size_t i = 0; i < candidates; ++i) indices[i] = i % distinct;
   return original.subset(indices);

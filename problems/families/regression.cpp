@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -47,6 +48,102 @@ void legendre(double x, std::vector<double>& values) {
   }
 }
 
+// T_0 .. T_n at x.
+void chebyshev(double x, std::vector<double>& values) {
+  values[0] = 1.0;
+  if (values.size() > 1) values[1] = x;
+  for (std::size_t k = 2; k < values.size(); ++k) {
+    values[k] = 2.0 * x * values[k - 1] - values[k - 2];
+  }
+}
+
+void monomials(double x, std::vector<double>& values) {
+  values[0] = 1.0;
+  for (std::size_t k = 1; k < values.size(); ++k) values[k] = values[k - 1] * x;
+}
+
+// The B-splines of the clamped even knots over [-1, 1] at x, by the recurrence of Cox and de Boor.
+class SplineBasis {
+ public:
+  explicit SplineBasis(std::size_t count) : degree_(std::min<std::size_t>(3, count - 1)) {
+    const std::size_t intervals = count - degree_;
+    knots_.assign(degree_, -1.0);
+    for (std::size_t k = 0; k <= intervals; ++k) {
+      knots_.push_back(-1.0 + 2.0 * static_cast<double>(k) / static_cast<double>(intervals));
+    }
+    knots_.insert(knots_.end(), degree_, 1.0);
+  }
+
+  void operator()(double x, std::vector<double>& values) const {
+    std::ranges::fill(values, 0.0);
+    // The interval of x; the last is closed.
+    std::size_t last = degree_;
+    while (last + 1 < values.size() && x >= knots_[last + 1]) ++last;
+    values[last] = 1.0;
+    for (std::size_t k = 1; k <= degree_; ++k) {
+      for (std::size_t i = last - k; i <= last; ++i) {
+        const double left = i == last - k ? 0.0 : share(x, i, k) * values[i];
+        const double right = i == last ? 0.0 : (1.0 - share(x, i + 1, k)) * values[i + 1];
+        values[i] = left + right;
+      }
+    }
+  }
+
+ private:
+  // How far x stands in the support of spline i of degree k - 1.
+  [[nodiscard]] double share(double x, std::size_t i, std::size_t k) const {
+    return (x - knots_[i]) / (knots_[i + k] - knots_[i]);
+  }
+
+  std::size_t degree_;
+  std::vector<double> knots_;
+};
+
+// Regression on one factor x.
+template <typename Regressors>
+InformationSet curve_set(std::span<const double> points, std::vector<std::string> parameters,
+                         Regressors regressors) {
+  return regression_set({{"x"}, {}, {points.begin(), points.end()}}, std::move(parameters),
+                        [&](const double* x, std::vector<double>& f) { regressors(*x, f); });
+}
+
+void require_distinct(std::span<const double> points, std::size_t wanted, const std::string& who) {
+  const std::set<double> distinct(points.begin(), points.end());
+  if (distinct.size() >= wanted) return;
+  throw InputError(
+      fmt::format("{} needs {} distinct points, there are {}", who, wanted, distinct.size()));
+}
+
+// The ratio of the extreme eigenvalues of the sum of the matrices, each of unit size, after scaling
+// to unit diagonal: what InformationSet::validate() judges.
+double reciprocal_condition(const InformationSet& set) {
+  const std::size_t d = set.dimension();
+  std::vector<double> sum(set.packed_size(), 0.0);
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    const auto h = set.information(i);
+    double size = 0.0;
+    for (std::size_t j = 0; j < d; ++j) size = std::max(size, h[packed_index(j, j)]);
+    for (std::size_t k = 0; size > 0.0 && k < sum.size(); ++k) sum[k] += h[k] / size;
+  }
+  Eigen::MatrixXd total(static_cast<Eigen::Index>(d), static_cast<Eigen::Index>(d));
+  unpack(sum.data(), d, total.data());
+  if (!(total.diagonal().minCoeff() > 0.0)) return 0.0;
+  const Eigen::VectorXd scale = total.diagonal().cwiseSqrt().cwiseInverse();
+  total = scale.asDiagonal() * total * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(total, Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues()(0) / eigen.eigenvalues()(total.rows() - 1);
+}
+
+InformationSet require_regular(InformationSet set, const std::string& what,
+                               const std::string& remedy) {
+  const double condition = reciprocal_condition(set);
+  if (condition > 1e-14 * static_cast<double>(set.dimension())) return set;
+  throw InputError(
+      fmt::format("{} on these {} points can't be told apart in double precision (reciprocal "
+                  "condition {:.1e} of the sum of the information matrices); {}",
+                  what, set.candidate_count(), condition, remedy));
+}
+
 std::vector<std::string> numbered(const char* letter, std::size_t count) {
   std::vector<std::string> names;
   for (std::size_t i = 1; i <= count; ++i) names.push_back(fmt::format("{}{}", letter, i));
@@ -70,22 +167,44 @@ std::vector<double> grid(const std::vector<double>& levels, std::size_t factors)
 
 InformationSet polynomial_regression(std::size_t degree, std::span<const double> points,
                                      PolynomialBasis basis) {
-  const std::set<double> distinct(points.begin(), points.end());
-  if (distinct.size() < degree + 1) {
-    throw InputError(fmt::format("a polynomial of degree {} needs {} distinct points, there are {}",
-                                 degree, degree + 1, distinct.size()));
-  }
+  require_distinct(points, degree + 1, fmt::format("a polynomial of degree {}", degree));
   const bool monomial = basis == PolynomialBasis::kMonomial;
+  const bool is_legendre = basis == PolynomialBasis::kLegendre;
+  const char* const letter = monomial ? "x^" : is_legendre ? "P_" : "T_";
   std::vector<std::string> parameters;
-  for (std::size_t k = 0; k <= degree; ++k) {
-    parameters.push_back(fmt::format("{}{}", monomial ? "x^" : "P_", k));
-  }
-  return regression_set({{"x"}, {}, {points.begin(), points.end()}}, std::move(parameters),
-                        [monomial](const double* x, std::vector<double>& f) {
-                          if (!monomial) return legendre(*x, f);
-                          f[0] = 1.0;
-                          for (std::size_t k = 1; k < f.size(); ++k) f[k] = f[k - 1] * *x;
-                        });
+  for (std::size_t k = 0; k <= degree; ++k) parameters.push_back(fmt::format("{}{}", letter, k));
+  const auto regressors = monomial ? monomials : is_legendre ? legendre : chebyshev;
+  const std::string what = fmt::format("{} up to degree {}",
+                                       monomial      ? "monomials"
+                                       : is_legendre ? "Legendre polynomials"
+                                                     : "Chebyshev polynomials",
+                                       degree);
+  return require_regular(curve_set(points, std::move(parameters), regressors), what,
+                         monomial ? "take the basis legendre or chebyshev: the optimal designs are "
+                                    "the same"
+                                  : "take more points or a lower degree");
+}
+
+InformationSet spline_regression(std::size_t parameters, std::span<const double> points) {
+  require_distinct(points, parameters, fmt::format("a spline of {} parameters", parameters));
+  return require_regular(curve_set(points, numbered("B", parameters), SplineBasis(parameters)),
+                         fmt::format("{} B-splines", parameters),
+                         "take more points or fewer splines");
+}
+
+InformationSet exponential_regression(std::size_t parameters, std::span<const double> points) {
+  require_distinct(points, parameters, fmt::format("a sum of {} decays", parameters));
+  const auto decays = [](double x, std::vector<double>& f) {
+    double rate = 1.0;
+    for (double& value : f) {
+      value = std::exp(-rate * 0.5 * (x + 1.0));
+      rate *= 2.0;
+    }
+  };
+  return require_regular(curve_set(points, numbered("decay", parameters), decays),
+                         fmt::format("{} decays of rates 1, 2, 4, ...", parameters),
+                         "take fewer of them, or an orthogonal basis of the same curves: the "
+                         "optimal designs are the same");
 }
 
 std::vector<double> even_points(std::size_t count) {

@@ -11,14 +11,28 @@
 
 namespace graybox {
 
-// Polynomials of degree n on [-1, 1], d = n + 1, f = (1, x, ..., x^n) or the Legendre polynomials
-// (P_0, ..., P_n): the same optimal design, far better conditioned. The optimum has weight 1/(n+1)
-// on each of the n + 1 roots of (1 - x^2) P_n'(x) (Guest 1958, Hoel 1958).
-enum class PolynomialBasis { kMonomial, kLegendre };
-// Throws InputError if degree + 1 distinct points are not there.
+// Polynomials of degree n on [-1, 1], d = n + 1, by one of three bases: f = (1, x, ..., x^n), the
+// Legendre polynomials (P_0, ..., P_n) or those of Chebyshev (T_0, ..., T_n). The optimal design is
+// the same for all: weight 1/(n+1) on each of the n + 1 roots of (1 - x^2) P_n'(x) (Guest 1958,
+// Hoel 1958). The condition number of M is not: it grows like 5.8^n for monomials, like n for
+// Legendre's and hardly for Chebyshev's.
+enum class PolynomialBasis { kMonomial, kLegendre, kChebyshev };
+// Throws InputError if degree + 1 distinct points are not there, or if the sum of the matrices is
+// singular in double precision, naming the bases to take instead (monomials beyond degree 16 or so).
 [[nodiscard]] InformationSet polynomial_regression(std::size_t degree,
                                                    std::span<const double> points,
                                                    PolynomialBasis basis);
+
+// Cubic splines on [-1, 1] with `parameters` B-splines over even knots, the first and the last
+// repeated (de Boor 1978); of lower degree where there are fewer than four parameters.
+[[nodiscard]] InformationSet spline_regression(std::size_t parameters,
+                                               std::span<const double> points);
+
+// A sum of decays exp(-r_k t) of known rates r_k = 2^k, k = 0 .. parameters - 1, at the times
+// t = (x + 1) / 2 of [0, 1]. Throws InputError where the decays can't be told apart in double
+// precision.
+[[nodiscard]] InformationSet exponential_regression(std::size_t parameters,
+                                                    std::span<const double> points);
 
 // Points -1 .. 1, evenly spaced; count >= 2.
 [[nodiscard]] std::vector<double> even_points(std::size_t count);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
 #include "graybox/problems/formats/hdf5_support.hpp"
+#include "graybox/problems/formats/hdf5_writer.hpp"
 #include "graybox/problems/formats/stored_set.hpp"
 #include "graybox/problems/formats/symmetric_packer.hpp"
 #include "graybox/problems/packed_matrix.hpp"
@@ -19,19 +19,6 @@ namespace graybox {
 namespace {
 
 constexpr const char* kFormat = "graybox-information-set/1";
-
-std::vector<const char*> c_strings(const std::vector<std::string>& strings) {
-  std::vector<const char*> pointers;
-  for (const std::string& text : strings) pointers.push_back(text.c_str());
-  return pointers;
-}
-
-hid_t utf8_strings() {
-  const hid_t type = H5Tcopy(H5T_C_S1);
-  H5Tset_size(type, H5T_VARIABLE);
-  H5Tset_cset(type, H5T_CSET_UTF8);
-  return type;
-}
 
 // ---- reading -----------------------------------------------------------------------------------
 
@@ -184,64 +171,19 @@ void send_hdf5(const std::vector<std::string>& arguments, MessageWriter& answer)
 
 // ---- writing -----------------------------------------------------------------------------------
 
-class Writer {
- public:
-  explicit Writer(const std::string& path) : path_(path) {}
-
-  void check(herr_t status) const {
-    if (status < 0) throw InputError(fmt::format("{}: can't be written: disk full?", path_));
-  }
-
-  void attribute(hid_t object, const char* name, const std::vector<std::string>& values,
-                 bool scalar) const {
-    const hsize_t size = values.size();
-    const hdf5::Handle type(utf8_strings(), H5Tclose);
-    const hdf5::Handle space(scalar ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, &size, nullptr),
-                             H5Sclose);
-    const hdf5::Handle attribute(H5Acreate2(object, name, type, space, H5P_DEFAULT, H5P_DEFAULT),
-                                 H5Aclose);
-    check(H5Awrite(attribute, type, c_strings(values).data()));
-  }
-
-  void strings(hid_t file, const char* name, const std::vector<std::string>& values) const {
-    const hsize_t size = values.size();
-    const hdf5::Handle type(utf8_strings(), H5Tclose);
-    const hdf5::Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose);
-    const hdf5::Handle dataset(
-        H5Dcreate2(file, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose);
-    check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, c_strings(values).data()));
-  }
-
-  // Leaves the dataset open, for its attributes.
-  [[nodiscard]] hid_t matrix(hid_t file, const char* name, std::array<hsize_t, 2> shape,
-                             const double* values) const {
-    const hdf5::Handle space(H5Screate_simple(2, shape.data(), nullptr), H5Sclose);
-    const hid_t dataset =
-        H5Dcreate2(file, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-    check(H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values));
-    return dataset;
-  }
-
- private:
-  std::string path_;
-};
-
-void write_contents(const Writer& writer, hid_t file, const InformationSet& set) {
-  writer.attribute(file, "format", {kFormat}, true);
-  writer.attribute(file, "sha256", {set.content_hash()}, true);
-  const hdf5::Handle information(
-      writer.matrix(file, "information", {set.candidate_count(), set.packed_size()}, set.data()),
-      H5Dclose);
+void write_contents(const hdf5::Writer& writer, hid_t file, const InformationSet& set) {
+  writer.attribute(file, "format", std::string(kFormat));
+  writer.attribute(file, "sha256", set.content_hash());
+  const hdf5::Handle information = writer.dataset(
+      file, "information", {set.candidate_count(), set.packed_size()}, set.data());
   const CandidateTable& table = set.candidates();
   if (!table.names.empty()) {
-    const hdf5::Handle candidates(
-        writer.matrix(file, "candidates", {set.candidate_count(), table.names.size()},
-                      table.values.data()),
-        H5Dclose);
-    writer.attribute(candidates, "names", table.names, false);
-    writer.attribute(candidates, "units", table.units, false);
+    const hdf5::Handle candidates = writer.dataset(
+        file, "candidates", {set.candidate_count(), table.names.size()}, table.values.data());
+    writer.attribute(candidates, "names", table.names);
+    writer.attribute(candidates, "units", table.units);
   }
-  if (!set.parameters().empty()) writer.strings(file, "parameters", set.parameters());
+  if (!set.parameters().empty()) writer.dataset(file, "parameters", set.parameters());
 }
 
 }  // namespace
@@ -266,17 +208,9 @@ InformationSlice read_hdf5_slice(const std::string& path, std::size_t part, std:
 }
 
 void write_hdf5(const std::string& path, const InformationSet& set) {
-  const hdf5::QuietErrors quiet;
-  AtomicFile target(path);
-  {
-    const Writer writer(path);
-    const hid_t id = H5Fcreate(target.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    if (id < 0) throw InputError(fmt::format("{}: can't be written", path));
-    const hdf5::Handle file(id, H5Fclose);
+  hdf5::write_file(path, [&](const hdf5::Writer& writer, hid_t file) {
     write_contents(writer, file, set);
-    writer.check(H5Fflush(file, H5F_SCOPE_LOCAL));
-  }
-  target.commit();
+  });
 }
 
 }  // namespace graybox

@@ -1,10 +1,16 @@
 #include "graybox/problems/formats/information_set_file.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <string_view>
 
 #include "graybox/problems/error.hpp"
@@ -13,6 +19,7 @@
 #include "graybox/problems/formats/input_file.hpp"
 #include "graybox/problems/formats/mat_file.hpp"
 #include "graybox/problems/formats/npy_file.hpp"
+#include "graybox/problems/formats/temporary_name.hpp"
 
 namespace graybox {
 namespace {
@@ -37,18 +44,55 @@ Format format_of_content(std::string_view head) {
   return Format::kUnknown;
 }
 
+// A pipe, a terminal or `<(command)`, with all that comes from it kept in a file: readers look more
+// than once.
+class PipeContents {
+ public:
+  explicit PipeContents(const std::string& pipe) {
+    std::error_code error;
+    path_ = (std::filesystem::temp_directory_path(error) / "input").string();
+    path_ = temporary_pattern(path_);
+    const int file = mkstemps(path_.data(), kTemporaryEnding);
+    if (file < 0) {
+      throw InputError(fmt::format("{}: can't be kept in {}: {}; set TMPDIR to a folder with room",
+                                   pipe, path_, std::strerror(errno)));
+    }
+    close(file);
+    std::ifstream in(pipe, std::ios::binary);
+    std::ofstream out(path_, std::ios::binary);
+    if (in.peek() != std::ifstream::traits_type::eof()) out << in.rdbuf();
+    out.close();
+    if (in.bad() || !out) {
+      unlink(path_.c_str());
+      throw InputError(fmt::format("{}: can't be read to its end; is {} full?", pipe, path_));
+    }
+  }
+  PipeContents(const PipeContents&) = delete;
+  PipeContents& operator=(const PipeContents&) = delete;
+  ~PipeContents() { unlink(path_.c_str()); }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+bool is_pipe(const std::string& path) {
+  struct stat status {};
+  return stat(path.c_str(), &status) == 0 &&
+         (S_ISFIFO(status.st_mode) || S_ISCHR(status.st_mode) || S_ISSOCK(status.st_mode));
+}
+
 constexpr std::string_view kKnown = ".h5, .npy, .csv or .mat";
 
-}  // namespace
-
-InformationSet read_information_set(const std::string& path, const ReadOptions& options) {
+InformationSet read_file(const std::string& path, const ReadOptions& options,
+                         Format by_extension) {
   Format format = Format::kUnknown;
   {
     const InputFile file(path);
     format = format_of_content(file.head(8));
   }
   if (format == Format::kUnknown) {
-    format = format_of_extension(path);
+    format = by_extension;
     if (format == Format::kHdf5) {
       throw InputError(fmt::format("{}: no HDF5 file (wrong first bytes)", path));
     }
@@ -69,6 +113,27 @@ InformationSet read_information_set(const std::string& path, const ReadOptions& 
       break;
   }
   throw InputError(fmt::format("{}: unknown format; expected {}", path, kKnown));
+}
+
+// Reads what has come through a pipe; messages name the pipe.
+InformationSet read_pipe(const std::string& pipe, const ReadOptions& options) {
+  const PipeContents contents(pipe);
+  try {
+    return read_file(contents.path(), options, Format::kCsv).renamed(pipe);
+  } catch (const InputError& error) {
+    std::string line = error.what();
+    if (const auto at = line.find(contents.path()); at != std::string::npos) {
+      line.replace(at, contents.path().size(), pipe);
+    }
+    throw InputError(line);
+  }
+}
+
+}  // namespace
+
+InformationSet read_information_set(const std::string& path, const ReadOptions& options) {
+  return is_pipe(path) ? read_pipe(path, options)
+                       : read_file(path, options, format_of_extension(path));
 }
 
 void write_information_set(const std::string& path, const InformationSet& set) {

@@ -22,6 +22,8 @@ struct ReadOptions {
   std::string variable;  // which variable of a .mat file; empty: the only one that fits
 };
 
+// A pipe or `<(command)` is read, too: CSV, or a format that its first bytes tell.
+//
 // Recognises the format by the first bytes, then by the extension. All entries of the result are
 // finite and its matrices symmetric; that they are positive semidefinite is left to
 // InformationSet::validate(). Throws InputError with the file, the field and the fix.

@@ -11,10 +11,11 @@
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 
 namespace graybox {
 
-InputFile::InputFile(std::string path) : path_(std::move(path)) {
+InputFile::InputFile(std::string path, InputUse use) : path_(std::move(path)) {
   descriptor_ = open(path_.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor_ < 0) {
     throw InputError(fmt::format("{}: can't be opened: {}", path_, std::strerror(errno)));
@@ -33,6 +34,7 @@ InputFile::InputFile(std::string path) : path_(std::move(path)) {
     throw InputError(fmt::format("{}: {}", path_, problem));
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
+  if (use == InputUse::kInput) note_input(status);
 }
 
 InputFile::~InputFile() { close(descriptor_); }

@@ -7,10 +7,13 @@
 
 namespace graybox {
 
+// An input of the command (input_guard.hpp), or what it has written itself and will write again.
+enum class InputUse { kInput, kOwnState };
+
 class InputFile {
  public:
   // Throws InputError if the file is missing, a folder, unreadable or empty.
-  explicit InputFile(std::string path);
+  explicit InputFile(std::string path, InputUse use = InputUse::kInput);
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;
   ~InputFile();

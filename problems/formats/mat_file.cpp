@@ -23,6 +23,9 @@
 namespace graybox {
 namespace {
 
+// Of the files written: no time, so that equal contents are equal bytes.
+constexpr const char* kHeader = "MATLAB 5.0 MAT-file, written by graybox";
+
 bool is_real_float(const matvar_t& variable) {
   return (variable.class_type == MAT_C_DOUBLE || variable.class_type == MAT_C_SINGLE) &&
          variable.isComplex == 0;
@@ -122,14 +125,11 @@ AlignedArray from_numeric_array(const std::string& source, const matvar_t& varia
   return packer.take();
 }
 
-}  // namespace
-
 // matio takes what there is of a truncated file and fills the rest with zeros, so the elements are
 // counted here first: each begins with its type and its length in bytes (MAT-file format, level 5).
-void require_complete_mat(const std::string& path) {
-  const InputFile file(path);
+void require_complete(const InputFile& file) {
   if (!file.head(16).starts_with("MATLAB 5")) return;
-  if (file.size() < 128) throw InputError(path + ": truncated in its header; copy it again");
+  if (file.size() < 128) throw InputError(file.path() + ": truncated in its header; copy it again");
   std::array<char, 2> order{};
   file.read(126, order.data(), order.size());
   const bool swapped = order[0] == 'M';
@@ -138,11 +138,26 @@ void require_complete_mat(const std::string& path) {
     file.read(offset, tag.data(), sizeof tag);
     offset += sizeof tag + (swapped ? __builtin_bswap32(tag[1]) : tag[1]);
     if (offset > file.size()) {
-      throw InputError(fmt::format("{}: truncated: {} bytes of {} are there; copy it again", path,
-                                   file.size(), offset));
+      throw InputError(fmt::format("{}: truncated: {} bytes of {} are there; copy it again",
+                                   file.path(), file.size(), offset));
     }
   }
 }
+
+// Whether all that was written has arrived.
+bool is_complete(const std::string& written) {
+  try {
+    const InputFile file(written, InputUse::kOwnState);
+    require_complete(file);
+    return file.size() > 128;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+void require_complete_mat(const std::string& path) { require_complete(InputFile(path)); }
 
 namespace {
 
@@ -194,9 +209,11 @@ void write_mat(const std::string& path, const InformationSet& set) {
                     "write .h5 instead",
                     path, count, d));
   }
+  Mat_LogInitFunc("graybox", [](int, char*) {});
   AtomicFile target(path);
   {
-    const MatFile file(Mat_CreateVer(target.temporary().c_str(), nullptr, MAT_FT_MAT5));
+    // The header is ours: matio's own has the time.
+    MatFile file(Mat_CreateVer(target.temporary().c_str(), kHeader, MAT_FT_MAT5));
     std::array<std::size_t, 2> cell_size{1, count};
     const MatVariable cell{
         Mat_VarCreate("Hi", MAT_C_CELL, MAT_T_CELL, 2, cell_size.data(), nullptr, 0)};
@@ -211,7 +228,9 @@ void write_mat(const std::string& path, const InformationSet& set) {
                      Mat_VarCreate(nullptr, MAT_C_DOUBLE, MAT_T_DOUBLE, 2, matrix_size.data(),
                                    full.data(), 0));
     }
-    if (Mat_VarWrite(file.get(), cell.get(), MAT_COMPRESSION_NONE) != 0) {
+    // What stdio still holds is written at the end: there a full disk shows, too.
+    const bool written = Mat_VarWrite(file.get(), cell.get(), MAT_COMPRESSION_NONE) == 0;
+    if (Mat_Close(file.release()) != 0 || !written || !is_complete(target.temporary())) {
       throw InputError(fmt::format("{}: can't be written: disk full?", path));
     }
   }

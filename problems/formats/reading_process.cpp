@@ -19,6 +19,7 @@
 #include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/input_file.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 
 namespace graybox {
 namespace {
@@ -113,6 +114,7 @@ Pipe open_pipe(const std::string& path) {
 
 ReadingProcess::ReadingProcess(const ReadingTask& task, const std::vector<std::string>& arguments)
     : path_(arguments.front()) {
+  note_input(path_);  // the child opens it, but this process may write over it
   { const InputFile present(path_); }  // missing, a folder, empty
   if (reader_program().empty() || !execute(reader_program(), task, arguments)) {
     fork_task(task, arguments);

@@ -340,7 +340,9 @@ RobotChannels read_channels(const YamlField& field, std::size_t size) {
   field.allow_keys({"torque", "torque_of", "position", "position_of", "velocity", "acceleration"});
   RobotChannels channels;
   channels.torque = read_names(field.at("torque"), size);
-  channels.position = read_names(field.at("position"), size);
+  if (field.has("position") || !field.has("velocity")) {
+    channels.position = read_names(field.at("position"), size);
+  }
   if (field.has("velocity")) channels.velocity = read_names(field.at("velocity"), size);
   if (field.has("acceleration")) {
     if (!field.has("velocity")) field.at("acceleration").fail("needs velocity, too");
@@ -363,7 +365,8 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-rigid-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "denavit_hartenberg", "gravity", "joints",
-                   "transmission", "laws", "elements", "known", "refine", "channels"});
+                   "transmission", "laws", "elements", "known", "refine", "channels",
+                   "base_parameters"});  // the last: what a diagnosis estimated, to read
   RigidRobotModel model;
   model.name = file.stem().string();
   model.gravity = read_vector(root.at("gravity"));

@@ -56,7 +56,7 @@ struct ElementParameter {
 };
 
 // The signals of a campaign, one a joint, in joint order. Empty velocity or acceleration: the
-// position is differentiated.
+// position is differentiated. Empty position: the velocity is integrated.
 struct RobotChannels {
   std::vector<std::string> torque, position, velocity, acceleration;
   bool motor_torque = false;    // u and not N^T u

@@ -13,6 +13,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/file_kind.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
 
 namespace graybox {
 namespace {
@@ -33,6 +34,7 @@ class FirstError : public console_bridge::OutputHandler {
 
 urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file) {
   require_file(file);
+  note_input(file.string());
   std::ifstream stream(file);
   if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
   std::ostringstream text;

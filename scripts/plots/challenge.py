@@ -49,8 +49,9 @@ def confusion(axes, rows):
         spine.set_visible(False)
     named_rows = [i for i, law in enumerate(true_laws) if law in columns]
     diagonal = sum(counts[i, columns.index(true_laws[i])] for i in named_rows)
-    axes.set_title(f"The true law is named first in {int(diagonal)} of {int(counts.sum())} cases with one "
-                   "effect\n(in brackets: of these at a wrong place)", fontsize=9.5)
+    axes.set_title(f"The true law is named first in {int(diagonal)} of {int(counts.sum())} cases with one effect of "
+                   "any size\n(in brackets: of these at a wrong place; shade: share of the row). On the right:\n"
+                   "classes of up to three names, of effects that can be seen", fontsize=9)
 
 
 def rates(axes, rows):

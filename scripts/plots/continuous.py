@@ -42,12 +42,10 @@ def search_panel(axes, rows, bounds):
     rounds = [int(row["round"]) for row in rows]
     axes.semilogy(rounds, [float(row["found_gap"]) for row in rows], "o-", color=GREY, ms=3, lw=0.8,
                   label=r"largest sensitivity found$/d-1$")
-    axes.semilogy(rounds, [float(row["covariance"]) for row in rows], color=VERMILION,
-                  label=COVARIANCE + " so far")
     axes.axhline(largest_gap(bounds), color=BLUE, ls="--", lw=1,
                  label="gap found afterwards, other starts")
     axes.set_xlabel("round of searches")
-    axes.set_ylabel("gap found; covariance")
+    axes.set_ylabel("gap found")
     axes.set_title("Each new maximum is met by chance")
     axes.legend(fontsize=8)
 

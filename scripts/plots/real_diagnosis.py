@@ -26,9 +26,14 @@ def draw(folder):
         axes.barh([place + shift for place, _ in known], [value for _, value in known], height=0.25,
                   color=colour, label=label)
     for place, name in zip(y, names):
-        if whole[name]["literature"]:
-            axes.plot([float(whole[name]["literature"])] * 2, [place - 0.4, place + 0.4], color=BLACK, lw=1.8,
-                      label="by hand" if place == 0 else None)
+        row = whole[name]
+        if row["literature"]:
+            axes.plot([float(row["literature"])] * 2, [place - 0.4, place + 0.4], color=BLACK, lw=1.8)
+        elif row["literature_note"]:
+            axes.annotate("by hand: " + row["literature_note"], (0, place - 0.27), xytext=(6, 0),
+                          textcoords="offset points", va="center", fontsize=7, color=BLACK,
+                          bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1})
+    axes.plot([], [], color=BLACK, lw=1.8, label="best by hand")
     axes.set_yticks(y, [f"{name}\n{whole[name]['verdict']}, {whole[name]['laws']} law"
                         + ("" if whole[name]["laws"] == "1" else "s") for name in names])
     axes.invert_yaxis()

@@ -1,12 +1,13 @@
 """Real recordings: what each model leaves unexplained, beside the figures of others."""
 
 import matplotlib.pyplot as plt
+from matplotlib.ticker import LogLocator
 
-from style import BLACK, BLUE, GREY, ORANGE, read_table, save
+from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, dots, read_table, save
 
 # A panel of a figure shows the errors of one set; parameter values stay in the table.
 SPLITS = ("train", "test", "pulses", "arrow", "A", "B", "C")
-COLOURS = {"train": BLUE, "test": ORANGE, "pulses": ORANGE, "arrow": GREY, "A": BLUE, "B": ORANGE, "C": GREY}
+COLOURS = {"train": BLUE, "test": ORANGE, "pulses": VERMILION, "arrow": GREEN, "A": BLUE, "B": ORANGE, "C": GREEN}
 
 
 def panel(axes, rows, name):
@@ -16,24 +17,29 @@ def panel(axes, rows, name):
     models = list(dict.fromkeys(row["model"] for row in rows))
     splits = [split for split in SPLITS if any(row["split"] == split for row in rows)]
     height = 0.8 / len(splits)
+    errors = [float(row["ours"]) for row in rows]
+    is_wide = max(errors) > 15 * min(errors)
+    if is_wide:  # before anything is drawn: a logarithmic axis takes dots
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if max(errors) < 100 * min(errors) else (1,)))
+        axes.xaxis.set_minor_formatter(plt.FuncFormatter(lambda *_: ""))
     for number, split in enumerate(splits):
         for row in (row for row in rows if row["split"] == split):
             y = models.index(row["model"]) + (number - (len(splits) - 1) / 2) * height
-            axes.barh(y, float(row["ours"]), height=0.9 * height, color=COLOURS[split])
+            if is_wide:
+                dots(axes, [y], [float(row["ours"])], COLOURS[split])
+            else:
+                axes.barh(y, float(row["ours"]), height=0.9 * height, color=COLOURS[split])
             if not row["reference"]:
                 continue
             axes.plot([float(row["reference"])] * 2, [y - 0.5 * height, y + 0.5 * height], color=BLACK, lw=1.8)
     for split in splits:
-        axes.barh(0, 0, color=COLOURS[split], label=f"graybox, {split}")
+        axes.plot([], [], "o" if is_wide else "s", color=COLOURS[split], label=f"graybox, {split}")
     if any(row["reference"] for row in rows):
         axes.plot([], [], color=BLACK, lw=1.8, label="by hand or published")
     axes.set_yticks(range(len(models)), models)
     axes.invert_yaxis()
-    errors = [float(row["ours"]) for row in rows]
-    if max(errors) > 15 * min(errors):
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(plt.FuncFormatter(lambda *_: ""))
     axes.set_xlabel(unit)
     axes.set_title(name)
     axes.grid(axis="y", visible=False)
@@ -55,5 +61,5 @@ def draw(folder):
             panel(each, rows, name)
         figure.suptitle("Real recordings: the error each model leaves, beside figures measured by hand or published",
                         x=0.01, ha="left", fontsize=11)
-        figure.tight_layout()
+        figure.tight_layout(rect=(0, 0, 1, 0.99))
         save(folder, figure, file.stem)

@@ -40,7 +40,7 @@ def response_panel(axes, single, truth):
                           [g + r for g, r in zip(estimate, radius)], color=colour, alpha=0.25, lw=0)
         axes.plot(frequency, estimate, "o", ms=2.5, color=colour, label=f"joint {output[2]}, estimate")
         axes.plot(frequency, magnitude(true), "-", lw=0.8, color=colour)
-    axes.plot([], [], "-", lw=0.8, color=BLACK, label="truth")
+    axes.plot([], [], "-", lw=0.8, color=GREY, label="lines: the truth, in the colour of its joint")
     axes.set_yscale("log")
     axes.set_ylabel("|G|, torque to velocity of one motor [rad/s / N m]")
     axes.set_title("Six recordings of 8 s: regions of 95 % are smaller than the dots")
@@ -60,7 +60,7 @@ def error_panel(axes, single, truth):
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_ylabel("of |G|, joint 1 [%]")
-    axes.set_title("Its error, and what it says of it")
+    axes.set_title("Joint 1: the error beside the radius of its region")
     axes.legend(fontsize=7.5)
 
 

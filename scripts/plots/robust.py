@@ -5,7 +5,7 @@ import math
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, plt, read_table, save,
+from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, growth, plt, read_table, save,
                    seconds_axis)
 
 DESIGNS = {  # name in the table: label, colour, line style
@@ -91,7 +91,7 @@ def scaling(folder):
             y = np.array([s if name == "seconds" else s / n for _, s, n in chosen])
             fitted = x >= 500
             slope, half = exponent(x[fitted], y[fitted])
-            message[solver, name] = slope
+            message[solver, name] = slope, half
             axes.plot(x, y, color=colour, marker=marker, ls=line, ms=5,
                       label=f"{label}: $Q^{{{slope:.2f}}}$ ±{half:.2f}")
         axes.set_xlabel("candidates Q")
@@ -105,12 +105,14 @@ def scaling(folder):
     gap = float(rows[0]["gap"])
     both[0].set_ylabel(f"time to a duality gap of {gap:g}, one thread")
     both[1].set_ylabel("time for an iteration")
-    parts = [f"{name} as $Q^{{{message[solver, 'seconds an iteration']:.2f}}}$"
+    parts = [growth(name, *message[solver, "seconds an iteration"])
              for solver, name in (("concentration_interior_point", "under the concentration limit"),
                                   ("primal_interior_point_low_rank", "without it"),
                                   ("primal_interior_point", "by dense Newton"))
              if (solver, "seconds an iteration") in message]
-    figure.suptitle("An iteration grows " + ", ".join(parts), x=0.06, ha="left", fontsize=10.5)
+    known = [part for part in parts if part]
+    figure.suptitle("An iteration grows " + ", ".join(known) if known else "Time against the candidates",
+                    x=0.06, ha="left", fontsize=10.5)
     figure.text(0.06, -0.06, "IRB 6600-like robot (assumed stiffness), at most half of the experiments in 1 % of the positions; smallest "
                 "of repeated runs. Exponents: least squares over Q ≥ 500 with 95 % intervals.",
                 fontsize=7.5, color="#555555")
@@ -134,13 +136,13 @@ def cost(folder):
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(percent))
-    axes.set_xlabel("largest share of the experiments in ...\n" + ASSUMED)
+    axes.set_xlabel("largest share of the experiments in the positions of the legend\n" + ASSUMED)
     axes.set_ylabel("covariance $(\\det M)^{-1/d}$ over the optimum's")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, title="limited positions", title_fontsize=8)
     half = [row for row in rows if float(row["largest_share"]) == 0.5 and float(row["of_positions"]) == 0.01]
     if half:
-        axes.set_title("At most half of the experiments in 1 % of the positions costs "
-                       f"{100 * (float(half[0]['covariance']) - 1):.0f} % of covariance", pad=10)
+        axes.set_title("With at most half of the experiments in 1 % of the positions the covariance is\n"
+                       f"{100 * (float(half[0]['covariance']) - 1):.0f} % larger", pad=10)
     save(folder, figure, "concentration_cost")
 
 
@@ -169,7 +171,7 @@ def uncertainty(folder):
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: "±" + percent(value)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(0, 1)
-    axes.set_xlabel("stiffness known to within\n" + ASSUMED)
+    axes.set_xlabel("stiffness known to within; ±50 %: 1000 robots, the others 40\n" + ASSUMED)
     axes.set_ylabel("D-efficiency, median and 5 to 95 %")
     axes.set_title("The nominal design needs the stiffness to within a few per cent;\n"
                    "a design over samples varies far less from robot to robot", pad=10)

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, read_table, save
+from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, dots, read_table, save
 
 AXIS_COLOURS = {1: BLUE, 2: ORANGE, 3: GREEN, 4: SKY, 5: PURPLE, 6: VERMILION}
 NAMES = {"flat": "flat spectrum,\nbest positions",
@@ -94,9 +94,9 @@ def draw_designs(axes, rows):
     flat = float(chosen[0]["covariance"])
     for k, row in enumerate(reversed(chosen)):
         value = float(row["covariance"])
-        axes.barh(k, value, color=COLOURS[row["design"]], height=0.6)
+        dots(axes, [k], [value], COLOURS[row["design"]])
         gain = "" if row["design"] == "flat" else f", {flat / value:.0f}× less"
-        axes.text(value * 1.15, k, f"{value:#.2g}{gain}", va="center", fontsize=8)
+        axes.annotate(f"{value:#.2g}{gain}", (value, k), xytext=(6, 5), textcoords="offset points", fontsize=8)
     axes.set_yticks(range(len(chosen)), [NAMES[row["design"]] for row in reversed(chosen)],
                     fontsize=8)
     axes.set_xscale("log")

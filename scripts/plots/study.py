@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, save, scientific,
+from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, growth, save, scientific,
                    seconds_axis, spread_labels)
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
@@ -159,11 +159,21 @@ def exponent_text(study, solver):
 def exponent_message(study):
     parts = []
     for solver, name in (("primal_interior_point", "the paper's primal form"),
-                         ("dual_interior_point", "its dual"),
+                         ("dual_interior_point", "the dual form"),
                          ("column_generation", "column generation")):
-        if solver in study.laws:
-            parts.append(f"{name} as $Q^{{{float(study.laws[solver]['exponent']):.2f}}}$")
-    return "Time grows with the candidates: " + ", ".join(parts) if parts else "Time against Q"
+        law = study.laws.get(solver)
+        if law is None or not law["lower_95"]:
+            continue
+        lower, upper = float(law["lower_95"]), float(law["upper_95"])
+        part = growth(name, float(law["exponent"]), (upper - lower) / 2)
+        if part is None and lower <= 0 <= upper:
+            part = f"of {name} no growth can be told"
+        if part is not None:
+            parts.append(part)
+    if not parts:
+        return "Time against Q"
+    message = ", ".join(parts[:2]) + ("" if len(parts) < 3 else ",\n" + ", ".join(parts[2:]))
+    return "Time grows with the candidates: " + message
 
 
 def figure_3(study):
@@ -224,9 +234,9 @@ def figure_3_peers(study):
             plot_curve(axes, x, y, solver)
             labels.append(((x[-1], y[-1]), readable(solver), style_of(solver)[0], "bold"))
     axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel("time, one thread")
+    axes.set_ylabel("graybox: wall time; others: CPU time; one thread")
     seconds_axis(axes)
-    axes.set_title("graybox beside other programs measured earlier", pad=12)
+    axes.set_title("graybox beside other programs, on other problems and to other gaps:\norders of magnitude only", pad=12)
     figure.canvas.draw()
     spread_labels(axes, labels, 1.06)
     axes.text(0, -0.12, f"Coloured: this run, robot set, checked gap {scientific(study.gap())}. Grey: other run, "
@@ -459,6 +469,10 @@ def performance_profile(study):
         default=0))
     axes.set_title(f"Performance profiles over {len(instances)} instances: {readable(fastest)} "
                    "is fastest most often", pad=12)
+    nested = sum(1 for instance in instances if str(instance).startswith("robot/"))
+    if nested > 1:
+        axes.text(0, -0.13, f"Not independent: {nested} of the instances are nested subsets of one robot's positions.",
+                  transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     figure.canvas.draw()
     labels.sort(key=lambda label: label[0])  # the better profile stands above where shares tie
     spread_labels(axes, [label for _, label in labels], 1.05, minimum=0.043)
@@ -530,7 +544,7 @@ def normalisation(study):
     all_axes[0][0].annotate("asked", (sizes[0], study.gap("normalisation")), xytext=(0, 3),
                             textcoords="offset points", fontsize=7, color="#444444")
     all_axes[0][-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle("What scaling does for the dual interior point (hollow: fell short)",
+    figure.suptitle("Scaling decides only where units differ: as written, the dual interior point then falls short (hollow)",
                     x=0.06, ha="left", fontsize=10.5)
     figure.subplots_adjust(left=0.06, right=0.99, top=0.84, wspace=0.08)
     save(study.folder, figure, "normalisation")

@@ -2,11 +2,13 @@
 
 import csv
 import math
+import re
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.container import BarContainer  # noqa: E402
 from matplotlib.ticker import FuncFormatter  # noqa: E402
 
 # Colours that colour-blind readers can tell apart (Okabe and Ito 2008).
@@ -35,8 +37,50 @@ def read_table(file):
         return list(csv.DictReader(stream))
 
 
+def refuse_bars_without_zero(figure):
+    """The length of a bar says something only from zero on, which a logarithmic axis has not: use dots()."""
+    for axes in figure.axes:
+        for container in axes.containers:
+            if not isinstance(container, BarContainer) or not container.patches:
+                continue
+            scale = axes.get_xscale() if container.orientation == "horizontal" else axes.get_yscale()
+            if scale not in ("linear", "symlog"):
+                raise ValueError(f"bars on a {scale} axis, which has no zero: draw dots")
+
+
+# Half of the 95 % interval of an exponent that a title may state.
+LARGEST_HALF_INTERVAL = 0.3
+
+
+def growth(name, exponent, half, symbol="Q"):
+    """'NAME as Q^0.98' for a title, or None where the exponent is not known well enough to be claimed."""
+    if not half <= LARGEST_HALF_INTERVAL:  # NaN is no interval
+        return None
+    return f"{name} as ${symbol}^{{{exponent:.2f}}}$ (±{half:.2f})"
+
+
+def refuse_unbounded_exponents(figure):
+    """A power of Q in a title stands beside its interval, as growth() writes it."""
+    titles = [axes.get_title(loc) for axes in figure.axes for loc in ("left", "center", "right")]
+    titles += [text.get_text() for text in figure.texts]  # the title of all among them
+    for title in titles:
+        for power in re.finditer(r"\$[A-Za-z]\^\{-?[0-9.]+\}\$", title):
+            bound = re.match(r" \(±([0-9.]+)\)", title[power.end():])
+            if bound is None or float(bound[1]) > LARGEST_HALF_INTERVAL:
+                raise ValueError(f"'{title}' claims an exponent without an interval of ±{LARGEST_HALF_INTERVAL} or less")
+
+
+def dots(axes, places, values, colour, label=None, marker="o"):
+    """What bars would show, on an axis without zero; each dot hangs on a thin line across the axes."""
+    for place in places:
+        axes.axhline(place, color="#e4e4e4", lw=0.8, zorder=0)
+    axes.plot(values, places, marker, color=colour, ms=5.5, mec="white", mew=0.5, label=label, zorder=4)
+
+
 def save(folder, figure, name):
     """Writes FOLDER/figures/NAME.svg and .png; the same data give the same bytes."""
+    refuse_bars_without_zero(figure)
+    refuse_unbounded_exponents(figure)
     target = folder / "figures"
     target.mkdir(exist_ok=True)
     for suffix, options in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 150})):

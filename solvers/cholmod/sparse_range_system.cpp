@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
+#include <numeric>
 #include <vector>
+
+#include "graybox/problems/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -36,11 +39,7 @@ class SparseRangeSystem final : public RangeSystem {
   bool factorise(const Eigen::MatrixXd& inverse_scaling, std::span<const double> ratios) override {
     fill_rows(ratios);
     fill_barrier(inverse_scaling);
-    double one[2] = {1.0, 0.0};
-    cholmod_sparse* product = cholmod_l_aat(rows_, nullptr, 0, 1, &common_);
-    cholmod_sparse* sum =
-        product == nullptr ? nullptr : cholmod_l_add(product, barrier_, one, one, 1, 0, &common_);
-    cholmod_l_free_sparse(&product, &common_);
+    cholmod_sparse* sum = sum_of_rows_and_barrier();
     const bool done = sum != nullptr && factorise_scaled(sum);
     cholmod_l_free_sparse(&sum, &common_);
     return done;
@@ -85,6 +84,33 @@ class SparseRangeSystem final : public RangeSystem {
       indices(barrier_)[k] = static_cast<Long>(k % p);
       values(barrier_)[k] = 1.0;
     }
+  }
+
+  // A D A^T + N, some candidates at a time: between them it asks whether to stop. Null where it does, or
+  // where memory does not do.
+  cholmod_sparse* sum_of_rows_and_barrier() {
+    constexpr std::size_t kWork = 100'000'000;  // multiplications, were the rows dense
+    const std::size_t count = normal_.candidate_count(), p = normal_.packed_size();
+    const std::size_t chunk = std::max<std::size_t>(16, kWork / (p * p));
+    cholmod_sparse* sum = nullptr;
+    for (std::size_t begin = 0; begin < count; begin += chunk) {
+      std::vector<Long> columns(std::min(chunk, count - begin));
+      std::iota(columns.begin(), columns.end(), static_cast<Long>(begin));
+      cholmod_sparse* product =
+          stop_requested() ? nullptr
+                           : cholmod_l_aat(rows_, columns.data(), columns.size(), 1, &common_);
+      cholmod_sparse* next = added(sum == nullptr ? barrier_ : sum, product);
+      cholmod_l_free_sparse(&product, &common_);
+      cholmod_l_free_sparse(&sum, &common_);
+      sum = next;
+      if (sum == nullptr) return nullptr;
+    }
+    return sum;
+  }
+
+  cholmod_sparse* added(cholmod_sparse* a, cholmod_sparse* b) {
+    double one[2] = {1.0, 0.0};
+    return b == nullptr ? nullptr : cholmod_l_add(b, a, one, one, 1, 0, &common_);
   }
 
   void fill_rows(std::span<const double> ratios) {
@@ -136,6 +162,7 @@ class SparseRangeSystem final : public RangeSystem {
     sum->stype = -1;  // symmetric, from its lower triangle
     double shift[2] = {0.0, 0.0};
     for (int attempt = 0; attempt < 5; ++attempt) {
+      if (stop_requested()) return false;
       const bool done = cholmod_l_factorize_p(sum, shift, nullptr, 0, factor_, &common_) != 0;
       if (done && common_.status == CHOLMOD_OK && factor_->minor == factor_->n) return true;
       shift[0] = shift[0] == 0.0 ? 1e-15 * static_cast<double>(p) : 100.0 * shift[0];

@@ -3,37 +3,63 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <numeric>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/random.hpp"
+#include "graybox/problems/stop.hpp"
+#include "graybox/solvers/distributed/mpi_transfer.hpp"
 #include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "graybox/solvers/exact/relaxation.hpp"
+#include "graybox/solvers/exact/whitened_pool.hpp"
 #include "graybox/solvers/sensitivity_sample.hpp"
+#include "graybox/solvers/solve_report.hpp"
+#include "graybox/solvers/tracer.hpp"
 #include "graybox/solvers/working_set.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNegativeGap = 1e-9;  // less is rounding, which the checker judges
 
 // What the first process asks of all.
-enum Command : int { kPriceSlice, kPriceList, kFinish };
+enum Command : std::uint64_t { kPriceSlice, kPriceList, kFinish };
 
 // One process's candidates. The list is the part with the largest sensitivities at the last pass.
 class Slice {
  public:
-  Slice(const InformationSet& set, std::size_t first_index)
-      : set_(set), first_index_(first_index), sensitivity_(set.candidate_count()) {}
+  Slice(const InformationSet& set, std::size_t first_index, int threads)
+      : set_(set),
+        first_index_(first_index),
+        threads_(threads),
+        sensitivity_(set.candidate_count()) {}
 
-  void price_all(const double* dual) {
-    kernels().price(set_.data(), set_.candidate_count(), set_.packed_size(), dual,
-                    sensitivity_.data());
+  // Both return how many candidates were read.
+  std::size_t price_all(const double* dual) {
+    constexpr std::size_t kChunk = 4096;
+    const std::size_t count = set_.candidate_count(), p = set_.packed_size();
+    const std::size_t chunks = (count + kChunk - 1) / kChunk;
+#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+      const std::size_t from = chunk * kChunk;
+      kernels().price(set_.data() + from * p, std::min(kChunk, count - from), p, dual,
+                      sensitivity_.data() + from);
+    }
     choose_list();
+    return count;
   }
 
-  void price_list(const double* dual) {
+  std::size_t price_list(const double* dual) {
     dense_kernels().price_indexed(set_.data(), list_.data(), list_.size(), set_.packed_size(), dual,
                                   list_sensitivity_.data());
+    return list_.size();
   }
 
   // Packs `wanted` candidates as records of (sensitivity, global index, packed matrix): the largest
@@ -74,36 +100,27 @@ class Slice {
 
   const InformationSet& set_;
   std::size_t first_index_;
+  int threads_;
   std::vector<double> sensitivity_;
   std::vector<std::size_t> list_;
   std::vector<double> list_sensitivity_;
 };
 
-// Rows for the start: a strided sample of the slice, its share of `wanted`, gathered on the first
-// process.
+// Rows for the start: one candidate of each of so many stretches of the slice, its share of `wanted`,
+// gathered on the first process.
 std::vector<double> gather_sample(MPI_Comm communicator, const InformationSet& set,
-                                  std::size_t first_index, std::size_t total, std::size_t wanted) {
-  const std::size_t p = set.packed_size();
-  const std::size_t count =
-      std::min(set.candidate_count(), (wanted * set.candidate_count() + total - 1) / total + 1);
+                                  std::size_t first_index, std::size_t total, std::size_t wanted,
+                                  Random& random) {
+  const std::size_t p = set.packed_size(), own = set.candidate_count();
+  const std::size_t count = std::min(own, (wanted * own + total - 1) / total + 1);
   std::vector<double> rows(count * (p + 1));
   for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t i = set.candidate_count() * k / count;
-    rows[k * (p + 1)] = static_cast<double>(first_index + i);
+    const std::size_t from = own * k / count, to = own * (k + 1) / count;
+    const std::size_t i = from + random.below(to - from);
+    rows[k * (p + 1)] = static_cast<double>(first_index + i);  // exact below 2^53
     std::ranges::copy(set.information(i), rows.data() + k * (p + 1) + 1);
   }
-  int rank = 0, processes = 1;
-  MPI_Comm_rank(communicator, &rank);
-  MPI_Comm_size(communicator, &processes);
-  const int size = static_cast<int>(rows.size());
-  std::vector<int> sizes(static_cast<std::size_t>(processes)), offsets(sizes.size());
-  MPI_Gather(&size, 1, MPI_INT, sizes.data(), 1, MPI_INT, 0, communicator);
-  std::exclusive_scan(sizes.begin(), sizes.end(), offsets.begin(), 0);
-  std::vector<double> gathered(rank == 0 ? static_cast<std::size_t>(offsets.back() + sizes.back())
-                                         : std::size_t{0});
-  MPI_Gatherv(rows.data(), size, MPI_DOUBLE, gathered.data(), sizes.data(), offsets.data(),
-              MPI_DOUBLE, 0, communicator);
-  return gathered;
+  return mpi::gather(communicator, rows);
 }
 
 // First working set: the sample, solved roughly. False if the sample sees too few directions.
@@ -123,35 +140,31 @@ bool start(WorkingSet& working, const std::vector<double>& sample, std::size_t p
 class Coordinator {
  public:
   Coordinator(MPI_Comm communicator, const InformationSet& set, std::size_t first_index,
-              const SolveOptions& options)
+              const SolveOptions& options, Tracer& tracer)
       : communicator_(communicator),
         set_(set),
         options_(options),
-        slice_(set, first_index),
+        tracer_(tracer),
+        slice_(set, first_index, options.threads),
         working_(set.dimension()),
+        random_(options.seed + first_index),
         first_index_(first_index),
-        wanted_(2 * set.dimension()) {
-    MPI_Comm_rank(communicator, &rank_);
-    MPI_Comm_size(communicator, &processes_);
-    std::uint64_t local = set.candidate_count(), total = 0;
-    MPI_Allreduce(&local, &total, 1, MPI_UINT64_T, MPI_SUM, communicator);
-    total_ = total;
-    dual_.resize(set.packed_size());
-  }
+        wanted_(2 * set.dimension()),
+        rank_(mpi::rank_of(communicator)),
+        total_(mpi::sum(communicator, set.candidate_count())),
+        dual_(set.packed_size()) {}
 
+  // The first process has the design and the status; publish() gives them to the others.
   DistributedDesign run() {
-    const double began = MPI_Wtime();
     if (!start_from_sample()) {
-      design_.status = SolveStatus::kUnsupported;
+      set_status(SolveStatus::kUnsupported, "the sum of all information matrices is singular");
     } else if (rank_ == 0) {
-      steer(began);
+      steer();
       share(kFinish);
     } else {
       follow();
     }
-    design_.counters.seconds = MPI_Wtime() - began;
-    publish();
-    return design_;
+    return std::move(design_);
   }
 
  private:
@@ -159,93 +172,112 @@ class Coordinator {
   bool start_from_sample() {
     for (std::size_t wanted = 512;; wanted *= 8) {
       const std::vector<double> sample =
-          gather_sample(communicator_, set_, first_index_, total_, wanted);
-      int started = rank_ == 0 ? start(working_, sample, set_.packed_size()) : 0;
-      MPI_Bcast(&started, 1, MPI_INT, 0, communicator_);
+          gather_sample(communicator_, set_, first_index_, total_, wanted, random_);
+      count(static_cast<double>(sample.size() / (set_.packed_size() + 1)));
+      std::uint64_t started =
+          rank_ == 0 && start(working_, sample, set_.packed_size()) ? 1U : 0U;
+      mpi::broadcast(communicator_, started);
       if (started != 0) return true;
       if (wanted >= total_) return false;
     }
   }
 
+  void count(double candidates) {
+    tracer_.count_passes(candidates / static_cast<double>(total_));
+  }
+
   // The other processes: price on command until told to finish.
   void follow() {
     for (;;) {
-      int command = kFinish;
-      MPI_Bcast(&command, 1, MPI_INT, 0, communicator_);
+      std::uint64_t command = kFinish;
+      mpi::broadcast(communicator_, command);
       if (command == kFinish) return;
       price(static_cast<Command>(command));
     }
   }
 
   void share(Command command) {
-    int code = command;
-    MPI_Bcast(&code, 1, MPI_INT, 0, communicator_);
+    std::uint64_t code = command;
+    mpi::broadcast(communicator_, code);
   }
 
   // One pass over all slices (or all lists) with the first process's M^-1; records_ on the first
   // process then holds the candidates of all.
   void price(Command command) {
     if (rank_ == 0) std::ranges::copy(working_.inverse().trace_dual(), dual_.begin());
-    MPI_Bcast(dual_.data(), static_cast<int>(dual_.size()), MPI_DOUBLE, 0, communicator_);
-    if (command == kPriceSlice) {
-      slice_.price_all(dual_.data());
-    } else {
-      slice_.price_list(dual_.data());
-    }
+    mpi::broadcast(communicator_, std::span<double>(dual_));
+    const std::size_t read = command == kPriceSlice ? slice_.price_all(dual_.data())
+                                                    : slice_.price_list(dual_.data());
     slice_.best(command, wanted_, mine_);
-    records_.resize(rank_ == 0 ? mine_.size() * static_cast<std::size_t>(processes_) : 0);
-    MPI_Gather(mine_.data(), static_cast<int>(mine_.size()), MPI_DOUBLE, records_.data(),
-               static_cast<int>(mine_.size()), MPI_DOUBLE, 0, communicator_);
+    mine_.push_back(static_cast<double>(read));
+    records_ = mpi::gather(communicator_, mine_);
+  }
+
+  [[nodiscard]] std::size_t stride() const { return set_.packed_size() + 2; }
+  // Calls visit(record) for each candidate that the processes have sent.
+  template <class Visit>
+  void for_each_record(const Visit& visit) const {
+    const std::size_t of_process = wanted_ * stride() + 1;
+    for (std::size_t begin = 0; begin < records_.size(); begin += of_process) {
+      for (std::size_t k = 0; k < wanted_; ++k) visit(records_.data() + begin + k * stride());
+    }
   }
 
   // First process only: price, and return the gap.
   double gap_of(Command command) {
     share(command);
     price(command);
-    const std::size_t stride = set_.packed_size() + 2;
+    const std::size_t of_process = wanted_ * stride() + 1;
+    for (std::size_t end = of_process; end <= records_.size(); end += of_process) {
+      count(records_[end - 1]);
+    }
     double largest = 0.0;
-    for (std::size_t k = 0; k < records_.size(); k += stride)
-      largest = std::max(largest, records_[k]);
+    for_each_record([&](const double* record) { largest = std::max(largest, record[0]); });
     return largest / static_cast<double>(set_.dimension()) - 1.0;
   }
 
   // First process only: the most violating of the gathered candidates enter, then Newton.
   bool improve(double gap, double tolerance) {
-    const std::size_t stride = set_.packed_size() + 2;
     const auto d = static_cast<double>(set_.dimension());
-    std::vector<std::size_t> order;
-    for (std::size_t k = 0; k < records_.size(); k += stride) {
-      if (records_[k] > d) order.push_back(k);
-    }
-    std::ranges::sort(order,
-                      [&](std::size_t a, std::size_t b) { return records_[a] > records_[b]; });
+    std::vector<const double*> order;
+    for_each_record([&](const double* record) {
+      if (record[0] > d) order.push_back(record);
+    });
+    std::ranges::stable_sort(order, std::greater<>(),
+                             [](const double* record) { return record[0]; });
     order.resize(std::min(order.size(), wanted_));
     std::size_t added = 0;
-    for (const std::size_t k : order) {
-      added +=
-          working_.add(static_cast<std::size_t>(records_[k + 1]), &records_[k + 2], 0.0) ? 1U : 0U;
+    for (const double* record : order) {
+      added += working_.add(static_cast<std::size_t>(record[1]), record + 2, 0.0) ? 1U : 0U;
     }
-    ++design_.counters.iterations;
+    ++iterations_;
     const WorkingSetStatus status = working_.improve(gap, tolerance);
     return added > 0 || status == WorkingSetStatus::kConverged;
   }
 
   // First process only: passes over the slices, with rounds on the lists between them.
-  void steer(double began) {
+  void steer() {
     double best_gap = kInfinity;
     for (int without_progress = 0;;) {
       const double gap = gap_of(kPriceSlice);
-      design_.counters.passes += 1.0;
+      tracer_.record(gap, iterations_);
+      // The largest sensitivity is at least d for every design.
+      if (gap < -std::min(options_.duality_gap, kNegativeGap)) {
+        return set_status(SolveStatus::kNumericalFailure,
+                          "a negative gap: the arithmetic broke down");
+      }
       without_progress = gap < 0.9 * best_gap ? 0 : without_progress + 1;
       if (gap < best_gap) {
         best_gap = gap;
-        remember(gap);
+        remember();
       }
       if (gap <= options_.duality_gap) return set_status(SolveStatus::kSolved);
-      if (MPI_Wtime() - began > options_.time_limit) return set_status(SolveStatus::kTimeLimit);
-      if (without_progress > 8) return set_status(SolveStatus::kNumericalFailure);
+      if (tracer_.out_of_time()) return set_status(SolveStatus::kTimeLimit);
+      if (without_progress > 8) {
+        return set_status(SolveStatus::kNumericalFailure, "rounding keeps the gap from falling");
+      }
       improve(gap, options_.duality_gap);
-      for (int round = 0; round < 30; ++round) {
+      for (int round = 0; round < 30 && !tracer_.out_of_time(); ++round) {
         const double list_gap = gap_of(kPriceList);
         if (list_gap <= 0.5 * options_.duality_gap) break;
         if (!improve(list_gap, 0.5 * options_.duality_gap)) break;
@@ -253,11 +285,12 @@ class Coordinator {
     }
   }
 
-  void set_status(SolveStatus status) { design_.status = status; }
+  void set_status(SolveStatus status, std::string message = {}) {
+    design_.status = status;
+    design_.message = std::move(message);
+  }
 
-  void remember(double gap) {
-    design_.duality_gap = gap;
-    design_.log_det = working_.inverse().log_det();
+  void remember() {
     design_.support.clear();
     for (std::size_t k = 0; k < working_.size(); ++k) {
       if (working_.weights()[k] > 0.0) {
@@ -265,56 +298,109 @@ class Coordinator {
       }
     }
     std::ranges::sort(design_.support);
-  }
-
-  // The first process's result to all.
-  void publish() {
-    double header[6] = {static_cast<double>(static_cast<int>(design_.status)),
-                        design_.duality_gap,
-                        design_.log_det,
-                        static_cast<double>(design_.counters.iterations),
-                        design_.counters.passes,
-                        static_cast<double>(design_.support.size())};
-    MPI_Bcast(header, 6, MPI_DOUBLE, 0, communicator_);
-    design_.status = static_cast<SolveStatus>(static_cast<int>(header[0]));
-    design_.duality_gap = header[1];
-    design_.log_det = header[2];
-    design_.counters.iterations = static_cast<std::int64_t>(header[3]);
-    design_.counters.passes = header[4];
-    std::vector<double> flat;
-    for (const auto& [index, weight] : design_.support) {
-      flat.push_back(static_cast<double>(index));
-      flat.push_back(weight);
-    }
-    flat.resize(2 * static_cast<std::size_t>(header[5]));
-    MPI_Bcast(flat.data(), static_cast<int>(flat.size()), MPI_DOUBLE, 0, communicator_);
-    design_.support.clear();
-    for (std::size_t k = 0; k < flat.size(); k += 2) {
-      design_.support.emplace_back(static_cast<std::size_t>(flat[k]), flat[k + 1]);
-    }
+    design_.counters.iterations = iterations_;
   }
 
   MPI_Comm communicator_;
   const InformationSet& set_;
   const SolveOptions& options_;
+  Tracer& tracer_;
   Slice slice_;
   WorkingSet working_;
+  Random random_;
   std::size_t first_index_;
   std::size_t wanted_;  // candidates each process offers a pass
-  std::size_t total_ = 0;
-  int rank_ = 0;
-  int processes_ = 1;
+  std::size_t rank_;
+  std::size_t total_;
+  std::int64_t iterations_ = 0;
   std::vector<double> dual_;
   std::vector<double> mine_;
   std::vector<double> records_;
   DistributedDesign design_;
 };
 
+// The first process's status, message and support to all.
+void publish(MPI_Comm communicator, DistributedDesign& design) {
+  std::uint64_t size = design.support.size();
+  mpi::broadcast(communicator, size);
+  std::vector<double> flat{static_cast<double>(design.status)};
+  for (const auto& [index, weight] : design.support) {
+    flat.push_back(static_cast<double>(index));
+    flat.push_back(weight);
+  }
+  flat.resize(2 * size + 1);
+  mpi::broadcast(communicator, std::span<double>(flat));
+  mpi::broadcast(communicator, design.message);
+  design.status = static_cast<SolveStatus>(static_cast<int>(flat[0]));
+  design.support.clear();
+  for (std::size_t k = 1; k < flat.size(); k += 2) {
+    design.support.emplace_back(static_cast<std::size_t>(flat[k]), flat[k + 1]);
+  }
+}
+
+// The slice in coordinates where the mean of all candidates is the identity. Nothing where that mean is
+// singular even in extended precision.
+std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationSet& slice,
+                                       int threads) {
+  const std::size_t p = slice.packed_size(), count = slice.candidate_count();
+  std::vector<long double> sum(p, 0.0L);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto row = slice.information(i);
+    for (std::size_t k = 0; k < p; ++k) sum[k] += row[k];
+  }
+  mpi::sum(communicator, std::span<long double>(sum));
+  const auto total = static_cast<long double>(mpi::sum(communicator, count));
+  AlignedArray mean(p);
+  for (std::size_t k = 0; k < p; ++k) mean[k] = static_cast<double>(sum[k] / total);
+  const InformationSet one(slice.dimension(), std::move(mean));
+  const Extended all = 1;
+  const ExtendedInformation information(one, {&all, 1});
+  if (!information.regular()) return std::nullopt;
+  Relaxation coordinates;
+  coordinates.inverse_factor.assign(information.inverse_factor().begin(),
+                                    information.inverse_factor().end());
+  std::vector<std::size_t> candidates(count);
+  std::iota(candidates.begin(), candidates.end(), std::size_t{0});
+  const WhitenedPool pool(slice, coordinates, candidates, threads);
+  AlignedArray rows(count * p);
+  std::copy_n(pool.rows(), count * p, rows.begin());
+  return InformationSet(slice.dimension(), std::move(rows));
+}
+
 }  // namespace
 
 DistributedDesign solve_distributed(MPI_Comm communicator, const InformationSet& slice,
-                                    std::size_t first_index, const SolveOptions& options) {
-  return Coordinator(communicator, slice, first_index, options).run();
+                                    std::size_t first_index, const SolveOptions& options,
+                                    SolveObserver* observer) {
+  Tracer tracer(slice, options, observer);
+  const auto attempt = [&](const InformationSet& coordinates) {
+    DistributedDesign design =
+        Coordinator(communicator, coordinates, first_index, options, tracer).run();
+    publish(communicator, design);
+    design.certificate =
+        certify_distributed(communicator, slice, first_index, design.support, options.threads);
+    return design;
+  };
+  DistributedDesign design = attempt(slice);
+  const bool falls_short = judge(design.status, options.duality_gap, design.certificate) !=
+                           ReportStatus::kSolved;
+  std::uint64_t goes_on = falls_short && !tracer.out_of_time() ? 1U : 0U;
+  mpi::broadcast(communicator, goes_on);  // one clock decides
+  if (goes_on != 0) {
+    const auto better = whitened(communicator, slice, options.threads);
+    tracer.count_passes(2.0);
+    if (better) {
+      DistributedDesign again = attempt(*better);
+      if (again.certificate.duality_gap + again.certificate.rounding_bound <=
+          design.certificate.duality_gap + design.certificate.rounding_bound) {
+        design = std::move(again);
+      }
+    }
+  }
+  Solution timing = tracer.finish({}, design.status, design.counters.iterations, {});
+  design.counters = timing.counters;
+  design.trace = std::move(timing.trace);
+  return design;
 }
 
 }  // namespace graybox

@@ -8,36 +8,44 @@
 //   const auto slice = ...;                          // this process's candidates
 //   const graybox::DistributedDesign design =
 //       graybox::solve_distributed(MPI_COMM_WORLD, slice, first_index, {.duality_gap = 1e-9});
-//   if (design.status == graybox::SolveStatus::kSolved) ...          // the same on every process
+//   if (graybox::judge(design.status, 1e-9, design.certificate) == graybox::ReportStatus::kSolved)
 //
-// The stop test is the gap of a pass over all candidates of all slices, so a claim is a certificate
-// up to double rounding. The answer depends on the number of processes only through the path taken.
+// The stop test is the gap of a pass over all candidates of all slices; what it is worth is decided by
+// the checker (distributed_certificate.hpp), which ends every run. Where the checker finds less than was
+// asked for, the slices are whitened by the mean of all candidates in extended precision, and the run is
+// repeated there; that costs a second copy of each slice. The answer depends on the number of processes
+// only through the path taken, and not on the number of threads.
 #pragma once
 
 #include <mpi.h>
 
 #include <cstddef>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
+#include "graybox/solvers/distributed/distributed_certificate.hpp"
 #include "graybox/solvers/solver.hpp"
 
 namespace graybox {
 
 struct DistributedDesign {
   std::vector<std::pair<std::size_t, double>> support;  // (global index, weight), ascending
-  SolveStatus status = SolveStatus::kNumericalFailure;
-  double duality_gap = 0.0;
-  double log_det = 0.0;
-  SolveCounters counters;  // passes over the whole distributed set
+  SolveStatus status = SolveStatus::kNumericalFailure;  // what the method says
+  Certificate certificate;                              // what the checker says
+  std::string message;
+  SolveCounters counters;         // passes over the whole set, samples and lists included
+  std::vector<TracePoint> trace;  // on the first process
 };
 
 // Collective. `first_index` is the global index of the slice's first candidate. All fields of the
-// result are the same on every process.
+// result but the counters and the trace are the same on every process; the first process's clock counts,
+// and its observer. Throws InputError for options out of range.
 [[nodiscard]] DistributedDesign solve_distributed(MPI_Comm communicator,
                                                   const InformationSet& slice,
                                                   std::size_t first_index,
-                                                  const SolveOptions& options);
+                                                  const SolveOptions& options,
+                                                  SolveObserver* observer = nullptr);
 
 }  // namespace graybox

@@ -6,9 +6,11 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/exact/exact_certificate.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
 #include "graybox/solvers/exact/exchange.hpp"
@@ -40,7 +42,8 @@ class Tree {
         observer_(observer),
         dimension_(static_cast<double>(set.dimension())),
         tolerance_(kShareOfGap * dimension_ * std::log1p(options.gap)),
-        start_(std::chrono::steady_clock::now()) {}
+        start_(std::chrono::steady_clock::now()),
+        limit_(options.time_limit - relaxation.seconds) {}
 
   ExactSolution run() {
     if (options_.resume) {
@@ -50,9 +53,14 @@ class Tree {
     } else {
       find_incumbent();
     }
-    const WhitenedPool pool(set_, relaxation_, state_.pool, options_.threads);
-    pool_ = &pool;
-    if (!options_.resume) plant(pool);
+    std::optional<WhitenedPool> pool;
+    try {
+      pool.emplace(set_, relaxation_, state_.pool, options_.threads, clock_);
+    } catch (const Stopped&) {
+      return solution_without_tree();
+    }
+    pool_ = &*pool;
+    if (!options_.resume) plant(*pool);
     for (const TreeNode& node : state_.open) bytes_ += bytes_of(node);
     prepare_workers();
     const ExactStatus status = grow();
@@ -66,11 +74,24 @@ class Tree {
     LocalExchange exchange;
   };
 
+  // The checker's figures, in the coordinates of the set: double precision may be wrong by more than
+  // the gap.
+  struct Value {
+    double log_det = -kInfinity;
+    double at_most = -kInfinity;
+  };
+  [[nodiscard]] Value value_of(std::vector<std::int64_t> counts) const {
+    const ExactCertificate certificate =
+        certify_exact(set_, {std::move(counts)}, options_.experiments, relaxation_);
+    if (certificate.status != CertificateStatus::kCertified) return {};
+    return {certificate.log_det, certificate.log_det + certificate.rounding_bound};
+  }
+
   void find_incumbent() {
     ExchangeResult found = search_by_exchange(set_, relaxation_, options_, observer_);
     state_.incumbent = std::move(found.counts);
-    state_.incumbent_log_det = found.log_det;
-    screened_ = screen_counts(relaxation_, options_.experiments, found.log_det);
+    state_.incumbent_log_det = value_of(state_.incumbent).log_det;
+    screened_ = screen_counts(relaxation_, options_.experiments, state_.incumbent_log_det);
     drop_copies(set_, screened_);
     state_.pool = screened_.candidates;
   }
@@ -93,7 +114,8 @@ class Tree {
   void prepare_workers() {
     for (int thread = 0; thread < options_.threads; ++thread) {
       workers_.push_back(std::make_unique<Worker>(Worker{
-          NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_), LocalExchange(*pool_)}));
+          NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_, clock_),
+          LocalExchange(*pool_, clock_)}));
     }
   }
 
@@ -139,7 +161,9 @@ class Tree {
       give_up_hopeless();
       mark();
       if (state_.open.empty()) return ExactStatus::kOptimal;
-      if (seconds_of_this_run() >= options_.time_limit || !report()) return ExactStatus::kTimeLimit;
+      if (clock_.stops() || seconds_of_this_run() >= options_.time_limit || !report()) {
+        return ExactStatus::kTimeLimit;
+      }
       if (bytes_ > options_.memory_limit) return ExactStatus::kMemoryLimit;
       if (!options_.checkpoint.empty() && seconds() >= next_checkpoint) {
         save();
@@ -177,13 +201,38 @@ class Tree {
 #pragma omp for schedule(dynamic, 1)
       for (std::ptrdiff_t k = 0; k < count; ++k) {
         const auto at = static_cast<std::size_t>(k);
-        outcomes_[at] = worker.relaxation.process(batch_[at], held_to_);
-        const std::int64_t number = batch_[at].number;
-        if (number < kExchangeEvery || number % kExchangeEvery == 0) {
-          improve(worker.exchange, outcomes_[at]);
-        }
+        process(worker, batch_[at], outcomes_[at]);
       }
     }
+  }
+
+  void process(Worker& worker, const TreeNode& node, NodeOutcome& outcome) const {
+    outcome = {};
+    outcome.stopped = clock_.stops();
+    if (outcome.stopped) return;
+    outcome = worker.relaxation.process(node, held_to_);
+    if (outcome.stopped) return;
+    if (outcome.is_one_design) {
+      evaluate(outcome);
+    } else if (node.number < kExchangeEvery || node.number % kExchangeEvery == 0) {
+      improve(worker.exchange, outcome);
+    }
+  }
+
+  [[nodiscard]] std::vector<std::int64_t> counts_of(const NodeOutcome& outcome) const {
+    std::vector<std::int64_t> counts(set_.candidate_count(), 0);
+    for (const auto& [member, count] : outcome.design) counts[pool_->candidates()[member]] = count;
+    return counts;
+  }
+
+  // A node that is one design is bounded by that design's value.
+  void evaluate(NodeOutcome& outcome) const {
+    const Value value = value_of(counts_of(outcome));
+    const double shift = pool_->log_det_shift();
+    outcome.design_log_det = value.log_det - shift;
+    const double at_most =
+        value.at_most - shift + std::numeric_limits<double>::epsilon() * std::abs(shift);
+    outcome.bound = std::min(outcome.bound, std::max(at_most, held_to_));
   }
 
   void improve(LocalExchange& exchange, NodeOutcome& outcome) const {
@@ -202,6 +251,10 @@ class Tree {
   void merge_batch() {
     for (std::size_t k = 0; k < batch_.size(); ++k) {
       NodeOutcome& outcome = outcomes_[k];
+      if (outcome.stopped) {
+        push(std::move(batch_[k]));
+        continue;
+      }
       ++state_.nodes;
       if (outcome.design_log_det > state_.incumbent_log_det + 1e-12) adopt(outcome);
       if (outcome.box == nullptr) {
@@ -226,11 +279,11 @@ class Tree {
   }
 
   void adopt(const NodeOutcome& outcome) {
-    state_.incumbent_log_det = outcome.design_log_det;
-    std::ranges::fill(state_.incumbent, 0);
-    for (const auto& [member, count] : outcome.design) {
-      state_.incumbent[pool_->candidates()[member]] = count;
-    }
+    std::vector<std::int64_t> counts = counts_of(outcome);
+    const double log_det = value_of(counts).log_det - pool_->log_det_shift();
+    if (!(log_det > state_.incumbent_log_det)) return;  // it was better by rounding
+    state_.incumbent_log_det = log_det;
+    state_.incumbent = std::move(counts);
   }
 
   void mark() {
@@ -260,6 +313,19 @@ class Tree {
     std::int64_t steps = earlier_newton_steps_;
     for (const auto& worker : workers_) steps += worker->relaxation.newton_steps();
     return steps;
+  }
+
+  // Time was up before there was a tree: what is known is the relaxation's bound.
+  ExactSolution solution_without_tree() {
+    ExactSolution answer;
+    answer.design.counts = state_.incumbent;
+    answer.log_det_bound = relaxation_.log_det_bound(options_.experiments);
+    answer.open_nodes = std::max<std::size_t>(state_.open.size(), 1);  // the root
+    answer.survivors = state_.pool.size();
+    answer.seconds = seconds();
+    judge_exact(set_, relaxation_, options_, answer);
+    if (answer.status == ExactStatus::kFeasible) answer.status = ExactStatus::kTimeLimit;
+    return answer;
   }
 
   ExactSolution solution(ExactStatus status) {
@@ -305,6 +371,8 @@ class Tree {
   double dimension_;
   double tolerance_;
   std::chrono::steady_clock::time_point start_;
+  TimeLimit limit_;
+  StopClock clock_;
   double earlier_seconds_ = 0.0;
   std::int64_t earlier_newton_steps_ = 0;
   CountLimits screened_;

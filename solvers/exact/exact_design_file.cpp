@@ -33,8 +33,8 @@ void add_exact_keys(const ExactReport& report, Json& root) {
   root["experiments"] = certificate.experiments;
   root["counts"] = counts_json(solution.design);
   root["proven_efficiency"] = certificate.proven_efficiency;
-  root["exact_log_det"] = certificate.log_det;
-  root["exact_log_det_bound"] = certificate.log_det_bound;
+  root["log_det"] = certificate.log_det;
+  root["log_det_bound"] = certificate.log_det_bound;
   root["covariance"] = certificate.covariance;
   root["covariance_bound"] = certificate.covariance_bound;
   root["nodes"] = solution.nodes;
@@ -42,6 +42,21 @@ void add_exact_keys(const ExactReport& report, Json& root) {
   root["survivors"] = solution.survivors;
   root["eliminated"] = report.share.candidates - solution.survivors;
   root["time_to_efficiency"] = solution.seconds_to_mark;
+}
+
+// The keys of an approximate design's report that mean something else of an exact one.
+void tell_apart(const ExactReport& report, Json& root) {
+  const ExactCertificate& certificate = report.certificate;
+  for (const char* key :
+       {"log_det", "duality_gap", "log_det_gap", "efficiency", "rounding_bound"}) {
+    root[std::string("relaxed_") + key] = root[key];
+  }
+  root["criterion_value"] = certificate.log_det;
+  root["duality_gap"] = 1.0 / certificate.proven_efficiency - 1.0;
+  root["rounding_bound"] = certificate.rounding_bound;
+  root["log_det_gap"] =
+      certificate.log_det_bound - certificate.log_det + certificate.rounding_bound;
+  root["efficiency"] = certificate.proven_efficiency;
 }
 
 // Checks what it reads; `path` begins every message.
@@ -68,8 +83,8 @@ class ClaimReader {
     if (root_.contains("method") && root_["method"].is_string()) {
       claim.method = root_["method"].get<std::string>();
     }
-    if (root_.contains("exact_log_det_bound") && root_["exact_log_det_bound"].is_number()) {
-      claim.log_det_bound = root_["exact_log_det_bound"].get<double>();
+    for (const char* key : {"exact_log_det_bound", "log_det_bound"}) {  // the first is the former name
+      if (root_.contains(key) && root_[key].is_number()) claim.log_det_bound = root_[key].get<double>();
     }
     return claim;
   }
@@ -143,6 +158,7 @@ ExactReport report_exact(const InformationSet& set, const Relaxation& relaxation
 
 Json to_json(const ExactReport& report) {
   Json root = to_json(report.share);
+  tell_apart(report, root);
   add_exact_keys(report, root);
   return root;
 }

@@ -2,11 +2,12 @@
 // that whoever reads approximate designs reads these too, and beside them
 //
 //   "experiments": 20, "counts": [{"index": 41, "count": 3}, ...],
-//   "method": "branch_and_bound", "proven_efficiency": ..., "exact_log_det": ..., of sum_i m_i H_i
-//   "exact_log_det_bound": ..., "nodes": ..., "open_nodes": ..., "survivors": ..., "eliminated": ...,
+//   "method": "branch_and_bound", "proven_efficiency": ...,
+//   "log_det": ..., of sum_i m_i H_i, "log_det_bound": ... of all designs of M experiments,
+//   "covariance": ..., "covariance_bound": ..., "nodes": ..., "open_nodes": ..., "survivors": ..., "eliminated": ...,
 //   "time_to_efficiency": seconds until 99.5 % was proven, or null
 //
-// `status` is that of the method: optimal, feasible, time_limit, memory_limit or singular.
+// `certificate` is that of the weights. `status` is that of the method: optimal, feasible, time_limit, memory_limit or singular.
 #pragma once
 
 #include <cstdint>
@@ -31,8 +32,11 @@ struct ExactReport {
                                        std::string_view method, const ExactOptions& options,
                                        ExactSolution solution);
 
-// The keys of to_json(SolveReport), with `solver` the method and `status` the method's, and those
-// listed above.
+// The keys of to_json(SolveReport), of the exact design: `log_det` that of sum_i m_i H_i, `duality_gap`
+// its proven loss 1 / efficiency - 1 against the best exact design, `log_det_gap` the same in log det,
+// `efficiency` the proven one, `solver` and `status` the method's. Then those listed above, and
+// `relaxed_log_det`, `relaxed_duality_gap`, `relaxed_log_det_gap`, `relaxed_efficiency`,
+// `relaxed_rounding_bound`: of the weights m / M in the relaxed problem.
 [[nodiscard]] nlohmann::ordered_json to_json(const ExactReport& report);
 
 // Writes the file in full or not at all. report.share.problem_hash must be set.

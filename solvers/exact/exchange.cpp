@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/exact/efficient_rounding.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
 #include "graybox/solvers/exact/local_exchange.hpp"
@@ -29,14 +30,18 @@ class ExchangeSearch {
         options_(options),
         observer_(observer),
         random_(options.seed),
-        start_(std::chrono::steady_clock::now()) {
+        start_(std::chrono::steady_clock::now()),
+        limit_(options.time_limit - relaxation.seconds) {
     result_.counts = round_weights(relaxation.weights, options.experiments);
     result_.log_det = -kInfinity;
   }
 
   ExchangeResult run() {
-    first_round();
-    if (!stopped()) second_round();
+    try {
+      first_round();
+      if (!stopped()) second_round();
+    } catch (const Stopped&) {  // on the way to coordinates; the best so far stands
+    }
     return std::move(result_);
   }
 
@@ -57,7 +62,7 @@ class ExchangeSearch {
   }
 
   void first_round() {
-    const WhitenedPool pool(set_, relaxation_, small_pool(), options_.threads);
+    const WhitenedPool pool(set_, relaxation_, small_pool(), options_.threads, StopClock());
     LocalExchange exchange(pool);
     improve_roundings(pool, exchange);
   }
@@ -65,7 +70,7 @@ class ExchangeSearch {
   void second_round() {
     for (;;) {
       const CountLimits limits = screen_counts(relaxation_, options_.experiments, result_.log_det);
-      const WhitenedPool pool(set_, relaxation_, limits.candidates, options_.threads);
+      const WhitenedPool pool(set_, relaxation_, limits.candidates, options_.threads, StopClock());
       LocalExchange exchange(pool);
       const double before = result_.log_det;
       improve_roundings(pool, exchange);
@@ -147,7 +152,7 @@ class ExchangeSearch {
     const double seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count() +
         relaxation_.seconds;
-    if (seconds > options_.time_limit) return true;
+    if (seconds > options_.time_limit || stop_requested()) return true;
     if (observer_ == nullptr) return false;
     const double bound = relaxation_.log_det_bound(options_.experiments);
     const auto d = static_cast<double>(set_.dimension());
@@ -164,6 +169,7 @@ class ExchangeSearch {
   ExactObserver* observer_;
   Random random_;
   std::chrono::steady_clock::time_point start_;
+  TimeLimit limit_;
   ExchangeResult result_;
 };
 

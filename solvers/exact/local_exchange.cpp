@@ -20,8 +20,9 @@ void add_scaled(std::span<const double> row, double factor, std::span<double> su
 
 }  // namespace
 
-LocalExchange::LocalExchange(const WhitenedPool& pool)
+LocalExchange::LocalExchange(const WhitenedPool& pool, StopClock clock)
     : pool_(pool),
+      clock_(clock),
       factor_(pool.dimension()),
       trial_factor_(pool.dimension()),
       information_(pool.packed_size()),
@@ -75,25 +76,37 @@ bool LocalExchange::best_addition(std::span<const double> base, Best& best) {
   return found;
 }
 
+std::optional<LocalExchange::Exchanged> LocalExchange::best_exchange(
+    std::span<const std::int64_t> counts, double current) {
+  sum(counts);
+  Best best{current, 0};
+  std::optional<std::size_t> remove;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    if (clock_.stops()) return std::nullopt;
+    std::ranges::copy(information_, base_.begin());
+    add_scaled(pool_.row(i), -1.0, base_);
+    if (best_addition(base_, best)) remove = i;
+  }
+  if (!remove) return std::nullopt;
+  return Exchanged{*remove, best.add};
+}
+
 double LocalExchange::improve(std::span<std::int64_t> counts) {
   double current = log_det(counts);
-  const std::size_t none = pool_.size();
-  for (;;) {
-    sum(counts);
-    Best best{current, none};
-    std::size_t remove = none;
-    for (std::size_t i = 0; i < counts.size(); ++i) {
-      if (counts[i] == 0) continue;
-      std::ranges::copy(information_, base_.begin());
-      add_scaled(pool_.row(i), -1.0, base_);
-      if (best_addition(base_, best)) remove = i;
+  while (const std::optional<Exchanged> exchange = best_exchange(counts, current)) {
+    --counts[exchange->remove];
+    ++counts[exchange->add];
+    const double gained = log_det(counts);
+    if (!(gained > current + kSmallestGain)) {  // it was rounding
+      ++counts[exchange->remove];
+      --counts[exchange->add];
+      break;
     }
-    if (remove == none) return current;
-    --counts[remove];
-    ++counts[best.add];
+    current = gained;
     ++steps_;
-    current = log_det(counts);
   }
+  return current;
 }
 
 void LocalExchange::grow(std::int64_t experiments, std::span<std::int64_t> counts) {
@@ -102,7 +115,7 @@ void LocalExchange::grow(std::int64_t experiments, std::span<std::int64_t> count
   for (std::size_t i = 0; i < pool_.dimension(); ++i) base_[packed_index(i, i)] = kRidge;
   for (std::int64_t run = 0; run < experiments; ++run) {
     Best best{-kInfinity, 0};
-    if (!best_addition(base_, best)) return;
+    if (clock_.stops() || !best_addition(base_, best)) return;
     ++counts[best.add];
     add_scaled(pool_.row(best.add), 1.0, base_);
   }

@@ -24,8 +24,10 @@ double trace_of(std::span<const double> trace_dual, std::size_t dimension) {
 
 }  // namespace
 
-NodeRelaxation::NodeRelaxation(const WhitenedPool& pool, std::int64_t experiments, double tolerance)
+NodeRelaxation::NodeRelaxation(const WhitenedPool& pool, std::int64_t experiments, double tolerance,
+                               StopClock clock)
     : pool_(pool),
+      clock_(clock),
       experiments_(experiments),
       tolerance_(tolerance),
       dimension_(pool.dimension()),
@@ -277,7 +279,9 @@ NodeRelaxation::Result NodeRelaxation::optimise(double threshold, bool precise) 
     if (!precise) {
       wanted = std::isfinite(threshold) ? std::max(0.02 * (bound_ - threshold), wanted) : 1e-3;
     }
-    if (bound - value_ <= wanted || iteration == kNewtonLimit) return Result::kSolved;
+    if (bound - value_ <= wanted || iteration == kNewtonLimit || clock_.stops()) {
+      return Result::kSolved;
+    }
     former_x_ = x_;
     if (!step()) return Result::kSolved;
     if (!evaluate()) {  // the step lost rank: back to where X had it
@@ -411,7 +415,7 @@ NodeRelaxation::Probing NodeRelaxation::probe(double threshold) {
   estimate_losses();
   const double needed = bound_ - threshold;  // a half that loses this much is given up
   Probing result = Probing::kUnchanged;
-  for (std::size_t rank = 0; rank < probes_.size(); ++rank) {
+  for (std::size_t rank = 0; rank < probes_.size() && !clock_.stops(); ++rank) {
     Probe& half = probes_[rank];
     const bool promising = std::max(half.down_loss, half.up_loss) > 0.7 * needed;
     if (rank >= kProbes && !promising) {
@@ -460,6 +464,18 @@ void NodeRelaxation::offer_rounded(NodeOutcome& outcome) {
   outcome.design_log_det = probe_factor_.log_det_of(trial_matrix_);
 }
 
+// The lower limits add up to M, or the upper ones, or one count alone is open.
+bool NodeRelaxation::holds_one_design() const {
+  std::int64_t least = 0, most = 0;
+  std::size_t open = 0;
+  for (std::size_t i = 0; i < x_.size(); ++i) {
+    least += lower_[i];
+    most += upper_[i];
+    open += lower_[i] < upper_[i] ? 1U : 0U;
+  }
+  return open <= 1 || least == experiments_ || most == experiments_;
+}
+
 // The half-way point of the best-scored count, or of the widest box if all counts are whole.
 void NodeRelaxation::choose_branch(NodeOutcome& outcome) const {
   const Probe* best = nullptr;
@@ -504,6 +520,17 @@ NodeOutcome NodeRelaxation::process(const TreeNode& node, double threshold) {
       const bool again = limits_exclude_start();
       compact();
       if (again) continue;
+    }
+    if (clock_.stops()) {
+      outcome.stopped = true;
+      return outcome;
+    }
+    if (holds_one_design()) {
+      outcome.design.clear();
+      offer_rounded(outcome);
+      outcome.is_one_design = !outcome.design.empty();
+      if (!outcome.is_one_design) bound_ = -kInfinity;  // the counts can't add up to M
+      break;
     }
     if (!list_fractional()) {
       if (!precise) {

@@ -24,6 +24,10 @@
 // A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run is
 // the identity) is taken to hold no regular design.
 //
+// One design: where the limits leave a single design, W = X^-1 bounds it by its own log det but for
+// rounding, which no branching makes smaller. Such a node is done, and its bound is that design's value,
+// from the checker's extended precision: the caller's part.
+//
 // Integer points: an integral x is a design; a fractional one is rounded (largest fractions up)
 // inside the box. Both are offered to the caller as incumbents with their log det.
 //
@@ -41,6 +45,7 @@
 #include <vector>
 
 #include "graybox/problems/aligned_array.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/exact/box_bound.hpp"
 #include "graybox/solvers/exact/box_quadratic.hpp"
 #include "graybox/solvers/exact/whitened_pool.hpp"
@@ -68,6 +73,8 @@ struct TreeNode {
 };
 
 struct NodeOutcome {
+  bool stopped = false;                 // time was up: the node is as it was, the rest says nothing
+  bool is_one_design = false;           // `design` is all that is left; the caller has its log det
   double bound = 0.0;                   // of what is left of the node; of all of it if it is done
   bool shrunk = false;                  // parts no better than the threshold were given up
   std::shared_ptr<const CountBox> box;  // null if the node is done
@@ -83,7 +90,9 @@ struct NodeOutcome {
 class NodeRelaxation {
  public:
   // tolerance: a node whose bound is this close to the log det of its own integral point is done.
-  NodeRelaxation(const WhitenedPool& pool, std::int64_t experiments, double tolerance);
+  // `clock`: nodes that it interrupts are handed back.
+  NodeRelaxation(const WhitenedPool& pool, std::int64_t experiments, double tolerance,
+                 StopClock clock = {});
 
   // Designs with log det above `threshold` are looked for; all bounds are raised to it where a part
   // of the box was given up against it.
@@ -126,7 +135,10 @@ class NodeRelaxation {
   void offer_rounded(NodeOutcome& outcome);
   void choose_branch(NodeOutcome& outcome) const;
 
+  [[nodiscard]] bool holds_one_design() const;
+
   const WhitenedPool& pool_;
+  StopClock clock_;
   std::int64_t experiments_;
   double tolerance_;
   std::size_t dimension_;

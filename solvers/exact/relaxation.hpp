@@ -14,6 +14,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
@@ -39,6 +40,7 @@ struct Relaxation {
 
 struct RelaxationOptions {
   double duality_gap = 1e-10;
+  double time_limit = std::numeric_limits<double>::infinity();  // s; the bound is looser then
   std::uint64_t seed = 1;
   int threads = 1;
 };

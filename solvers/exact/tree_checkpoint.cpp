@@ -122,7 +122,7 @@ void write_checkpoint(const std::string& path, const InformationSet& set,
 
 TreeState read_checkpoint(const std::string& path, const InformationSet& set,
                           const ExactOptions& options) {
-  { const InputFile present(path); }  // missing, a folder, empty
+  { const InputFile present(path, InputUse::kOwnState); }  // missing, a folder, empty
   std::ifstream stream(path, std::ios::binary);
   Json root;
   TreeState state;

@@ -24,7 +24,8 @@ void unpack_extended(std::span<const double> packed, ExtendedMatrix& full) {
 }  // namespace
 
 WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxation,
-                           std::span<const std::size_t> candidates, int threads)
+                           std::span<const std::size_t> candidates, int threads,
+                           StopClock clock)
     : dimension_(set.dimension()),
       packed_size_(set.packed_size()),
       candidates_(candidates.begin(), candidates.end()),
@@ -43,6 +44,7 @@ WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxati
     ExtendedMatrix full(d, d), product(d, d);
 #pragma omp for schedule(static)
     for (std::ptrdiff_t k = 0; k < count; ++k) {
+      if (clock.stops()) continue;
       const auto at = static_cast<std::size_t>(k);
       unpack_extended(set.information(candidates_[at]), full);
       product.noalias() = transform.triangularView<Eigen::Lower>() * full;
@@ -54,6 +56,7 @@ WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxati
       norms[at] = static_cast<double>(full.norm());
     }
   }
+  if (clock.stops()) throw Stopped();
   for (const double norm : norms) largest_norm_ = std::max(largest_norm_, norm);
 }
 

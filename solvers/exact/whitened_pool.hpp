@@ -14,15 +14,17 @@
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/exact/relaxation.hpp"
 
 namespace graybox {
 
 class WhitenedPool {
  public:
-  // `candidates` of the set, in that order.
+  // `candidates` of the set, in that order. Throws Stopped where the clock says so.
   WhitenedPool(const InformationSet& set, const Relaxation& relaxation,
-               std::span<const std::size_t> candidates, int threads);
+               std::span<const std::size_t> candidates, int threads,
+               StopClock clock = StopClock::never());
 
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
   [[nodiscard]] std::size_t dimension() const { return dimension_; }

@@ -8,14 +8,21 @@
 #include <IpOrigIpoptNLP.hpp>
 #include <IpTNLPAdapter.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <new>
 #include <numeric>
+#include <semaphore>
 #include <string>
+#include <thread>
+#include <utility>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/problems/stop.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/tracer.hpp"
 
@@ -24,11 +31,31 @@ namespace {
 
 constexpr int kDefaultIterationLimit = 3000;
 constexpr int kStarts = 6;
+constexpr std::chrono::milliseconds kLook{10};       // how often the caller looks at the clock
+constexpr std::chrono::milliseconds kPatience{200};  // with a factorisation after time is up
 
-std::mutex& linear_solver_turn() {
-  static std::mutex turn;
-  return turn;
-}
+// MUMPS, for one run at a time. Whichever thread holds it last gives it back.
+class Turn {
+ public:
+  // Waits until it comes, or until this thread's time is up.
+  Turn() {
+    while (!(has_come_ = free().try_acquire_for(kLook)) && !stop_requested()) {
+    }
+  }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+  ~Turn() {
+    if (has_come_) free().release();
+  }
+  [[nodiscard]] bool has_come() const { return has_come_; }
+
+ private:
+  static std::binary_semaphore& free() {
+    static std::binary_semaphore semaphore{1};
+    return semaphore;
+  }
+  bool has_come_ = false;
+};
 
 std::string_view reason(Ipopt::ApplicationReturnStatus status) {
   switch (status) {
@@ -60,41 +87,63 @@ std::string_view reason(Ipopt::ApplicationReturnStatus status) {
 
 }  // namespace
 
-// One solve: the clock, the best weights so far, and what the callback decided.
+// One solve: the best weights so far, and what the callback decided. Ipopt runs on a thread of its own,
+// because nothing stops MUMPS in the middle of a factorisation; the caller's thread waits, and leaves
+// the other behind where that does not end in time. From then on the session answers every question
+// with "stop" and touches nothing of the caller's: it owns all else, and the thread owns the session.
 class Session {
  public:
-  Session(const InformationSet& set, const SolveOptions& options, SolveObserver* observer)
+  Session(const InformationSet& set, const SolveOptions& options, Tracer& tracer)
       : set_(set),
         options_(options),
-        tracer_(set, options, observer),
+        tracer_(&tracer),
+        normalized_(set, {.scale_rows = false, .threads = options.threads}),
         iteration_limit_(options.iteration_limit > 0 ? options.iteration_limit
                                                      : kDefaultIterationLimit),
         best_(set.candidate_count(), 1.0 / static_cast<double>(set.candidate_count())),
-        candidate_(set.candidate_count()) {}
+        candidate_(set.candidate_count()) {
+    tracer.count_passes(normalized_.passes());
+  }
 
-  Solution solve(MakeForm make_form);
+  // On the caller's thread.
+  [[nodiscard]] const NormalizedSet& normalized() const { return normalized_; }
+  void judge_start();
+  // True once work() is done; waits so long for it.
+  [[nodiscard]] bool done_after(std::chrono::milliseconds wait);
+  [[nodiscard]] bool out_of_time();
+  [[nodiscard]] Solution finish(bool is_done);
+
+  // On the thread of Ipopt: starts it as often as that helps.
+  void work(MakeForm make_form);
 
   // Judges an iterate; false asks Ipopt to stop.
   bool consider(const Form& form, const double* variables, const double* multipliers,
                 bool new_iteration);
-
-  [[nodiscard]] bool out_of_time() const { return tracer_.out_of_time(); }
-  void count_pass() { tracer_.count_passes(1.0); }
+  void count_pass();
 
  private:
-  [[nodiscard]] Ipopt::ApplicationReturnStatus start(const NormalizedSet& normalized,
-                                                     MakeForm make_form);
+  [[nodiscard]] Ipopt::ApplicationReturnStatus start(MakeForm make_form);
+  void run_starts(MakeForm make_form);
   void judge(std::span<double> weights);
   [[nodiscard]] bool met() const { return best_gap_ <= options_.duality_gap; }
+  [[nodiscard]] Solution answer(SolveStatus status, std::string message = {}) {
+    return tracer_->finish({best_}, status, iterations_, std::move(message));
+  }
 
-  const InformationSet& set_;
-  const SolveOptions& options_;
-  Tracer tracer_;
+  std::mutex guard_;            // of what both threads use
+  std::condition_variable end_;
+  bool done_ = false;
+  const InformationSet& set_;   // not after it was left behind
+  SolveOptions options_;
+  Tracer* tracer_;              // null once left behind
+  NormalizedSet normalized_;
   std::int64_t iteration_limit_;
   std::int64_t iterations_ = 0;
   std::vector<double> best_;
   double best_gap_ = std::numeric_limits<double>::infinity();
   std::vector<double> candidate_;
+  Ipopt::ApplicationReturnStatus status_ = Ipopt::Internal_Error;
+  bool out_of_memory_ = false;
 };
 
 void Session::judge(std::span<double> weights) {
@@ -103,31 +152,48 @@ void Session::judge(std::span<double> weights) {
   if (!(sum > 0.0) || !std::isfinite(sum)) return;
   for (double& weight : weights) weight /= sum;
   const double gap = duality_gap(set_, weights);
-  tracer_.count_passes(2.0);
-  tracer_.record(gap, iterations_);
+  tracer_->count_passes(2.0);
+  tracer_->record(gap, iterations_);
   if (gap < best_gap_) {
     best_gap_ = gap;
     std::ranges::copy(weights, best_.begin());
   }
 }
 
+void Session::judge_start() {
+  candidate_ = best_;
+  judge(candidate_);
+}
+
 bool Session::consider(const Form& form, const double* variables, const double* multipliers,
                        bool new_iteration) {
+  const std::lock_guard lock(guard_);
+  if (tracer_ == nullptr) return false;
   if (new_iteration) ++iterations_;
   form.weights_of(variables, multipliers, candidate_);
   judge(candidate_);
-  return !met() && !tracer_.out_of_time() && iterations_ < iteration_limit_;
+  return !met() && !tracer_->out_of_time() && iterations_ < iteration_limit_;
 }
 
-Ipopt::ApplicationReturnStatus Session::start(const NormalizedSet& normalized, MakeForm make_form) {
-  const auto q = static_cast<double>(set_.candidate_count());
-  const auto d = static_cast<double>(set_.dimension());
+bool Session::out_of_time() {
+  const std::lock_guard lock(guard_);
+  return tracer_ == nullptr || tracer_->out_of_time();
+}
+
+void Session::count_pass() {
+  const std::lock_guard lock(guard_);
+  if (tracer_ != nullptr) tracer_->count_passes(1.0);
+}
+
+Ipopt::ApplicationReturnStatus Session::start(MakeForm make_form) {
+  const auto q = static_cast<double>(normalized_.candidate_count());
+  const auto d = static_cast<double>(normalized_.dimension());
   // On the central path the gap is Q mu / d. The first start begins where that is 1.
   const double gap = std::clamp(best_gap_, 1e-15, 10.0);
   const double barrier = 0.1 * gap * d / q;
   const double final_barrier = 1e-3 * options_.duality_gap * d / q;
 
-  Form* raw_form = make_form(normalized);
+  Form* raw_form = make_form(normalized_);
   const Ipopt::SmartPtr<Ipopt::TNLP> form = raw_form;
   raw_form->attach(*this);
   raw_form->start_from(best_, best_gap_, barrier);
@@ -167,36 +233,43 @@ Ipopt::ApplicationReturnStatus Session::start(const NormalizedSet& normalized, M
   return status == Ipopt::Solve_Succeeded ? application->OptimizeTNLP(form) : status;
 }
 
-Solution Session::solve(MakeForm make_form) {
-  const auto finish = [&](SolveStatus status, std::string message = {}) {
-    return tracer_.finish({std::move(best_)}, status, iterations_, std::move(message));
-  };
-  Ipopt::ApplicationReturnStatus status = Ipopt::Internal_Error;
-  try {
-    const NormalizedSet normalized(set_, {.scale_rows = false, .threads = options_.threads});
-    tracer_.count_passes(normalized.passes());
-    if (!normalized.regular()) {
-      Solution solution = finish(SolveStatus::kUnsupported, normalized.message());
-      solution.design.weights.clear();
-      return solution;
-    }
-    candidate_ = best_;
-    judge(candidate_);
-    for (int number = 0; number < kStarts && !met(); ++number) {
-      if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
-      if (iterations_ >= iteration_limit_) return finish(SolveStatus::kIterationLimit);
-      const double before = best_gap_;
-      status = start(normalized, make_form);
-      if (!met() && number > 0 && !(best_gap_ <= 0.5 * before)) break;
-    }
-  } catch (const std::bad_alloc&) {
-    return finish(SolveStatus::kNumericalFailure, "out of memory");
+void Session::run_starts(MakeForm make_form) {
+  for (int number = 0; number < kStarts && !met(); ++number) {
+    if (out_of_time() || iterations_ >= iteration_limit_) return;
+    const double before = best_gap_;
+    status_ = start(make_form);
+    if (!met() && number > 0 && !(best_gap_ <= 0.5 * before)) return;
   }
-  if (met()) return finish(SolveStatus::kSolved);
-  if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
-  if (iterations_ >= iteration_limit_) return finish(SolveStatus::kIterationLimit);
-  return finish(SolveStatus::kNumericalFailure,
-                fmt::format("{}, but the duality gap is {:.2g}", reason(status), best_gap_));
+}
+
+void Session::work(MakeForm make_form) {
+  try {
+    run_starts(make_form);
+  } catch (const std::bad_alloc&) {
+    out_of_memory_ = true;
+  }
+  const std::lock_guard lock(guard_);
+  done_ = true;
+  end_.notify_all();
+}
+
+bool Session::done_after(std::chrono::milliseconds wait) {
+  std::unique_lock lock(guard_);
+  return end_.wait_for(lock, wait, [&] { return done_; });
+}
+
+Solution Session::finish(bool is_done) {
+  const std::lock_guard lock(guard_);
+  Solution solution = [&] {
+    if (met()) return answer(SolveStatus::kSolved);
+    if (!is_done || tracer_->out_of_time()) return answer(SolveStatus::kTimeLimit);
+    if (out_of_memory_) return answer(SolveStatus::kNumericalFailure, "out of memory");
+    if (iterations_ >= iteration_limit_) return answer(SolveStatus::kIterationLimit);
+    return answer(SolveStatus::kNumericalFailure,
+                  fmt::format("{}, but the duality gap is {:.2g}", reason(status_), best_gap_));
+  }();
+  tracer_ = nullptr;
+  return solution;
 }
 
 void Form::sum_candidates(std::span<const double> factors, std::span<double> packed) const {
@@ -246,8 +319,44 @@ void Form::finalize_solution(Ipopt::SolverReturn, Ipopt::Index, const Ipopt::Num
 
 Solution run(const InformationSet& set, const SolveOptions& options, SolveObserver* observer,
              MakeForm make_form) {
-  const std::lock_guard turn(linear_solver_turn());
-  return Session(set, options, observer).solve(make_form);
+  static_cast<void>(Tracer(set, options, nullptr));  // throws for options out of range
+  auto turn = [&] {
+    const TimeLimit limit(options.time_limit);
+    return std::make_shared<Turn>();
+  }();
+  Tracer tracer(set, options, observer);
+  const std::size_t count = set.candidate_count();
+  const auto short_of = [&](SolveStatus status, std::string message) {
+    return tracer.finish({std::vector<double>(count, 1.0 / static_cast<double>(count))}, status, 0,
+                         std::move(message));
+  };
+  if (!turn->has_come()) {
+    return short_of(SolveStatus::kTimeLimit, "an earlier run has not left MUMPS yet");
+  }
+  std::shared_ptr<Session> session;
+  try {
+    session = std::make_shared<Session>(set, options, tracer);
+  } catch (const std::bad_alloc&) {
+    return short_of(SolveStatus::kNumericalFailure, "out of memory");
+  }
+  if (!session->normalized().regular()) {
+    const std::string& message = session->normalized().message();
+    if (tracer.out_of_time()) return short_of(SolveStatus::kTimeLimit, message);
+    return tracer.finish({}, SolveStatus::kUnsupported, 0, message);
+  }
+  session->judge_start();
+  std::thread thread([session, turn, make_form] { session->work(make_form); });
+  bool done = false;
+  while (!(done = session->done_after(kLook)) && !session->out_of_time()) {
+  }
+  done = done || session->done_after(kPatience);
+  Solution solution = session->finish(done);
+  if (done) {
+    thread.join();
+  } else {
+    thread.detach();
+  }
+  return solution;
 }
 
 }  // namespace graybox::ipopt

@@ -137,6 +137,7 @@ Solution WeightRun::solve(nlopt_algorithm algorithm) {
     return tracer_.finish({std::move(best_)}, status, evaluations_, std::move(message));
   };
   if (!normalized_.regular()) {
+    if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit, normalized_.message());
     best_.clear();
     return finish(SolveStatus::kUnsupported, normalized_.message());
   }

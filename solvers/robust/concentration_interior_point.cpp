@@ -491,7 +491,7 @@ Solution solve_concentrated(const InformationSet& set, const ConcentrationLimit&
   }
   const NormalizedSet normal(set, {.scale_rows = false, .threads = options.threads});
   tracer.count_passes(normal.passes());
-  if (!normal.regular()) return unsupported(tracer, normal.message());
+  if (!normal.regular()) return unsupported(set, tracer, normal.message());
   return ConcentrationNewton(normal, limit, options, tracer).run();
 }
 

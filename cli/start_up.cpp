@@ -1,0 +1,54 @@
+#include "start_up.hpp"
+
+#include <fcntl.h>
+#include <hdf5.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+
+#include "build_commit.hpp"
+#include "commands.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "graybox/problems/formats/input_guard.hpp"
+#include "graybox/problems/program_version.hpp"
+
+namespace graybox::cli {
+namespace {
+
+// Else the next file that is opened takes the place of a closed standard stream, and gets its text.
+// Opened for reading: writing to it fails, as it should.
+void hold_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) < 0 && errno == EBADF) (void)open("/dev/null", O_RDONLY);
+  }
+}
+
+void silence_hdf5() {
+  H5dont_atexit();  // it complains of damaged files once more when the program ends
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
+
+}  // namespace
+
+void start_up() {
+  hold_standard_streams();
+  std::signal(SIGXFSZ, SIG_IGN);
+  set_program_commit(kBuildCommit);
+  protect_inputs();
+  silence_hdf5();
+  silence_ceres();
+}
+
+int finish(int exit_code) {
+  errno = 0;
+  const bool flushed = std::fflush(stdout) == 0;
+  if (flushed && std::ferror(stdout) == 0) return exit_code;
+  std::fprintf(stderr, "graybox: standard output can't be written: %s\n",
+               errno != 0 ? std::strerror(errno) : "disk full?");
+  return exit_code == kDone ? kShort : exit_code;
+}
+
+}  // namespace graybox::cli

@@ -1,0 +1,13 @@
+// What every command does first and last.
+#pragma once
+
+namespace graybox::cli {
+
+// States the commit, protects inputs from outputs, keeps libraries from printing, and lets writing
+// past a file-size limit fail as a full disk does.
+void start_up();
+
+// The exit code in the end: kShort, with a line on stderr, where standard output did not take all.
+[[nodiscard]] int finish(int exit_code);
+
+}  // namespace graybox::cli

@@ -1,0 +1,13 @@
+// The history of a run as JSON lines: seconds, passes, duality_gap, iteration.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "graybox/solvers/solver.hpp"
+
+namespace graybox::cli {
+
+void write_trace(const std::string& path, const std::vector<TracePoint>& trace);
+
+}  // namespace graybox::cli

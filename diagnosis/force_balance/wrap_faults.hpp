@@ -1,0 +1,22 @@
+// Counters that wrap: a position or velocity that jumps by its whole range between two samples, again
+// and again by the same amount, and moves smoothly else. A jump's slope makes forces of any sign, so
+// that this has to be asked before anything about signs.
+//
+// A jump that went through a low-pass is a ramp as long as its filter's step response; changes are taken
+// over that time. A wrap is claimed where some changes are larger than kJump of the signal's range, of
+// one size within kSameSize, and all others less than kSmooth of it.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+
+namespace graybox {
+
+[[nodiscard]] std::vector<ChannelFault> find_wraps(const RigidRobotModel& robot,
+                                                   std::span<const Motion> pieces);
+
+}  // namespace graybox

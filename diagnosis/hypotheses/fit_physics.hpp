@@ -1,0 +1,21 @@
+// A fit of the search as the gate of physical sanity reads it (plausibility.hpp): names, kinds and errors from the
+// catalogue of laws, what only the problem knows from PhysicalContext.
+#pragma once
+
+#include <span>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
+
+namespace graybox {
+
+[[nodiscard]] FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit);
+
+// A parameter that sets the size of the law's force: absent where it is zero.
+[[nodiscard]] bool sets_size(const LawParameterEstimate& estimate);
+
+// Whether a law's force is there by its own errors: some parameter that sets its size has an error that tells it from
+// zero.
+[[nodiscard]] bool excludes_its_absence(const FittedLaw& law);
+
+}  // namespace graybox

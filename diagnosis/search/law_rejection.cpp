@@ -1,0 +1,108 @@
+#include "graybox/diagnosis/search/law_rejection.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
+#include "graybox/diagnosis/search/law_pruning.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kSignal = 100.0;  // %
+
+// Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty thousand.
+bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
+                      const ExtendedFit& with) {
+  if (!state.problem->noise_is_known()) return true;
+  const auto of_without = state.problem->predict_held_out(without);
+  const auto of_with = state.problem->predict_held_out(with);
+  if (!of_without || !of_with || !of_without->cost || !of_with->cost) return false;
+  return *of_with->cost - *of_without->cost > 2.0 * state.options.exclusion_margin;
+}
+
+bool has_size(const FittedLaw& law) { return std::ranges::any_of(law.parameters, sets_size); }
+
+// Of a law of the last fit; none: it stays.
+std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
+                                        const ExtendedFit& without) {
+  const FittedLaw& fitted = state.result.after.laws[law];
+  RejectedLaw rejected{fitted, {}, held_out_effect(state, without, state.result.after)};
+  if (rejected.held_out && rejected.held_out->misleads) {
+    rejected.reason = "it raises the error of recordings kept out";
+    return rejected;
+  }
+  if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
+    rejected.reason = "its size is not determined";
+    return rejected;
+  }
+  return {};
+}
+
+double gain_of(const RejectedLaw& law) { return law.held_out ? law.held_out->gain : 0.0; }
+
+bool reject_worst(SearchState& state) {
+  std::optional<RejectedLaw> worst;
+  ExtendedFit left;
+  for (std::size_t law = 0; law < state.result.after.laws.size(); ++law) {
+    const std::size_t hypothesis = state.result.after.laws[law].hypothesis;
+    if (!state.proceed("asking recordings kept out about " + state.name_of(hypothesis))) break;
+    const ExtendedFit without = fit_without(state, state.result.after, law);
+    if (!without.usable) continue;
+    std::optional<RejectedLaw> rejected = rejection_of(state, law, without);
+    if (!rejected || (worst && gain_of(*worst) <= gain_of(*rejected))) continue;
+    worst = std::move(rejected);
+    left = without;
+  }
+  if (!worst) return false;
+  state.result.rejected.push_back(*std::move(worst));
+  state.result.after = std::move(left);
+  return true;
+}
+
+// As large an error as with no model at all: nothing is found then.
+bool reject_all(SearchState& state) {
+  const std::optional<Assessment> held_out = state.problem->validate(state.result.after);
+  const double error = held_out.value_or(state.result.after.estimation).nrmse;
+  if (state.result.after.laws.empty() || error <= kSignal) return false;
+  for (const FittedLaw& law : state.result.after.laws) {
+    state.result.rejected.push_back(
+        {law, fmt::format("with all laws the error still is {:.3g} % of the signal", error), {}});
+  }
+  state.result.after = state.result.before;
+  return true;
+}
+
+}  // namespace
+
+std::optional<HeldOutEffect> held_out_effect(const SearchState& state, const ExtendedFit& without,
+                                             const ExtendedFit& with) {
+  const std::optional<Assessment> before = state.problem->validate(without);
+  const std::optional<Assessment> after = state.problem->validate(with);
+  if (!before || !after) return {};
+  HeldOutEffect effect{before->nrmse, after->nrmse};
+  if (before->chi_square > 0.0) effect.gain = 1.0 - after->chi_square / before->chi_square;
+  effect.misleads =
+      after->chi_square > before->chi_square && is_beyond_chance(state, without, with);
+  return effect;
+}
+
+bool reject_laws(SearchState& state) {
+  bool any = false;
+  while (reject_worst(state)) any = true;
+  return reject_all(state) || any;
+}
+
+void note_held_out_effects(SearchState& state) {
+  const ExtendedFit& after = state.result.after;
+  for (std::size_t law = 0; law < state.result.effects.size() && law < after.laws.size(); ++law) {
+    const ExtendedFit without = fit_without(state, after, law);
+    if (!without.usable) continue;
+    state.result.effects[law].held_out = held_out_effect(state, without, after);
+  }
+}
+
+}  // namespace graybox

@@ -1,0 +1,176 @@
+#include "graybox/diagnosis/verdict/reason_words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
+#include "graybox/diagnosis/verdict/svg_chart.hpp"
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+
+namespace graybox {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kNamedFiles = 4;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json held_out_json(const std::optional<HeldOutEffect>& effect) {
+  if (!effect) return nullptr;
+  return {{"error_without", number(effect->error_without)},
+          {"error_with", number(effect->error_with)},
+          {"gain", number(effect->gain)}};
+}
+
+std::string result_words(const VerdictReason& reason) {
+  if (!reason.not_tested.empty()) return "not tested: " + reason.not_tested;
+  return reason.passed ? "passed" : "failed";
+}
+
+std::string value_words(const VerdictReason& reason) {
+  if (!reason.value) return "";
+  return fmt::format(" {:.3g}, limit {} {:g}", *reason.value,
+                     reason.is_lower_limit ? "at least" : "at most", reason.limit);
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string words;
+  for (std::size_t i = 0; i < std::min(names.size(), kNamedFiles); ++i) {
+    words += (i > 0 ? ", " : "") + names[i];
+  }
+  if (names.size() > kNamedFiles) words += fmt::format(" and {} more", names.size() - kNamedFiles);
+  return words;
+}
+
+std::string errors_words(const HeldOutEffect& effect) {
+  return fmt::format("from {:.4g} % to {:.4g} %", effect.error_without, effect.error_with);
+}
+
+}  // namespace
+
+std::vector<std::string> reason_lines(const Diagnosis& diagnosis) {
+  std::vector<std::string> lines;
+  if (diagnosis.verdict == Verdict::kNone) return lines;
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    std::string line =
+        fmt::format("Test: {}{}: {}.", reason.test, value_words(reason), result_words(reason));
+    if (has_failed(reason) && !reason.next.empty()) line += " Next: " + reason.next + ".";
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
+                                        std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines;
+  for (const RejectedLaw& rejected : diagnosis.rejected) {
+    std::string line =
+        fmt::format("Tried and rejected: {}: {}",
+                    hypothesis_words(hypotheses[rejected.law.hypothesis]), rejected.reason);
+    if (rejected.held_out) {
+      line += fmt::format(" (error kept out {})", errors_words(*rejected.held_out));
+    }
+    lines.push_back(line + ".");
+  }
+  return lines;
+}
+
+std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis) {
+  if (!diagnosis.validation_after) {
+    return " No recordings were kept out, so what it predicts was not tested.";
+  }
+  if (!effect.held_out) return "";
+  const HeldOutEffect& held_out = *effect.held_out;
+  if (held_out.gain > 0.0) {
+    return fmt::format(
+        " On recordings kept out it changes the error {}, {:.3g} % of its square over "
+        "the noise.",
+        errors_words(held_out), 100.0 * held_out.gain);
+  }
+  return fmt::format(" On recordings kept out it makes no difference beyond chance ({}).",
+                     errors_words(held_out));
+}
+
+std::string range_words(const CheckedRange& range) {
+  if (range.files.empty()) return "";
+  std::string words =
+      fmt::format("Checked on {} ({}), within",
+                  range.kept_out ? "recordings kept out of the fit" : "the fit's own recordings",
+                  listed(range.files));
+  for (std::size_t i = 0; i < range.spans.size(); ++i) {
+    const CheckedRange::Span& span = range.spans[i];
+    words += fmt::format("{} {} {:.3g} to {:.3g}{}", i > 0 ? "," : "", span.quantity, span.from,
+                         span.to, span.unit.empty() ? "" : " " + span.unit);
+  }
+  if (!range.positions.empty()) words += ", positions " + listed(range.positions);
+  return words + ". Nothing is said beyond.";
+}
+
+Json reasons_json(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    Json& each = list.emplace_back();
+    each = {{"test", reason.test},
+            {"value", reason.value ? number(*reason.value) : Json(nullptr)},
+            {"limit", number(reason.limit)},
+            {"limit_is", reason.is_lower_limit ? "at_least" : "at_most"},
+            {"passed", reason.not_tested.empty() ? Json(reason.passed) : Json(nullptr)},
+            {"otherwise", to_string(reason.otherwise)}};
+    if (!reason.not_tested.empty()) each["not_tested"] = reason.not_tested;
+    if (has_failed(reason)) each["next"] = reason.next;
+  }
+  return list;
+}
+
+Json rejected_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const RejectedLaw& rejected : diagnosis.rejected) {
+    const Hypothesis& hypothesis = hypotheses[rejected.law.hypothesis];
+    list.push_back({{"place", hypothesis.place},
+                    {"law", hypothesis.law},
+                    {"reason", rejected.reason},
+                    {"held_out", held_out_json(rejected.held_out)}});
+  }
+  return list;
+}
+
+Json range_json(const CheckedRange& range) {
+  if (range.files.empty()) return nullptr;
+  Json spans = Json::array();
+  for (const CheckedRange::Span& span : range.spans) {
+    spans.push_back({{"quantity", span.quantity},
+                     {"unit", span.unit},
+                     {"from", number(span.from)},
+                     {"to", number(span.to)}});
+  }
+  return {{"kept_out", range.kept_out},
+          {"files", range.files},
+          {"positions", range.positions},
+          {"spans", std::move(spans)}};
+}
+
+std::string reasons_table(const Diagnosis& diagnosis) {
+  if (diagnosis.reasons.empty() || diagnosis.verdict == Verdict::kNone) return "";
+  std::string rows =
+      "<h2>Why this verdict</h2>\n<table><tr><th>test</th><th class=\"n\">value</th><th "
+      "class=\"n\">limit</th><th>result</th><th>next</th></tr>\n";
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    const std::string value = reason.value ? fmt::format("{:.3g}", *reason.value) : "–";
+    const std::string limit =
+        reason.value
+            ? fmt::format("{} {:g}", reason.is_lower_limit ? "at least" : "at most", reason.limit)
+            : "–";
+    rows += fmt::format(
+        "<tr><td>{}</td><td class=\"n\">{}</td><td "
+        "class=\"n\">{}</td><td>{}</td><td>{}</td></tr>\n",
+        html_escaped(reason.test), value, limit, html_escaped(result_words(reason)),
+        has_failed(reason) ? html_escaped(reason.next) : "");
+  }
+  return rows + "</table>\n";
+}
+
+}  // namespace graybox

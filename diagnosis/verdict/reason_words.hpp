@@ -1,0 +1,35 @@
+// The reasons of a verdict, what was rejected and the range that all was checked in: in words, as JSON (verdict_file.hpp has
+// the keys) and on the report page.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/search/diagnosis.hpp"
+
+namespace graybox {
+
+// One line each, with the next step where it failed.
+[[nodiscard]] std::vector<std::string> reason_lines(const Diagnosis& diagnosis);
+
+// "Tried and rejected: ...", one line each.
+[[nodiscard]] std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
+                                                      std::span<const Hypothesis> hypotheses);
+
+// What a law does to recordings kept out, one sentence; empty where it could not be asked.
+[[nodiscard]] std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis);
+
+// "Checked on ...: velocity of carriage -0.2 to 0.2 m/s, ...; nothing is said beyond." Empty where it is not known.
+[[nodiscard]] std::string range_words(const CheckedRange& range);
+
+[[nodiscard]] nlohmann::ordered_json reasons_json(const Diagnosis& diagnosis);
+[[nodiscard]] nlohmann::ordered_json rejected_json(const Diagnosis& diagnosis,
+                                                   std::span<const Hypothesis> hypotheses);
+[[nodiscard]] nlohmann::ordered_json range_json(const CheckedRange& range);
+
+// A table of the reasons; empty where there are none.
+[[nodiscard]] std::string reasons_table(const Diagnosis& diagnosis);
+
+}  // namespace graybox

@@ -1,0 +1,109 @@
+#include "graybox/solvers/distributed/distributed_certificate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/solvers/distributed/mpi_transfer.hpp"
+
+namespace graybox {
+namespace {
+
+using Support = std::vector<std::pair<std::size_t, double>>;
+
+constexpr std::size_t kChunk = 16384;  // candidates of the slice that are certified together
+
+// The support's matrices, then a stretch of the slice. The design is the same on each.
+InformationSet part_of(const InformationSet& support, const InformationSet& slice,
+                       std::size_t from, std::size_t count) {
+  const std::size_t p = slice.packed_size(), own = support.candidate_count() * p;
+  AlignedArray rows(own + count * p);
+  std::copy_n(support.data(), own, rows.begin());
+  std::copy_n(slice.data() + from * p, count * p, rows.begin() + own);
+  return InformationSet(slice.dimension(), std::move(rows));
+}
+
+double reach(const Certificate& certificate) {
+  return certificate.duality_gap + certificate.rounding_bound;
+}
+
+// Keeps in `worst` what holds on both: the figures of the part that reaches further, with a rounding
+// bound that also covers the other's gap.
+void take_worse(const Certificate& other, Certificate& worst) {
+  const double gap = std::max(worst.duality_gap, other.duality_gap);
+  const double furthest = std::max(reach(worst), reach(other));
+  const double log_det_gap = std::max(worst.log_det_gap, other.log_det_gap);
+  const double efficiency = std::min(worst.efficiency, other.efficiency);
+  if (other.duality_gap > worst.duality_gap) worst.worst_candidate = other.worst_candidate;
+  worst.duality_gap = gap;
+  worst.rounding_bound = std::isfinite(furthest) ? furthest - gap : furthest;
+  worst.log_det_gap = log_det_gap;
+  worst.efficiency = efficiency;
+}
+
+Certificate certify_slice(const InformationSet& support, const InformationSet& slice,
+                          std::size_t first_index, const Support& weights, int threads) {
+  const std::size_t size = support.candidate_count(), count = slice.candidate_count();
+  const std::size_t chunks = (count + kChunk - 1) / kChunk;
+  std::vector<Certificate> found(chunks);
+#pragma omp parallel for num_threads(threads) schedule(dynamic) if (threads > 1)
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+    const std::size_t from = chunk * kChunk;
+    const InformationSet part = part_of(support, slice, from, std::min(kChunk, count - from));
+    Design design{std::vector<double>(part.candidate_count(), 0.0)};
+    for (std::size_t k = 0; k < size; ++k) design.weights[k] = weights[k].second;
+    found[chunk] = certify(part, design);
+    const std::size_t worst = found[chunk].worst_candidate;
+    found[chunk].worst_candidate =
+        worst < size ? weights[worst].first : first_index + from + worst - size;
+  }
+  Certificate worst = found.front();
+  for (const Certificate& other : found) take_worse(other, worst);
+  return worst;
+}
+
+}  // namespace
+
+InformationSet gather_support(MPI_Comm communicator, const InformationSet& slice,
+                              std::size_t first_index, const Support& support) {
+  const std::size_t p = slice.packed_size();
+  AlignedArray rows(support.size() * p, 0.0);
+  for (std::size_t k = 0; k < support.size(); ++k) {
+    const std::size_t index = support[k].first;
+    if (index < first_index || index >= first_index + slice.candidate_count()) continue;
+    std::ranges::copy(slice.information(index - first_index), rows.begin() + k * p);
+  }
+  mpi::sum(communicator, rows.span());  // all others have zeros there
+  return InformationSet(slice.dimension(), std::move(rows));
+}
+
+Certificate certify_distributed(MPI_Comm communicator, const InformationSet& slice,
+                                std::size_t first_index, const Support& support, int threads) {
+  if (support.empty()) {
+    Certificate none;
+    none.duality_gap = none.rounding_bound = none.log_det_gap =
+        std::numeric_limits<double>::infinity();
+    none.log_det = -std::numeric_limits<double>::infinity();
+    none.message = "there is no design";
+    return none;
+  }
+  const InformationSet members = gather_support(communicator, slice, first_index, support);
+  Certificate mine = certify_slice(members, slice, first_index, support, threads);
+  const double figures[] = {mine.duality_gap, mine.rounding_bound, mine.log_det_gap,
+                            mine.efficiency, static_cast<double>(mine.worst_candidate)};
+  std::vector<double> all = mpi::gather(communicator, figures);
+  all.resize(std::size(figures) * mpi::size_of(communicator));
+  mpi::broadcast(communicator, all);
+  for (std::size_t k = 0; k < all.size(); k += std::size(figures)) {
+    Certificate other = mine;
+    other.duality_gap = all[k];
+    other.rounding_bound = all[k + 1];
+    other.log_det_gap = all[k + 2];
+    other.efficiency = all[k + 3];
+    other.worst_candidate = static_cast<std::size_t>(all[k + 4]);
+    take_worse(other, mine);
+  }
+  return mine;
+}
+
+}  // namespace graybox

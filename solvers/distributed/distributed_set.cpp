@@ -1,0 +1,185 @@
+#include "graybox/solvers/distributed/distributed_set.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/hdf5_file.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/problems/sha256.hpp"
+#include "graybox/solvers/distributed/mpi_transfer.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::size_t kChunk = 65536;  // candidates that are looked at together
+
+// Throws what any process has caught on all of them.
+void agree(MPI_Comm communicator, const std::string& error) {
+  const std::string first = mpi::first_error(communicator, error);
+  if (!first.empty()) throw InputError(first);
+}
+
+template <class Work>
+std::string error_of(const Work& work) {
+  try {
+    work();
+    return {};
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+}
+
+bool is_hdf5(const std::string& path) { return path.ends_with(".h5") || path.ends_with(".hdf5"); }
+
+// Each matrix of the slice by itself. The chunk is given a regular matrix besides, because only the
+// sum over all slices has to be regular.
+void check_matrices(const DistributedSet& set) {
+  const std::size_t d = set.slice.dimension(), p = set.slice.packed_size();
+  for (std::size_t from = 0; from < set.slice.candidate_count(); from += kChunk) {
+    const std::size_t count = std::min(kChunk, set.slice.candidate_count() - from);
+    AlignedArray rows((count + 1) * p, 0.0);
+    std::copy_n(set.slice.data() + from * p, count * p, rows.begin());
+    double size = 0.0;
+    for (std::size_t k = 0; k < count * p; ++k) size = std::max(size, std::abs(rows[k]));
+    for (std::size_t j = 0; j < d; ++j) {
+      rows[count * p + packed_index(j, j)] = size > 0.0 ? size : 1.0;
+    }
+    const std::size_t first = set.first + from;
+    const std::string name =
+        first == 0 ? set.slice.name()
+                   : fmt::format("{}: counted from candidate {}", set.slice.name(), first);
+    InformationSet(d, std::move(rows), {}, set.slice.parameters(), name).validate();
+  }
+}
+
+// The sum of all matrices, each over its own size, must be regular.
+void check_sum(MPI_Comm communicator, const DistributedSet& set) {
+  const std::size_t d = set.slice.dimension(), p = set.slice.packed_size();
+  std::vector<long double> sum(p, 0.0L);
+  for (std::size_t i = 0; i < set.slice.candidate_count(); ++i) {
+    const auto row = set.slice.information(i);
+    double size = 0.0;
+    for (std::size_t j = 0; j < d; ++j) size = std::max(size, row[packed_index(j, j)]);
+    if (!(size > 0.0)) continue;
+    for (std::size_t k = 0; k < p; ++k) sum[k] += static_cast<long double>(row[k]) / size;
+  }
+  mpi::sum(communicator, std::span<long double>(sum));
+  AlignedArray mean(p);
+  for (std::size_t k = 0; k < p; ++k) {
+    mean[k] = static_cast<double>(sum[k] / static_cast<long double>(set.total));
+  }
+  InformationSet(d, std::move(mean), {}, set.slice.parameters(), set.slice.name()).validate();
+}
+
+// On the first process; empty on the others.
+std::string hash_of_all(MPI_Comm communicator, const DistributedSet& set) {
+  const std::size_t p = set.slice.packed_size();
+  const std::size_t processes = mpi::size_of(communicator), rank = mpi::rank_of(communicator);
+  const std::span<const double> mine(set.slice.data(), set.slice.candidate_count() * p);
+  if (rank != 0) {
+    for (std::size_t from = 0; from < mine.size(); from += kChunk * p) {
+      mpi::send(communicator, mine.subspan(from, std::min(kChunk * p, mine.size() - from)), 0);
+    }
+    return {};
+  }
+  Sha256 hash;
+  const std::uint64_t shape[2] = {set.total, set.slice.dimension()};
+  hash.update(shape, sizeof shape);
+  hash.update(mine.data(), mine.size_bytes());
+  std::vector<double> chunk(kChunk * p);
+  for (std::size_t other = 1; other < processes; ++other) {
+    const std::size_t begin = set.total * other / processes;
+    const std::size_t end = set.total * (other + 1) / processes;
+    for (std::size_t from = begin; from < end; from += kChunk) {
+      const auto part = std::span(chunk).first(std::min(kChunk, end - from) * p);
+      mpi::receive(communicator, part, other);
+      hash.update(part.data(), part.size_bytes());
+    }
+  }
+  return hash.hexadecimal();
+}
+
+// The first process's whole set, shared out.
+InformationSet share_out(MPI_Comm communicator, const std::optional<InformationSet>& whole,
+                         const std::string& name) {
+  const std::size_t processes = mpi::size_of(communicator), rank = mpi::rank_of(communicator);
+  std::uint64_t total = whole ? whole->candidate_count() : 0;
+  std::uint64_t dimension = whole ? whole->dimension() : 0;
+  mpi::broadcast(communicator, total);
+  mpi::broadcast(communicator, dimension);
+  if (total < processes) {
+    throw InputError(fmt::format("{}: {} processes are too many for {} candidates", name,
+                                 processes, total));
+  }
+  const std::size_t p = packed_size(dimension);
+  const auto begin_of = [&](std::size_t process) { return total * process / processes; };
+  AlignedArray mine((begin_of(rank + 1) - begin_of(rank)) * p);
+  if (rank != 0) {
+    mpi::receive(communicator, mine.span(), 0);
+  } else {
+    std::copy_n(whole->data(), mine.size(), mine.begin());
+    for (std::size_t other = 1; other < processes; ++other) {
+      const std::size_t from = begin_of(other), to = begin_of(other + 1);
+      mpi::send(communicator, {whole->data() + from * p, (to - from) * p}, other);
+    }
+  }
+  return InformationSet(dimension, std::move(mine), {}, {}, name);
+}
+
+DistributedSet read_slices(MPI_Comm communicator, const std::string& path, std::string& stated) {
+  std::optional<InformationSlice> slice;
+  agree(communicator, error_of([&] {
+          slice.emplace(read_hdf5_slice(path, mpi::rank_of(communicator),
+                                        mpi::size_of(communicator)));
+        }));
+  stated = slice->problem_hash;
+  return {std::move(slice->set), slice->first, slice->total, {}};
+}
+
+DistributedSet read_whole(MPI_Comm communicator, const std::string& path,
+                          const ReadOptions& options) {
+  std::optional<InformationSet> whole;
+  const std::size_t rank = mpi::rank_of(communicator), processes = mpi::size_of(communicator);
+  agree(communicator, error_of([&] {
+          if (rank == 0) whole.emplace(read_information_set(path, options));
+        }));
+  std::string name = whole ? whole->name() : std::string();
+  mpi::broadcast(communicator, name);
+  InformationSet slice = share_out(communicator, whole, name);
+  const std::size_t total = mpi::sum(communicator, slice.candidate_count());
+  return {std::move(slice), total * rank / processes, total, {}};
+}
+
+}  // namespace
+
+DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& path,
+                                    const ReadOptions& options) {
+  std::string stated;
+  DistributedSet set = is_hdf5(path) ? read_slices(communicator, path, stated)
+                                     : read_whole(communicator, path, options);
+  agree(communicator, error_of([&] { check_matrices(set); }));
+  std::string error;
+  try {
+    check_sum(communicator, set);
+  } catch (const InputError& singular) {
+    error = singular.what();
+  }
+  agree(communicator, error);
+  set.content_hash = hash_of_all(communicator, set);
+  mpi::broadcast(communicator, set.content_hash);
+  if (!stated.empty() && stated != set.content_hash) {
+    throw InputError(
+        fmt::format("{}: sha256: the numbers are not those that the file was written with; it is "
+                    "damaged: copy it again",
+                    path));
+  }
+  return set;
+}
+
+}  // namespace graybox

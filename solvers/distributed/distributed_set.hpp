@@ -1,0 +1,34 @@
+// An information set whose candidates are shared out among the processes of a communicator, in
+// contiguous slices of nearly equal length.
+//
+//   const DistributedSet set = read_distributed_set(MPI_COMM_WORLD, "set.h5");
+//   set.slice.candidate_count() of set.total candidates, from set.first on
+//
+// Packed HDF5 is read slice by slice: no process holds the whole set. Of other formats the first
+// process reads the whole and sends the others their slices. Every slice is checked as
+// InformationSet::validate() checks a set, and a hash that the file states must be that of the numbers:
+// the first process forms it of all slices, which stream through it once.
+#pragma once
+
+#include <mpi.h>
+
+#include <cstddef>
+#include <string>
+
+#include "graybox/problems/formats/information_set_file.hpp"
+#include "graybox/problems/information_set.hpp"
+
+namespace graybox {
+
+struct DistributedSet {
+  InformationSet slice;
+  std::size_t first = 0;     // global index of the slice's first candidate
+  std::size_t total = 0;     // Q
+  std::string content_hash;  // of the whole set
+};
+
+// Collective. Throws the same InputError on every process.
+[[nodiscard]] DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& path,
+                                                  const ReadOptions& options = {});
+
+}  // namespace graybox

@@ -1,0 +1,76 @@
+// The duality gap of a D-optimal design in quadruple precision: max_i tr(M^-1 H_i) / d - 1 with
+// 113 bits, so that no condition number which double precision can hold matters.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "graybox/problems/information_set.hpp"
+#include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/design.hpp"
+
+namespace graybox {
+
+__extension__ typedef __float128 Quadruple;  // NOLINT(modernize-use-using)
+
+// M^-1 by way of M = L D L^T, packed; empty where a pivot is not positive.
+inline std::vector<Quadruple> quadruple_inverse(std::vector<Quadruple> m, std::size_t d) {
+  for (std::size_t i = 0; i < d; ++i) {  // L below the diagonal, D on it
+    for (std::size_t j = 0; j < i; ++j) {
+      for (std::size_t k = 0; k < j; ++k) {
+        m[packed_index(i, j)] -=
+            m[packed_index(i, k)] * m[packed_index(j, k)] * m[packed_index(k, k)];
+      }
+      m[packed_index(i, j)] /= m[packed_index(j, j)];
+    }
+    for (std::size_t k = 0; k < i; ++k) {
+      m[packed_index(i, i)] -=
+          m[packed_index(i, k)] * m[packed_index(i, k)] * m[packed_index(k, k)];
+    }
+    if (!(m[packed_index(i, i)] > 0)) return {};
+  }
+  std::vector<Quadruple> inverse(m.size(), 0), column(d);
+  for (std::size_t c = 0; c < d; ++c) {
+    for (std::size_t i = 0; i < d; ++i) {
+      column[i] = i == c ? 1 : 0;
+      for (std::size_t k = c; k < i; ++k) column[i] -= m[packed_index(i, k)] * column[k];
+    }
+    for (std::size_t i = 0; i < d; ++i) column[i] /= m[packed_index(i, i)];
+    for (std::size_t i = d; i-- > 0;) {
+      for (std::size_t k = i + 1; k < d; ++k) column[i] -= m[packed_index(k, i)] * column[k];
+    }
+    for (std::size_t i = c; i < d; ++i) inverse[packed_index(i, c)] = column[i];
+  }
+  return inverse;
+}
+
+inline double true_gap(const InformationSet& set, const Design& design) {
+  if (design.weights.size() != set.candidate_count()) {
+    return std::numeric_limits<double>::infinity();
+  }
+  const std::size_t d = set.dimension();
+  std::vector<Quadruple> m(set.packed_size(), 0);
+  Quadruple sum = 0;
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    if (design.weights[i] == 0.0) continue;
+    const Quadruple weight = design.weights[i];
+    sum += weight;
+    for (std::size_t k = 0; k < m.size(); ++k) m[k] += weight * set.information(i)[k];
+  }
+  for (Quadruple& entry : m) entry /= sum;
+  std::vector<Quadruple> dual = quadruple_inverse(std::move(m), d);
+  if (dual.empty()) return std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < d; ++i) {
+    for (std::size_t j = 0; j < i; ++j) dual[packed_index(i, j)] *= 2;
+  }
+  Quadruple largest = 0;
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    Quadruple value = 0;
+    for (std::size_t k = 0; k < dual.size(); ++k) value += dual[k] * set.information(i)[k];
+    if (value > largest) largest = value;
+  }
+  return static_cast<double>(largest / d - 1);
+}
+
+}  // namespace graybox

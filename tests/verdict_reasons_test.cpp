@@ -1,0 +1,184 @@
+// A verdict is computed from its reasons, and from nothing else.
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/verdict/reason_words.hpp"
+#include "graybox/diagnosis/verdict/verdict_words.hpp"
+
+namespace graybox {
+namespace {
+
+const std::vector<Hypothesis> kHypotheses = {
+    {"carriage.arm", "{kind: element, joint: carriage, axis: arm}", "coulomb", {}}};
+
+// Explained, where the noise is not known.
+Diagnosis friction() {
+  Diagnosis diagnosis;
+  diagnosis.detection.detected = true;
+  diagnosis.detection.smallest_p_value = 1e-9;
+  diagnosis.before.usable = diagnosis.after.usable = true;
+  diagnosis.after.estimation = {1000.0, 1000.0, 3.0, 99.9};
+  diagnosis.validation_before = Assessment{9000.0, 1000.0, 60.0, 64.0};
+  diagnosis.validation_after = Assessment{1200.0, 1000.0, 3.3, 99.8};
+  diagnosis.remaining_structure = 0.02;
+  diagnosis.autocorrelated_error = 1.0;
+  FoundEffect effect;
+  effect.law = {0, {{"level", "N", 8.0, 0.1}}};
+  effect.held_out = HeldOutEffect{60.0, 3.3, 0.9};
+  diagnosis.effects = {effect};
+  diagnosis.after.laws = {effect.law};
+  return diagnosis;
+}
+
+Diagnosis friction_in_known_noise() {
+  Diagnosis diagnosis = friction();
+  diagnosis.noise_is_known = true;
+  diagnosis.remaining_structure.reset();
+  diagnosis.autocorrelated_error.reset();
+  diagnosis.validation_within_errors = Assessment{1000.0, 1000.0, 3.3, 99.8};
+  diagnosis.rest_p_value = diagnosis.fit_p_value = 0.5;
+  diagnosis.shapes_compared = diagnosis.time_variation_was_tested = true;
+  return diagnosis;
+}
+
+struct Change {
+  std::string what;
+  void (*make)(Diagnosis&);
+  Verdict verdict;
+};
+
+const Change kOfBoth[] = {
+    {"interrupted", [](Diagnosis& d) { d.interrupted = true; }, Verdict::kUnknown},
+    {"implausible",
+     [](Diagnosis& d) {
+       d.implausible = {{PlausibilityRule::kSign, "mass", -1.0, 9.0, "mass is negative", "why"}};
+     },
+     Verdict::kUnknown},
+    {"nothing", [](Diagnosis& d) { d.detection.detected = false; }, Verdict::kNone},
+    {"no law", [](Diagnosis& d) { d.effects.clear(); }, Verdict::kUnknown},
+    {"misleading law", [](Diagnosis& d) { d.effects[0].held_out->misleads = true; },
+     Verdict::kUnknown},
+    {"error above the signal", [](Diagnosis& d) { d.validation_after->nrmse = 120.0; },
+     Verdict::kUnknown},
+    {"change", [](Diagnosis& d) { d.time_variation.emplace().p_value = 1e-9; }, Verdict::kUnknown},
+    {"a rival",
+     [](Diagnosis& d) {
+       d.effects[0].rivals = {{d.effects[0].law, 1.0}};
+     },
+     Verdict::kAmbiguous},
+    {"another place", [](Diagnosis& d) { d.effects[0].same_at = {d.effects[0].law}; },
+     Verdict::kAmbiguous},
+    {"wires", [](Diagnosis& d) { d.channel_faults.emplace_back(); }, Verdict::kUnknown},
+    {"no fit", [](Diagnosis& d) { d.trouble = "it diverged"; }, Verdict::kUnknown},
+};
+const Change kOfUnknownNoise[] = {
+    {"kept out", [](Diagnosis& d) { d.validation_after->chi_square = 4000.0; }, Verdict::kUnknown},
+    {"structure", [](Diagnosis& d) { d.remaining_structure = 0.4; }, Verdict::kUnknown},
+    {"structure not told", [](Diagnosis& d) { d.remaining_structure.reset(); }, Verdict::kUnknown},
+    {"own past", [](Diagnosis& d) { d.autocorrelated_error = 30.0; }, Verdict::kUnknown},
+};
+const Change kOfKnownNoise[] = {
+    {"rest", [](Diagnosis& d) { d.rest_p_value = 1e-5; }, Verdict::kUnknown},
+    {"rest of the fit", [](Diagnosis& d) { d.fit_p_value = 1e-5; }, Verdict::kUnknown},
+    {"departure", [](Diagnosis& d) { d.departures.emplace_back(); }, Verdict::kUnknown},
+    {"shared",
+     [](Diagnosis& d) {
+       d.shared_characteristics = {{"load", Characteristic::kFriction, {0, 0}}};
+     },
+     Verdict::kUnknown},
+    {"not to the noise",
+     [](Diagnosis& d) {
+       d.predicts = false;
+       d.validation_after->chi_square = 1500.0;
+     },
+     Verdict::kAmbiguous},
+};
+
+void expect_one_failure(Diagnosis diagnosis, const Change& change) {
+  change.make(diagnosis);
+  diagnosis.reasons = verdict_reasons(diagnosis, {});
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  EXPECT_EQ(diagnosis.verdict, change.verdict) << change.what;
+  EXPECT_EQ(std::ranges::count_if(diagnosis.reasons, has_failed), 1) << change.what;
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    EXPECT_EQ(reason.next.empty(), !has_failed(reason)) << change.what << ": " << reason.test;
+  }
+  if (diagnosis.verdict == Verdict::kNone) return;
+  // The text names it, with what to do.
+  std::string failed;
+  for (const std::string& line : reason_lines(diagnosis)) {
+    if (line.find(": failed.") != std::string::npos) failed += line;
+  }
+  EXPECT_NE(failed.find("Next: "), std::string::npos) << change.what;
+  EXPECT_NE(reasons_table(diagnosis).find("failed"), std::string::npos) << change.what;
+}
+
+// newcomer.md 2.3: a verdict that is not `explained` names the test that failed.
+TEST(VerdictReasons, EachFailureMakesItsVerdictByItself) {
+  for (const Diagnosis& base : {friction(), friction_in_known_noise()}) {
+    const auto reasons = verdict_reasons(base, {});
+    EXPECT_EQ(verdict_of(reasons), Verdict::kExplained);
+    EXPECT_TRUE(std::ranges::none_of(reasons, has_failed));
+    for (const Change& change : kOfBoth) expect_one_failure(base, change);
+  }
+  for (const Change& change : kOfUnknownNoise) expect_one_failure(friction(), change);
+  for (const Change& change : kOfKnownNoise) {
+    expect_one_failure(friction_in_known_noise(), change);
+  }
+}
+
+TEST(VerdictReasons, TheFirstFailureDecides) {
+  Diagnosis diagnosis = friction();
+  kOfBoth[7].make(diagnosis);
+  EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kAmbiguous);
+  kOfUnknownNoise[1].make(diagnosis);
+  EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kUnknown);
+}
+
+TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
+  Diagnosis diagnosis = friction_in_known_noise();
+  diagnosis.interrupted = true;
+  diagnosis.time_variation_was_tested = diagnosis.shapes_compared = false;
+  diagnosis.reasons = verdict_reasons(diagnosis, {});
+  std::string all;
+  for (const std::string& line : reason_lines(diagnosis)) all += line;
+  EXPECT_NE(all.find("changes with time: not tested: no time"), std::string::npos) << all;
+  const auto json = reasons_json(diagnosis);
+  const auto untested =
+      std::ranges::count_if(json, [](const auto& each) { return each.at("passed").is_null(); });
+  EXPECT_EQ(untested, 2);
+  Diagnosis alone = friction();
+  alone.validation_before.reset();
+  alone.validation_after.reset();
+  alone.effects[0].held_out.reset();
+  alone.reasons = verdict_reasons(alone, {});
+  EXPECT_EQ(verdict_of(alone.reasons), Verdict::kExplained);  // said, but it does not block
+  all.clear();
+  for (const std::string& line : verdict_words(alone, kHypotheses)) all += line + "\n";
+  EXPECT_NE(all.find("No recordings were kept out, so what it predicts was not tested."),
+            std::string::npos)
+      << all;
+}
+
+TEST(VerdictReasons, TheRangeNamesFilesAndSpansAndNothingBeyond) {
+  CheckedRange range;
+  range.kept_out = true;
+  range.files = {"run_2.csv"};
+  range.spans = {{"velocity of carriage", "m/s", -0.2, 0.25}, {"level", "", 1.0, 3.0}};
+  const std::string words = range_words(range);
+  EXPECT_NE(words.find("run_2.csv"), std::string::npos);
+  EXPECT_NE(words.find("velocity of carriage -0.2 to 0.25 m/s, level 1 to 3"), std::string::npos)
+      << words;
+  EXPECT_TRUE(range_words({}).empty());
+  EXPECT_TRUE(range_json({}).is_null());
+  EXPECT_EQ(range_json(range).at("spans").size(), 2U);
+}
+
+}  // namespace
+}  // namespace graybox
