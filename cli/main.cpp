@@ -5,6 +5,7 @@
 #include <string>
 
 #include "commands.hpp"
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/program_version.hpp"
 #include "graybox/problems/shortened.hpp"
@@ -92,7 +93,9 @@ int run(int argc, char** argv) {
     complain("stopped before there was anything to hand over");
     return graybox::cli::kShort;
   } catch (const std::bad_alloc&) {
-    complain("not enough memory for this problem");
+    complain("not enough memory for this problem: " +
+             std::to_string(graybox::available_memory() / 1'000'000) +
+             " MB are there; use fewer candidates, samples or threads, or a machine with more");
     return graybox::cli::kShort;
   } catch (const std::exception& error) {
     if (standard_output_failed()) return graybox::cli::kShort;

@@ -60,7 +60,7 @@ class DesignReader {
     file.counters.seconds = number(counters, "counters.", "seconds").value_or(0.0);
     file.counters.passes = number(counters, "counters.", "passes").value_or(0.0);
     file.counters.iterations =
-        static_cast<std::int64_t>(number(counters, "counters.", "iterations").value_or(0.0));
+        whole(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
     file.limits = limits();
     file.objective = text(object("objective"), "name");
@@ -88,6 +88,12 @@ class DesignReader {
       fail(fmt::format("format is {}; expected {}", format.empty() ? "missing" : "'" + format + "'",
                        kFormat));
     }
+  }
+
+  // Beyond 2^53 doubles are no counts.
+  static std::int64_t whole(double value) {
+    constexpr double kLargest = 9007199254740992.0;
+    return static_cast<std::int64_t>(std::clamp(value, 0.0, kLargest));
   }
 
   [[nodiscard]] std::string text(const Json& parent, const char* key) const {

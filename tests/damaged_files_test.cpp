@@ -207,8 +207,8 @@ TEST_F(DamagedFiles, LoopsOfLinksAreBadInputForEveryReader) {
        {std::string("solve l.h5"), std::string("solve l.mat"), std::string("solve l.csv"),
         std::string("solve l.npy"), std::string("recordings l.yaml"),
         "fit l.yaml " + campaign, "fit " + drive + " l.yaml", "diagnose l.yaml " + campaign,
-        "responses l.yaml", "simulate l.yaml " + examples + "simulate/drive_plan.yaml -o s",
-        "simulate " + drive + " l.yaml -o s", "problem robot --model l.yaml -o s.h5"}) {
+        std::string("responses l.yaml"), "simulate l.yaml " + examples + "simulate/drive_plan.yaml -o s",
+        "simulate " + drive + " l.yaml -o s", std::string("problem robot --model l.yaml -o s.h5")}) {
     expect_refused_soon(arguments, "l.");
   }
   write_text(folder_.file("campaign.yaml"),

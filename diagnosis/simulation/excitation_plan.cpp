@@ -13,6 +13,9 @@
 namespace graybox {
 namespace {
 
+constexpr std::size_t kMostFrequencies = 1'000'000;
+constexpr double kMostRecordings = 1e6;
+
 std::vector<Eigen::VectorXd> read_positions(const YamlField& field, std::size_t joints) {
   std::vector<Eigen::VectorXd> positions;
   for (const YamlField& item : field.items()) {
@@ -49,6 +52,9 @@ std::vector<double> read_frequencies(const YamlField& root, const SimulatedSyste
   field.allow_keys({"from", "to", "count", "spacing"});
   const double from = field.at("from").positive(), to = field.at("to").positive();
   const std::size_t count = field.at("count").count();
+  if (count > kMostFrequencies) {
+    field.at("count").fail(fmt::format("must be at most {}, is {}", kMostFrequencies, count));
+  }
   const bool is_log = field.at("spacing").choice({"log", "linear"}) == "log";
   if (to < from) field.at("to").fail("must not be below 'from'");
   for (std::size_t k = 0; k < count; ++k) {
@@ -147,6 +153,14 @@ ExcitationPlan read_plan(const std::filesystem::path& file, const SimulatedSyste
   plan.validation_realisations = whole_or_zero(root, "validation_realisations", 0);
   if (plan.validation_realisations >= plan.realisations) {
     root.at("validation_realisations").fail("must leave a realisation for estimation");
+  }
+  const double recordings = static_cast<double>(plan.realisations) *
+                            static_cast<double>(plan.levels.size()) *
+                            static_cast<double>(plan.positions.size());
+  if (recordings > kMostRecordings) {
+    root.at("realisations")
+        .fail(fmt::format("{:.3g} recordings are planned for each input; at most {:.0g} are made",
+                          recordings, kMostRecordings));
   }
   plan.period = root.at("period").count();
   plan.settling_periods = whole_or_zero(root, "settling_periods", plan.settling_periods);

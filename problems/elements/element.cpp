@@ -94,9 +94,8 @@ std::vector<double> read_parameters(const YamlField& field, const LawEntry& entr
                          : read_parameter(field.at(parameter.name), parameter, units));
   }
   for (const auto& [key, value] : field.entries()) {
-    const bool known = std::ranges::any_of(
-        entry.parameters, [&](const LawParameter& parameter) { return parameter.name == key; });
-    if (!known) value.fail(fmt::format("is no parameter of the law '{}'", entry.name));
+    const auto known = std::ranges::find(entry.parameters, key, &LawParameter::name);
+    if (known == entry.parameters.end()) value.fail(fmt::format("is no parameter of the law '{}'", entry.name));
   }
   return values;
 }

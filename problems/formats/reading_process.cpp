@@ -31,7 +31,7 @@ constexpr std::uint64_t kProtocol = 0x6772617962783031;
 constexpr const char* kProgram = "graybox_reader";
 
 constexpr std::size_t kSmall = 1'000'000;  // numbers
-constexpr std::uint64_t kSeconds = 5;
+constexpr std::uint64_t kSeconds = 3;
 constexpr std::uint64_t kBytesPerSecond = 4'000'000;
 constexpr std::uint64_t kMemory = std::uint64_t{1} << 30;
 constexpr std::uint64_t kExpansion = 1032;

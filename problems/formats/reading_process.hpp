@@ -17,7 +17,7 @@
 // is a fork of the caller that runs the same task. That needs what glibc promises beyond POSIX,
 // malloc and stdio in the child of a process with threads, and no other thread inside libhdf5.
 //
-// Limits: 5 s of processor time and 1 s more for every 4 MB of the file; 1 GiB of address space and
+// Limits: 3 s of processor time and 1 s more for every 4 MB of the file; 1 GiB of address space and
 // 1032 bytes for each byte of the file (what deflate can make of it), but no more than is available.
 #pragma once
 
