@@ -15,6 +15,7 @@
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
 #include "graybox/diagnosis/force_balance/wiring_faults.hpp"
+#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "graybox/diagnosis/long_run_variance.hpp"
 #include "graybox/diagnosis/recording_spread.hpp"
@@ -56,7 +57,7 @@ struct Column {
   std::size_t law = 0, parameter = 0;
 };
 
-class ForceBalanceProblem : public MismatchProblem {
+class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
   ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
       : data_(std::move(data)), options_(std::move(options)), regression_(data_.estimation) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <string>
 
 #include "graybox/problems/elements/element.hpp"
@@ -20,9 +19,6 @@ struct CandidatePlace {
   bool has_free_stiffness = false;
   double spring_stiffness = 0.0;  // of the model's springs there, by its own values; 0: none
   bool has_free_damping = false;
-  // Of the model's own dampers and masses there; NaN: not known.
-  double stated_damping = std::numeric_limits<double>::quiet_NaN();
-  double stated_inertia = std::numeric_limits<double>::quiet_NaN();
   bool has_free_inertia = false;
   bool turns = false;        // an axis that comes round: ripple has periods of whole turns
   bool is_compound = false;  // sum or difference of two places

@@ -78,7 +78,9 @@ void add_conservative_part(const LawEntry& entry, const FittedLaw& law, LawTrace
 }  // namespace
 
 FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit) {
-  const PhysicalContext context = problem.physical_context(fit);
+  const auto* evidence = dynamic_cast<const PhysicalEvidence*>(&problem);
+  const PhysicalContext context =
+      evidence != nullptr ? evidence->physical_context(fit) : PhysicalContext{};
   FittedPhysics physics;
   add_model(context, fit, physics);
   for (std::size_t l = 0; l < fit.laws.size(); ++l) {
@@ -105,6 +107,11 @@ FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit
     physics.laws.push_back(std::move(trace));
   }
   return physics;
+}
+
+CheckedRange checked_range(const MismatchProblem& problem) {
+  const auto* evidence = dynamic_cast<const PhysicalEvidence*>(&problem);
+  return evidence != nullptr ? evidence->checked_range() : CheckedRange{};
 }
 
 bool sets_size(const LawParameterEstimate& estimate) {

@@ -1,15 +1,19 @@
 // A fit of the search as the gate of physical sanity reads it (plausibility.hpp): names, kinds and errors from the
-// catalogue of laws, what only the problem knows from PhysicalContext.
+// catalogue of laws, what only the problem knows from its PhysicalEvidence, if it has any.
 #pragma once
 
 #include <span>
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
 #include "graybox/diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 
 [[nodiscard]] FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit);
+
+// Nothing where the problem does not know it.
+[[nodiscard]] CheckedRange checked_range(const MismatchProblem& problem);
 
 // A parameter that sets the size of the law's force: absent where it is zero.
 [[nodiscard]] bool sets_size(const LawParameterEstimate& estimate);

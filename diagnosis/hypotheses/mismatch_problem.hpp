@@ -21,10 +21,8 @@
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
 #include "graybox/diagnosis/hypotheses/channel_faults.hpp"
-#include "graybox/diagnosis/hypotheses/checked_range.hpp"
 #include "graybox/diagnosis/hypotheses/next_experiment.hpp"
 #include "graybox/diagnosis/hypotheses/score_test.hpp"
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 #include "graybox/problems/elements/law_catalogue.hpp"
 
 namespace graybox {
@@ -209,21 +207,6 @@ struct TimeVariation {
   std::vector<std::string> alternatives;  // "damping at joint_2.motor": not told apart from it
 };
 
-// What only the problem knows of its parameters and laws, to judge whether they can be (fit_physics.hpp).
-struct PhysicalContext {
-  // Of a law of the fit; NaN: not known.
-  struct OfLaw {
-    // What the model has at the place already.
-    double stiffness = std::numeric_limits<double>::quiet_NaN();
-    double damping = std::numeric_limits<double>::quiet_NaN();
-    double inertia = std::numeric_limits<double>::quiet_NaN();
-    LawTrace trace;  // its names and its conservative part are filled in by fit_physics
-  };
-  std::vector<double> starts;       // of the model's parameters; empty: none
-  std::vector<QuantityKind> kinds;  // likewise; empty: by their units
-  std::vector<OfLaw> laws;          // in the fit's order; empty: nothing is known
-};
-
 class MismatchProblem {
  public:
   virtual ~MismatchProblem() = default;
@@ -277,12 +260,6 @@ class MismatchProblem {
                                                                     double /*gain*/) const {
     return {};
   }
-
-  [[nodiscard]] virtual PhysicalContext physical_context(const ExtendedFit& /*fit*/) const {
-    return {};
-  }
-  // Of the recordings kept out, or of the fit's own where there are none.
-  [[nodiscard]] virtual CheckedRange checked_range() const { return {}; }
 
   // Where the noise is not known, channel by channel on the recordings of the fit.
   [[nodiscard]] virtual std::vector<ChannelRest> channel_rests(const ExtendedFit& /*fit*/) const {

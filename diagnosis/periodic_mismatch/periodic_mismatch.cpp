@@ -1,5 +1,6 @@
 #include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -14,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
 #include "graybox/diagnosis/periodic_mismatch/candidate_scores.hpp"
 #include "graybox/diagnosis/periodic_mismatch/changing_coefficient.hpp"
 #include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
@@ -43,6 +45,17 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+// How much of a b b^T can be taken from a matrix that is positive semidefinite, so that it stays so: 1/(b^T A^+ b), and
+// nothing where b is not in its range.
+double removable(const MatrixXd& matrix, const VectorXd& b) {
+  constexpr double kOutside = 1e-6;
+  const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(matrix);
+  const VectorXd solution = factor.solve(b);
+  const double along = b.dot(solution);
+  if ((matrix * solution - b).norm() > kOutside * b.norm() || !(along > 0.0)) return 0.0;
+  return 1.0 / along;
+}
 
 // Excited frequencies, levels, positions, and how far the outputs went (rms).
 CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord>& records,
@@ -81,7 +94,7 @@ CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord
   return range;
 }
 
-class Problem : public MismatchProblem {
+class Problem : public MismatchProblem, public PhysicalEvidence {
  public:
   Problem(std::shared_ptr<const PlantFamily> family, PeriodicData data,
           const PeriodicDataOptions& reading, const PeriodicMismatchOptions& options)
@@ -242,19 +255,24 @@ class Problem : public MismatchProblem {
       context.starts.push_back(parameter.positive ? parameter.start
                                                   : std::numeric_limits<double>::quiet_NaN());
     }
+    const ModelState model = state_of(fit);
+    const LinearPlant& plant = model.positions.front().plant;
     const std::vector<ForcePicture> pictures =
-        law_pictures(*family_, data_, state_of(fit), base_laws_.size());
+        law_pictures(*family_, data_, model, base_laws_.size());
     for (std::size_t l = 0; l < fit.laws.size(); ++l) {
-      const CandidatePlace& place = *places_[fit.laws[l].hypothesis];
+      const Location& place = places_[fit.laws[l].hypothesis]->location;
       PhysicalContext::OfLaw& own = context.laws.emplace_back();
-      if (place.location.kind != LocationKind::kElement) continue;
       // A force that follows the motion elsewhere may well feed energy in.
-      if (place.location.input != place.location.output) continue;
-      if (place.spring_stiffness > 0.0 || place.location.units.deflection == "m") {
-        own.stiffness = place.spring_stiffness;
+      if (place.kind != LocationKind::kElement || place.is_flange || place.input != place.output) {
+        continue;
       }
-      own.damping = place.stated_damping;
-      own.inertia = place.stated_inertia;
+      own.stiffness = removable(plant.stiffness, place.output);
+      // Gravity may hold what no spring does.
+      if (own.stiffness == 0.0 && place.units.deflection == "rad") {
+        own.stiffness = PhysicalQuantity::kNone;
+      }
+      own.damping = removable(plant.damping, place.output);
+      own.inertia = removable(plant.mass, place.output);
       own.trace.deflection = pictures[l].deflection;
       own.trace.rate = pictures[l].rate;
       own.trace.force = pictures[l].law_force;

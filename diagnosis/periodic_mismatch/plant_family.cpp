@@ -175,7 +175,6 @@ class RobotFamily : public PlantFamily {
     for (std::size_t i = 0; i < robot_.springs.size(); ++i) {
       if (robot_.springs[i].name != place.location.name) continue;
       place.spring_stiffness = robot_.springs[i].stiffness;
-      place.stated_damping = robot_.springs[i].damping;
       place.has_free_stiffness = std::ranges::count(robot_.parameters, i) > 0;
     }
   }
@@ -457,7 +456,6 @@ class LumpedFamily : public PlantFamily {
       place.location.input = place.location.output = VectorXd::Unit(n, i);
       place.location.takes_inertia = true;
       place.has_free_inertia = model_.masses(i) != 0.0 && !is_fixed_mass(i);
-      place.stated_inertia = model_.masses(i);
       place.turns = units_.deflection == "rad";
       add_place(place);
     }
@@ -509,7 +507,6 @@ class LumpedFamily : public PlantFamily {
   }
 
   void mark_free_laws(CandidatePlace& place) const {
-    place.stated_damping = 0.0;
     for (const Element& part : model_.parts) {
       const Location& there = part.location;
       if (there.kind != LocationKind::kElement || there.output != there.input ||
@@ -517,7 +514,6 @@ class LumpedFamily : public PlantFamily {
         continue;
       }
       if (part.law_name == "stiffness") place.spring_stiffness += part.parameters[0];
-      if (part.law_name == "viscous") place.stated_damping += part.parameters[0];
       if (part.fixed[0]) continue;
       place.has_free_stiffness |= part.law_name == "stiffness";
       place.has_free_damping |= part.law_name == "viscous";

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "graybox/diagnosis/hypotheses/checked_range.hpp"
 #include "graybox/diagnosis/hypotheses/law_departure.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/diagnosis/plausibility/plausibility.hpp"

@@ -41,7 +41,7 @@ void find_laws(SearchState& state) {
 }
 
 void judge_plausibility(SearchState& state) {
-  state.result.checked = state.problem->checked_range();
+  state.result.checked = checked_range(*state.problem);
   if (!state.result.after.usable) return;
   state.result.implausible = implausibilities(fit_physics(*state.problem, state.result.after));
 }
