@@ -839,7 +839,7 @@ TEST(DiagnosisSearch, CountsWhatRecordingsKeptOutSayOfRivals) {
   EXPECT_EQ(turned.effects[0].law.hypothesis, problem.index_of("slanted_step"));
 }
 
-// Where no other predicts better, it stays, and is no explanation.
+// Where no other predicts better, it is tried and rejected: it is no explanation.
 TEST(DiagnosisSearch, DoesNotCallAContradictedLawAnExplanation) {
   RegressionProblem problem;
   for (int harmonic = 3; harmonic < 9; ++harmonic) {
@@ -849,9 +849,12 @@ TEST(DiagnosisSearch, DoesNotCallAContradictedLawAnExplanation) {
   problem.do_elsewhere("slanted_step", -20.0);
   const Diagnosis diagnosis = diagnose_effect(problem, scaled_effect(problem, "step", 300.0), 11);
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
-  ASSERT_EQ(diagnosis.effects.size(), 1U);
-  EXPECT_EQ(problem.hypotheses()[diagnosis.effects[0].law.hypothesis].place, "second");
-  for (const Rival& rival : diagnosis.effects[0].excluded) EXPECT_FALSE(rival.is_contradicted);
+  EXPECT_TRUE(diagnosis.effects.empty());
+  EXPECT_TRUE(diagnosis.after.laws.empty());
+  ASSERT_EQ(diagnosis.rejected.size(), 1U);
+  EXPECT_EQ(problem.hypotheses()[diagnosis.rejected[0].law.hypothesis].place, "second");
+  ASSERT_TRUE(diagnosis.rejected[0].held_out);
+  EXPECT_TRUE(diagnosis.rejected[0].held_out->misleads);
 }
 
 TEST(DiagnosisSearch, TakesFreeMotionOutWithALawBeforeItLooksForMore) {

@@ -145,6 +145,7 @@ TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   Diagnosis diagnosis = friction_in_known_noise();
   diagnosis.interrupted = true;
   diagnosis.time_variation_was_tested = diagnosis.shapes_compared = false;
+  diagnosis.plausibility_judged = diagnosis.channels_checked = false;
   diagnosis.reasons = verdict_reasons(diagnosis, {});
   std::string all;
   for (const std::string& line : reason_lines(diagnosis)) all += line;
@@ -152,7 +153,7 @@ TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   const auto json = reasons_json(diagnosis);
   const auto untested =
       std::ranges::count_if(json, [](const auto& each) { return each.at("passed").is_null(); });
-  EXPECT_EQ(untested, 2);
+  EXPECT_EQ(untested, 4);
   Diagnosis alone = friction();
   alone.validation_before.reset();
   alone.validation_after.reset();

@@ -584,7 +584,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       widen(position, piece.position.col(j));
       widen(velocity, piece.velocity.col(j));
     }
-    range.spans.push_back(std::move(position));
+    if (data_.position_is_recorded) range.spans.push_back(std::move(position));
     range.spans.push_back(std::move(velocity));
     range.spans.push_back({channel_name(j), moving.units.force, rows.measured.col(j).minCoeff(),
                            rows.measured.col(j).maxCoeff()});

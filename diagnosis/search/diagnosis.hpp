@@ -141,6 +141,7 @@ struct Diagnosis {
   std::vector<ForcePicture> pictures;  // of the effects, in their order
   std::vector<RejectedLaw> rejected;
   std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
+  bool plausibility_judged = true;          // false: there was no time to
   CheckedRange checked;
   std::vector<VerdictReason> reasons;  // in the order in which they decide
 };

@@ -42,8 +42,9 @@ void find_laws(SearchState& state) {
 
 void judge_plausibility(SearchState& state) {
   state.result.checked = checked_range(*state.problem);
-  if (!state.result.after.usable) return;
+  if (!state.proceed("judging what was fitted") || !state.result.after.usable) return;
   state.result.implausible = implausibilities(fit_physics(*state.problem, state.result.after));
+  state.result.plausibility_judged = true;
 }
 
 // Whatever was found, models that do not depend on time do not describe what does.
@@ -75,6 +76,7 @@ void search(SearchState& state) {
 
 Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
   SearchState state(problem, options);
+  state.result.plausibility_judged = false;
   try {
     search(state);
   } catch (const Stopped&) {  // in the middle of a step

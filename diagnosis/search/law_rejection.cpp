@@ -99,6 +99,7 @@ bool reject_laws(SearchState& state) {
 void note_held_out_effects(SearchState& state) {
   const ExtendedFit& after = state.result.after;
   for (std::size_t law = 0; law < state.result.effects.size() && law < after.laws.size(); ++law) {
+    if (!state.proceed("asking recordings kept out about what was found")) return;
     const ExtendedFit without = fit_without(state, after, law);
     if (!without.usable) continue;
     state.result.effects[law].held_out = held_out_effect(state, without, after);

@@ -155,8 +155,10 @@ std::optional<VerdictReason> trouble_reason(const Diagnosis& diagnosis) {
 }
 
 VerdictReason plausibility_reason(const Diagnosis& diagnosis) {
+  const char* const test = "parameters and laws that no machine has";
+  if (!diagnosis.plausibility_judged) return not_asked(test, 0.0, kNoTime);
   const std::size_t count = excluding(diagnosis.implausible);
-  return at_most("parameters and laws that no machine has", static_cast<double>(count), 0.0,
+  return at_most(test, static_cast<double>(count), 0.0,
                  count > 0 ? diagnosis.implausible.front().remedy : "");
 }
 
@@ -192,6 +194,9 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
   if (diagnosis.interrupted) {
     reasons.push_back(
         failed("the search came to its end", "give it more time (--time-limit) or more threads"));
+  }
+  if (!diagnosis.channels_checked) {
+    reasons.push_back(not_asked("wires, signs and units that look wrong", 0.0, kNoTime));
   }
   reasons.push_back(plausibility_reason(diagnosis));
   if (!diagnosis.detection.detected) {

@@ -84,10 +84,13 @@ std::string course_words(const FittedLaw& law, std::string_view name) {
 
 // What the numbers say in place of the law's usual words; empty: those.
 std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
-  if (hypothesis.law == "stribeck") return "has dry friction" + course_words(law, "Stribeck");
+  if (hypothesis.law == "stribeck") {
+    return fmt::format("has dry friction{}", course_words(law, "Stribeck"));
+  }
   if (hypothesis.law == "lugre") {
-    return "has friction that gives way before it slides" +
-           (course_words(law, "LuGre").empty() ? "" : "," + course_words(law, "LuGre"));
+    const std::string course = course_words(law, "LuGre");
+    return fmt::format("has friction that gives way before it slides{}{}",
+                       course.empty() ? "" : ",", course);
   }
   if (hypothesis.law == "sublinear_friction") {
     const LawParameterEstimate* exponent = parameter(law, "exponent");
@@ -95,9 +98,9 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
       return "has viscous friction";
     }
   }
-  for (const std::string kind : {"damping", "level"}) {
-    const LawParameterEstimate *forward = parameter(law, "forward_" + kind),
-                               *backward = parameter(law, "backward_" + kind);
+  for (const std::string_view kind : {"damping", "level"}) {
+    const LawParameterEstimate *forward = parameter(law, fmt::format("forward_{}", kind)),
+                               *backward = parameter(law, fmt::format("backward_{}", kind));
     if (forward != nullptr && backward != nullptr && compared(*forward, *backward) == 0) {
       return kind == "level" ? "has dry friction, the same in both directions"
                              : "has viscous friction, the same in both directions";
