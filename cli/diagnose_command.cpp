@@ -19,6 +19,7 @@
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
 #include "graybox/diagnosis/verdict/next_plan.hpp"
 #include "graybox/diagnosis/verdict/report_page.hpp"
@@ -143,6 +144,14 @@ std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign
   }
 }
 
+Diagnosis stopped_before_the_search(const SearchOptions& options) {
+  Diagnosis diagnosis;
+  diagnosis.interrupted = true;
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  return diagnosis;
+}
+
 int execute(Arguments& arguments) {
   if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
@@ -159,8 +168,8 @@ int execute(Arguments& arguments) {
     progress.show(step);
     return !stop_requested();
   };
-  const Diagnosis diagnosis =
-      problem ? diagnose(*problem, arguments.search) : Diagnosis{.interrupted = true};
+  const Diagnosis diagnosis = problem ? diagnose(*problem, arguments.search)
+                                      : stopped_before_the_search(arguments.search);
   const std::span<const Hypothesis> hypotheses =
       problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");
