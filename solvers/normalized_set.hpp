@@ -101,9 +101,9 @@ class NormalizedSet {
   std::vector<double> transform_;
   double log_det_shift_ = 0.0;
   double passes_ = 0.0;
-  double rounding_ = std::numeric_limits<double>::epsilon();
   bool ill_conditioned_ = false;
   std::string message_;
+  double rounding_ = std::numeric_limits<double>::epsilon();
 };
 
 }  // namespace graybox
