@@ -9,18 +9,17 @@
 #include "console.hpp"
 #include "criterion_arguments.hpp"
 #include "exact_report_text.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_screening.hpp"
 #include "graybox/solvers/solve_report.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 struct CheckArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string design;
   CriterionArguments criterion;
   std::optional<double> gap;
@@ -38,8 +37,9 @@ SolveStatus claimed_status(const std::string& status) {
 
 // An exact design is measured against all exact designs, by the relaxation's bound; a tree's bound
 // can't be checked without growing the tree again, so it is only quoted.
-int check_exact(const CheckArguments& arguments, const InformationSet& set, const DesignFile& file,
+int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
                 const ExactClaim& claim) {
+  const InformationSet& set = read.set;
   ExactOptions options{.experiments = claim.experiments};
   options.gap = arguments.gap.value_or(file.asked_gap.value_or(options.gap));
   const Relaxation relaxation = solve_relaxation(set);
@@ -61,9 +61,11 @@ int check_exact(const CheckArguments& arguments, const InformationSet& set, cons
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["stated_efficiency"] = stated;
+    add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}", set.name(), describe(set), describe_exact(report));
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_exact(report));
     fmt::print("  by {:<10} at least {:.8f}, as the file states; proven here by the relaxation\n",
                claim.method, stated);
     fmt::print("{}", describe_counts(set, claim.design));
@@ -74,12 +76,12 @@ int check_exact(const CheckArguments& arguments, const InformationSet& set, cons
 
 int check(const CheckArguments& arguments) {
   arguments.criterion.require_consistent();
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const ProjectedSet read = read_set(arguments.set);
+  const InformationSet& set = read.set;
   const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
   const bool other_criterion = arguments.criterion.read(set).has_value();
   const auto exact = read_exact_claim(arguments.design, set, file.design);
-  if (exact.has_value() && !other_criterion) return check_exact(arguments, set, file, *exact);
+  if (exact.has_value() && !other_criterion) return check_exact(arguments, read, file, *exact);
   SolveOptions options;
   const Criterion made_for = file.criterion.value_or(Criterion());
   options.criterion = arguments.criterion.read(set).value_or(made_for);
@@ -108,9 +110,11 @@ int check(const CheckArguments& arguments) {
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     if (limited) line["limits"] = to_json(file.limits);
+    add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}", set.name(), describe(set), describe(report));
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe(report));
     if (limited) fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
     fmt::print("{}", describe_support(set, file.design));
     if (file.problem_hash.empty())
@@ -124,17 +128,15 @@ int check(const CheckArguments& arguments) {
 void add_check_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("check", "Certify a design, whoever made it");
   auto arguments = std::make_shared<CheckArguments>();
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  add_set_options(*command, arguments->set);
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   add_criterion_options(*command, arguments->criterion);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "Exit code 0 if the checked duality gap is at most the gap asked, else 1. Seconds, passes\n"
-      "and iterations are those the design states. An exact design (of 'graybox exact') is "
+      "Exit code 0 if the duality gap is proven to be at most the gap asked, rounding included,\n"
+      "else 1. Seconds, passes and iterations are those the design states. An exact design (of 'graybox exact') is "
       "compared\n"
       "with the best of its number of experiments, and only held to a gap that is given. A design\n"
       "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"

@@ -28,7 +28,7 @@ std::string seconds_text(double seconds) {
 // The criterion's value, and how far from the best it can be.
 std::string value_text(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
-  const double gap = std::max(certificate.duality_gap, 0.0);
+  const double gap = largest_gap(certificate);
   switch (report.options.criterion.kind()) {
     case CriterionKind::kA:
     case CriterionKind::kL:

@@ -142,7 +142,7 @@ struct Outcome {
 
   // The largest sensitivity that anything found, over d, minus 1.
   [[nodiscard]] double bound() const {
-    double largest = std::max(result.gap, report.certificate.duality_gap);
+    double largest = std::max(result.gap, largest_gap(report.certificate));
     for (const RefinedBound& bound : bounds) largest = std::max(largest, bound.largest_searched);
     return std::max(0.0, largest);
   }
@@ -232,7 +232,7 @@ void print(const ContinuousArguments& arguments, const InformationSet& grid,
   fmt::print("  gap           {:.3e} found by local search (asked {:.3g}), {} rounds\n", result.gap,
              arguments.options.duality_gap, result.rounds.size());
   fmt::print("  certificate   {:.3e} over the {} grid points and the support (proven)\n",
-             outcome.report.certificate.duality_gap, grid.candidate_count());
+             largest_gap(outcome.report.certificate), grid.candidate_count());
   for (const RefinedBound& bound : outcome.bounds) {
     fmt::print(
         "  refined       {:.3e} over {} more points, {:.3e} after {} searches from the best of "

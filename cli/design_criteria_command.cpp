@@ -17,7 +17,6 @@
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
@@ -25,13 +24,13 @@
 #include "graybox/solvers/sensitivity.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 struct CriteriaArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string solver = "column_generation";
   std::string weights;
   std::string interest;
@@ -155,7 +154,8 @@ void write_tables(const std::string& folder, const InformationSet& set,
   write_text_file(folder + "/criteria_deviations.csv", deviation + "\n");
 }
 
-nlohmann::ordered_json to_json(const InformationSet& set, const std::vector<Row>& rows) {
+nlohmann::ordered_json to_json(const ProjectedSet& read, const std::vector<Row>& rows) {
+  const InformationSet& set = read.set;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const Row& row : rows) {
     nlohmann::ordered_json entry = graybox::to_json(row.report);
@@ -166,6 +166,7 @@ nlohmann::ordered_json to_json(const InformationSet& set, const std::vector<Row>
     for (std::size_t k = 0; k < set.dimension(); ++k) {
       entry["standard_deviations"][parameter_name(set, k)] = row.deviations[k];
     }
+    add_change(read.changed, entry);
     list.push_back(std::move(entry));
   }
   return list;
@@ -198,8 +199,8 @@ int design_criteria(const CriteriaArguments& arguments, Invocation& invocation) 
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const ProjectedSet read = read_set(arguments.set);
+  const InformationSet& set = read.set;
   std::vector<Row> rows = rows_for(arguments, set);
   catch_interrupts();
   for (Row& row : rows) {
@@ -210,8 +211,9 @@ int design_criteria(const CriteriaArguments& arguments, Invocation& invocation) 
   compare(set, rows);
   if (!arguments.output.empty()) write_tables(arguments.output, set, rows);
   if (arguments.json) {
-    fmt::print("{}\n", to_json(set, rows).dump());
+    fmt::print("{}\n", to_json(read, rows).dump());
   } else {
+    fmt::print("{}", change_note(read.changed));
     print(set, rows);
     if (!arguments.output.empty()) fmt::print("wrote {}/criteria*.csv\n", arguments.output);
   }
@@ -226,8 +228,7 @@ void add_design_criteria_command(CLI::App& app, Invocation& invocation) {
   auto arguments = std::make_shared<CriteriaArguments>();
   SolveOptions& options = arguments->options;
   options.duality_gap = 1e-9;
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  add_set_options(*command, arguments->set);
   command->add_option("--weights", arguments->weights, "L too, with this W (see 'graybox solve')");
   command->add_option("--interest", arguments->interest, "Ds too, with these parameters");
   command->add_option("--solver", arguments->solver, "back-end that solves all of them")
@@ -237,7 +238,6 @@ void add_design_criteria_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
   command->add_option("--repetitions", arguments->repetitions, "CPU time: median over so many runs")
       ->capture_default_str();
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_option("-o,--output", arguments->output,
                       "folder for criteria.csv, criteria_efficiency.csv, criteria_deviations.csv");
   command->add_flag("--json", arguments->json, "print one machine-readable line");

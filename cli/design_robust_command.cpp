@@ -14,13 +14,13 @@
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/robust/concentration_interior_point.hpp"
 #include "graybox/solvers/robust/robust_column_generation.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
 #include "robot_arguments.hpp"
 #include "stiffness_arguments.hpp"
 
@@ -31,6 +31,7 @@ using Json = nlohmann::ordered_json;
 
 struct RobustArguments {
   std::vector<std::string> sets;
+  double psd_tolerance = kDefaultSemidefiniteTolerance;
   RobotArguments robot;
   StiffnessArguments stiffness;
   std::string objective = "worst_case";
@@ -52,15 +53,22 @@ constexpr double kReferenceGap = 1e-9;
 struct Samples {
   std::vector<InformationSet> sets;
   std::vector<Eigen::VectorXd> thetas;  // empty where the sets came from files
+  std::vector<SemidefiniteChange> changed;  // empty where the sets were made here
   std::string description;
   bool interrupted = false;
 };
 
-Samples read_samples(const std::vector<std::string>& files) {
+ProjectedSet read_sample(const RobustArguments& arguments, const std::string& file) {
+  return read_set({.path = file, .variable = {}, .psd_tolerance = arguments.psd_tolerance});
+}
+
+Samples read_samples(const RobustArguments& arguments) {
+  const std::vector<std::string>& files = arguments.sets;
   Samples samples;
   for (const std::string& file : files) {
-    samples.sets.push_back(read_information_set(file));
-    samples.sets.back().validate();
+    ProjectedSet read = read_sample(arguments, file);
+    samples.sets.push_back(std::move(read.set));
+    samples.changed.push_back(read.changed);
   }
   samples.description =
       fmt::format("{} information sets, each {}", files.size(), describe(samples.sets.front()));
@@ -111,6 +119,7 @@ Json objective_entry(const RobustArguments& arguments, const Samples& samples,
   Json list = Json::array();
   for (std::size_t s = 0; s < efficiency.size(); ++s) {
     Json entry{{"name", samples.sets[s].name()}};
+    if (!samples.changed.empty()) add_change(samples.changed[s], entry);
     if (!samples.thetas.empty()) {
       entry["theta"] = std::vector<double>(samples.thetas[s].begin(), samples.thetas[s].end());
     }
@@ -175,7 +184,12 @@ std::string describe_gap(const SolveReport& report) {
 void print_robust(const RobustArguments& arguments, const Samples& samples,
                   const SolveReport& report, const Design& design, std::vector<double> efficiency) {
   const Certificate& certificate = report.certificate;
-  fmt::print("{}\n{}", samples.description, describe_status(report));
+  fmt::print("{}\n", samples.description);
+  for (std::size_t s = 0; s < samples.changed.size(); ++s) {
+    if (samples.changed[s].candidates == 0) continue;
+    fmt::print("{}: {}", samples.sets[s].name(), change_note(samples.changed[s]));
+  }
+  fmt::print("{}", describe_status(report));
   if (certificate.status == CertificateStatus::kCertified) {
     const bool average = arguments.objective == "average";
     fmt::print("  objective     {} = {:.10g}, at most {:.2e} below the optimum\n",
@@ -202,7 +216,7 @@ int design_for_samples(const RobustArguments& arguments) {
   RobustProblem problem;
   problem.objective = robust_objective(arguments.objective);
   const Samples samples =
-      arguments.sets.empty() ? make_samples(arguments) : read_samples(arguments.sets);
+      arguments.sets.empty() ? make_samples(arguments) : read_samples(arguments);
   if (samples.interrupted) {
     fmt::print(stderr, "graybox: interrupted before there was a design\n");
     return kShort;
@@ -242,20 +256,17 @@ int design_for_samples(const RobustArguments& arguments) {
 
 // ---- the concentration limit --------------------------------------------------------------------
 
-InformationSet single_set(const RobustArguments& arguments) {
+ProjectedSet single_set(const RobustArguments& arguments) {
   if (arguments.sets.size() > 1) {
     throw InputError(fmt::format("the concentration limit takes one information set; {} are given",
                                  arguments.sets.size()));
   }
-  if (!arguments.sets.empty()) {
-    InformationSet set = read_information_set(arguments.sets.front());
-    set.validate();
-    return set;
-  }
+  if (!arguments.sets.empty()) return read_sample(arguments, arguments.sets.front());
   const RobotModel robot = load_robot(arguments.robot);
-  return robot_information_set(robot, load_positions(arguments.robot, robot),
-                               {.threads = arguments.options.threads})
-      .renamed(robot.name);
+  return {robot_information_set(robot, load_positions(arguments.robot, robot),
+                                {.threads = arguments.options.threads})
+              .renamed(robot.name),
+          {}};
 }
 
 int design_under_limit(const RobustArguments& arguments) {
@@ -264,7 +275,8 @@ int design_under_limit(const RobustArguments& arguments) {
         "--largest-share and --of-positions go together: at most this share of the experiments in "
         "this fraction of the positions");
   }
-  const InformationSet set = single_set(arguments);
+  const ProjectedSet read = single_set(arguments);
+  const InformationSet& set = read.set;
   const ConcentrationLimit limit =
       concentration_limit(*arguments.largest_share, *arguments.of_positions, set.candidate_count());
   Progress progress("concentration_interior_point");
@@ -287,9 +299,11 @@ int design_under_limit(const RobustArguments& arguments) {
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;
+    add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}", set.name(), describe(set), describe_status(report));
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_status(report));
     if (proof.certificate.status == CertificateStatus::kCertified) {
       fmt::print(
           "  limit         at most {:g} of the weight on any {} positions; the heaviest hold "
@@ -334,6 +348,7 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
   SolveOptions& options = arguments->options;
   command->add_option("sets", arguments->sets,
                       "information sets over the same candidates (default: samples of a robot)");
+  add_psd_tolerance(*command, arguments->psd_tolerance);
   add_robot_options(*command, arguments->robot);
   add_stiffness_options(*command, arguments->stiffness);
   command->add_option("--objective", arguments->objective, "average or worst_case")
@@ -348,14 +363,12 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
                       "... in any positions that are this fraction of all");
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds of the solver");
-  command->add_option("--threads", options.threads, "threads")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  command->add_option("--threads", options.threads, "threads")->capture_default_str();
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that the gap it computed is at most\n"
-      "the gap asked. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
       "Examples:\n"
       "  graybox design robust --samples 50 --uncertainty 0.5 -o worst_case.json\n"
       "  graybox design robust --objective average --samples 50 --seed 3 -o average.json\n"

@@ -175,9 +175,6 @@ void check_outputs(const SpectrumArguments& arguments) {
 
 int design_spectrum(SpectrumArguments arguments, Invocation& invocation) {
   arguments.compare = arguments.compare || !arguments.comparison.empty();
-  if (!(arguments.options.duality_gap > 0.0)) {
-    throw InputError("--gap must be positive, as in 1e-6");
-  }
   check_outputs(arguments);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   catch_interrupts();
@@ -205,9 +202,7 @@ void add_design_spectrum_command(CLI::App& design, Invocation& invocation) {
   command->add_option("--time-limit", options.time_limit, "wall seconds a design (default: none)");
   command->add_option("--seed", options.seed, "of the samples the method draws")
       ->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  command->add_option("--threads", options.threads, "threads")->capture_default_str();
   command
       ->add_option("--position-limit", arguments->limits,
                    "largest share of the time in any position, as in 0.1; several, separated by "

@@ -16,17 +16,16 @@
 #include "exact_table.hpp"
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/exact/exact_design_file.hpp"
 #include "graybox/solvers/exact/exact_method.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 struct ExactArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string method = "branch_and_bound";
   std::string experiments;
   ExactOptions options;
@@ -112,18 +111,20 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
   require_one_run(arguments, runs.size());
   arguments.options.experiments = runs.front();
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const ProjectedSet read = read_set(arguments.set);
+  const InformationSet& set = read.set;
   if (!arguments.table.empty()) return table(arguments, set);
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();
   const bool regular = report.solution.status != ExactStatus::kSingular;
   if (!arguments.output.empty() && regular) write_exact_design(arguments.output, set, report);
   if (arguments.json) {
-    fmt::print("{}\n", to_json(report).dump());
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), describe_exact(report),
-               describe_counts(set, report.solution.design));
+    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_exact(report), describe_counts(set, report.solution.design));
     if (!arguments.output.empty() && regular) fmt::print("wrote {}\n", arguments.output);
   }
   return exit_code(report.solution.status);
@@ -136,8 +137,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
       app.add_subcommand("exact", "Whole numbers of experiments, with a proven efficiency");
   auto arguments = std::make_shared<ExactArguments>();
   ExactOptions& options = arguments->options;
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  add_set_options(*command, arguments->set);
   command
       ->add_option("-M,--experiments", arguments->experiments,
                    "experiments to run, M; with --table a list as 1:20,25,30")
@@ -155,7 +155,6 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--checkpoint", options.checkpoint,
                       "keep the state of branch_and_bound in this file");
   command->add_flag("--resume", options.resume, "go on from the checkpoint");
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_option("-o,--output", arguments->output, "write the design as JSON, with counts");
   command->add_option("--table", arguments->table,
                       "run every method for each M and write a CSV table");

@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "graybox/problems/error.hpp"
+#include "option_checks.hpp"
 
 namespace {
 
@@ -66,6 +67,7 @@ int main(int argc, char** argv) {
   graybox::cli::add_fit_command(app, invocation);
   graybox::cli::add_diagnose_command(app, invocation);
   graybox::cli::add_challenge_command(app, invocation);
+  graybox::cli::check_common_options(app);
   if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
     return complain(line);
   }

@@ -13,15 +13,20 @@
 #include "graybox/problems/robot_information.hpp"
 #include "graybox/problems/robot_spectrum_information.hpp"
 #include "robot_arguments.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 // Every problem command ends here: the set is validated before anything is written.
+void report_written(const std::string& path, const InformationSet& set) {
+  fmt::print("wrote {}: {}\n", path, describe(set));
+}
+
 void write(const std::string& path, const InformationSet& set) {
   set.validate();
   write_information_set(path, set);
-  fmt::print("wrote {}: {}\n", path, describe(set));
+  report_written(path, set);
 }
 
 void add_output(CLI::App& command, std::string& output) {
@@ -193,7 +198,7 @@ void add_regression(CLI::App& problem) {
 
 void add_subset(CLI::App& problem) {
   struct Arguments {
-    std::string set;
+    SetArguments set;
     std::size_t candidates = 0;
     std::uint64_t seed = 1;
     std::string output;
@@ -201,13 +206,15 @@ void add_subset(CLI::App& problem) {
   auto arguments = std::make_shared<Arguments>();
   auto* command =
       problem.add_subcommand("subset", "Random subset of a set; equal seeds give nested subsets");
-  command->add_option("set", arguments->set, "information set")->required();
+  add_set_options(*command, arguments->set);
   command->add_option("--candidates", arguments->candidates, "how many to keep")->required();
   command->add_option("--seed", arguments->seed, "of the permutation")->capture_default_str();
   add_output(*command, arguments->output);
   command->footer("Example:\n  graybox problem subset set.h5 --candidates 500 --seed 1 -o sub.h5");
   command->callback([arguments] {
-    const InformationSet set = read_information_set(arguments->set);
+    const ProjectedSet read = read_set(arguments->set);
+    fmt::print("{}", change_note(read.changed));
+    const InformationSet& set = read.set;
     const auto kept = nested_subset(set.candidate_count(), arguments->candidates, arguments->seed);
     write(arguments->output, set.subset(kept));
   });
@@ -215,20 +222,19 @@ void add_subset(CLI::App& problem) {
 
 void add_convert(CLI::App& problem) {
   struct Arguments {
-    std::string set;
-    std::string variable;
+    SetArguments set;
     std::string output;
   };
   auto arguments = std::make_shared<Arguments>();
   auto* command = problem.add_subcommand("convert", "Rewrite a set in another format");
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
+  add_set_options(*command, arguments->set);
   add_output(*command, arguments->output);
   command->footer("Example:\n  graybox problem convert covdata.mat -o covdata.h5");
   command->callback([arguments] {
-    write(arguments->output,
-          read_information_set(arguments->set, {.variable = arguments->variable}));
+    const ProjectedSet read = read_set(arguments->set);
+    fmt::print("{}", change_note(read.changed));
+    write_information_set(arguments->output, read.set);
+    report_written(arguments->output, read.set);
   });
 }
 

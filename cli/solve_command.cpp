@@ -13,18 +13,17 @@
 #include "graybox/bench/pin_threads.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/registry.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
+#include "set_arguments.hpp"
 
 namespace graybox::cli {
 namespace {
 
 struct SolveArguments {
-  std::string set;
-  std::string variable;
+  SetArguments set;
   std::string solver = "column_generation";
   SolveOptions options;
   CriterionArguments criterion;
@@ -55,13 +54,17 @@ Solution run(const Solver& solver, const InformationSet& set, const SolveOptions
   return solution;
 }
 
-void print(const SolveArguments& arguments, const InformationSet& set, const Solution& solution,
+void print(const SolveArguments& arguments, const ProjectedSet& read, const Solution& solution,
            const SolveReport& report) {
+  const InformationSet& set = read.set;
   if (arguments.json) {
-    fmt::print("{}\n", to_json(report).dump());
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
     return;
   }
-  fmt::print("{}: {}\n{}", set.name(), describe(set), describe(report));
+  fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+             describe(report));
   if (!solution.design.weights.empty()) fmt::print("{}", describe_support(set, solution.design));
   if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
 }
@@ -71,8 +74,8 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
-  const InformationSet set = read_information_set(arguments.set, {.variable = arguments.variable});
-  set.validate();
+  const ProjectedSet read = read_set(arguments.set);
+  const InformationSet& set = read.set;
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
   const Solution solution = run(solver, set, options);
@@ -82,7 +85,7 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   if (!arguments.output.empty() && solution.status != SolveStatus::kUnsupported) {
     write_design(arguments.output, set, solution.design, report);
   }
-  print(arguments, set, solution, report);
+  print(arguments, read, solution, report);
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
@@ -92,8 +95,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("solve", "Find an optimal design and certify it");
   auto arguments = std::make_shared<SolveArguments>();
   SolveOptions& options = arguments->options;
-  command->add_option("set", arguments->set, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  add_set_options(*command, arguments->set);
   command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
       ->capture_default_str();
   add_criterion_options(*command, arguments->criterion);
@@ -103,13 +105,12 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
                       "iterations (default: the solver's own)");
   command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
-  command->add_option("--variable", arguments->variable, "variable of a .mat file with several");
   command->add_option("--trace", arguments->trace, "write the history of the run as JSON lines");
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that the gap it computed is at most\n"
-      "the gap asked. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"

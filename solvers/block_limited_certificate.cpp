@@ -12,9 +12,11 @@
 namespace graybox {
 namespace {
 
-// The gap and how far rounding can have moved it: each sensitivity is known to within the factor
-// 1/(1 -+ residual) and the rounding of its trace, and the gap is a mean of sensitivities.
-void price(const InformationSet& set, const CandidateBlocks& blocks, double limit,
+// The gap and how far it can be off: each sensitivity is known to within the factor
+// 1/(1 -+ residual) and the rounding of its trace, and the gap is a mean of sensitivities. A design
+// that breaks the limit by `excess` is one of the problem with the limit raised by it, whose mean is
+// larger by at most excess times the sum of the filled blocks' maxima.
+void price(const InformationSet& set, const CandidateBlocks& blocks, double limit, double excess,
            const ExtendedInformation& information, Certificate& certificate) {
   const auto d = static_cast<Extended>(set.dimension());
   std::vector<Extended> maxima(blocks.count, 0);
@@ -32,8 +34,11 @@ void price(const InformationSet& set, const CandidateBlocks& blocks, double limi
   const Extended mean = largest_limited_mean(std::span(maxima), limit);
   const Extended delta = information.residual();
   certificate.duality_gap = static_cast<double>(mean / d - 1);
+  const Extended filled = std::min<Extended>(maxima.size(), 1 / static_cast<Extended>(limit) + 1);
   certificate.rounding_bound =
-      static_cast<double>((mean * delta / (1 - delta) + information.trace_unit() * magnitude) / d +
+      static_cast<double>((mean * delta / (1 - delta) + information.trace_unit() * magnitude +
+                           excess * filled * largest) /
+                              d +
                           std::numeric_limits<double>::epsilon() * std::abs(mean / d - 1));
 }
 
@@ -77,9 +82,9 @@ Certificate certify_block_limited(const InformationSet& set, const Design& desig
   certificate.clipped = checked.clipped;
   certificate.renormalised = checked.renormalised;
   certificate.message = checked.message;
-  if (certificate.message.empty()) {
-    certificate.message = broken_limit(blocks, block_shares(blocks, design.weights), limit);
-  }
+  if (!certificate.message.empty()) return certificate;
+  const std::vector<double> shares = block_shares(blocks, design.weights);
+  certificate.message = broken_limit(blocks, shares, limit);
   if (!certificate.message.empty()) return certificate;
   const ExtendedInformation information(set, checked.weights);
   if (!information.regular()) {
@@ -89,10 +94,9 @@ Certificate certify_block_limited(const InformationSet& set, const Design& desig
   }
   certificate.status = CertificateStatus::kCertified;
   certificate.log_det = certificate.criterion_value = static_cast<double>(information.log_det());
-  price(set, blocks, limit, information, certificate);
-  const double gap = std::max(certificate.duality_gap, 0.0);
-  certificate.log_det_gap = static_cast<double>(set.dimension()) * std::log1p(gap);
-  certificate.efficiency = 1.0 / (1.0 + gap);
+  const double excess = std::max(*std::ranges::max_element(shares) - limit, 0.0);
+  price(set, blocks, limit, excess, information, certificate);
+  state_bounds(static_cast<double>(set.dimension()), certificate);
   return certificate;
 }
 

@@ -3,32 +3,93 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "graybox/solvers/criterion_certificate.hpp"
 #include "graybox/solvers/extended_information.hpp"
+#include "graybox/solvers/quadruple.hpp"
 
 namespace graybox {
 namespace {
 
-// The largest sensitivity and how far rounding can have moved it.
-void price(const InformationSet& set, const ExtendedInformation& information,
-           Certificate& certificate) {
-  const auto d = static_cast<Extended>(set.dimension());
-  Extended largest = 0;
-  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-    const Extended sensitivity = information.sensitivity(set.information(i));
+constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
+
+// The largest sensitivity of the candidates and how far it can be off. Each tr(M^-1 H_i) is known to
+// within the factors 1/(1 +- residual) and the rounding of its trace.
+template <class Real>
+void price(const InformationSet& set, const InformationIn<Real>& information,
+           const CandidateList& candidates, SensitivityBounds& bounds, Certificate& certificate) {
+  using std::abs;
+  const Real d(set.dimension()), delta = information.residual(), unit = information.trace_unit();
+  const auto rounding = static_cast<double>(unit), stretch = static_cast<double>(delta);
+  Real largest = 0, highest = 0;
+  for (std::size_t k = 0; k < candidates.count; ++k) {
+    const std::size_t i = candidates[k];
+    const auto h = set.information(i);
+    const Real sensitivity = information.sensitivity(h);
     if (sensitivity > largest) {
       largest = sensitivity;
       certificate.worst_candidate = i;
     }
+    const double error = rounding * information.largest_magnitude(h);
+    bounds.upper[i] = kUp * (static_cast<double>(sensitivity) + error) / (1.0 - stretch);
+    if (bounds.upper[i] > static_cast<double>(highest)) {
+      const Real exact = (sensitivity + unit * information.magnitude(h)) / (1 - delta);
+      highest = std::max<Real>(highest, exact);
+    }
   }
-  const Extended delta = information.residual();
-  const Extended trace_error = information.trace_unit() *
-                               information.magnitude(set.information(certificate.worst_candidate));
-  certificate.duality_gap = static_cast<double>(largest / d - 1);
+  const auto worst = set.information(certificate.worst_candidate);
+  const Real lowest = (largest - unit * information.magnitude(worst)) / (1 + delta);
+  bounds.largest = static_cast<double>(lowest) / kUp;
+  const Real gap = largest / d - 1;
+  certificate.duality_gap = static_cast<double>(gap);
   certificate.rounding_bound =
-      static_cast<double>((largest * delta / (1 - delta) + trace_error) / d +
-                          std::numeric_limits<double>::epsilon() * std::abs(largest / d - 1));
+      static_cast<double>(std::max<Real>(highest - largest, largest - lowest) / d +
+                          Real(std::numeric_limits<double>::epsilon()) * abs(gap));
+}
+
+// Everything that a regular information matrix tells about the criterion.
+template <class Real>
+void price_all(const InformationSet& set, const Design& design, const Criterion& criterion,
+               const InformationIn<Real>& information, const CandidateList& candidates,
+               SensitivityBounds& bounds, Certificate& certificate) {
+  certificate.status = CertificateStatus::kCertified;
+  certificate.log_det = static_cast<double>(information.log_det());
+  bounds.upper.resize(set.candidate_count());
+  if (criterion.kind() == CriterionKind::kD) {
+    certificate.criterion_value = certificate.log_det;
+    price(set, information, candidates, bounds, certificate);
+  } else {
+    price_criterion(set, design, criterion, information, candidates, bounds, certificate);
+  }
+}
+
+// True where the rounding bound stands between the gap and what is asked of it.
+bool rounding_matters(const Certificate& certificate, double asked_gap) {
+  const double gap = certificate.duality_gap, bound = certificate.rounding_bound;
+  const bool open = gap - bound <= asked_gap && asked_gap < gap + bound;
+  return open || !(bound <= 0.1 * std::max(gap, asked_gap)) || arithmetic_broke(certificate);
+}
+
+// The same once more in quadruple precision. `bounds`: of the first pass, empty where M was singular.
+void price_again(const InformationSet& set, const Design& design, const CheckedWeights& checked,
+                 const Criterion& criterion, SensitivityBounds& bounds, Certificate& certificate) {
+  const InformationIn<Quadruple> information(set, checked.weights,
+                                             elimination_order(set, criterion));
+  if (!information.regular()) return;
+  const bool was_regular = !bounds.upper.empty();
+  std::vector<std::size_t> in_question;
+  for (std::size_t i = 0; was_regular && i < set.candidate_count(); ++i) {
+    if (!(bounds.upper[i] < bounds.largest)) in_question.push_back(i);
+  }
+  const CandidateList candidates(was_regular ? in_question.size() : set.candidate_count(),
+                                 in_question);
+  Certificate again = certificate;
+  price_all(set, design, criterion, information, candidates, bounds, again);
+  if (was_regular || proves(again, 1.0)) certificate = std::move(again);
 }
 
 // How many factors the determinant has in which the criterion measures.
@@ -57,7 +118,8 @@ std::string_view to_string(CertificateStatus status) {
   return "unknown";
 }
 
-Certificate certify(const InformationSet& set, const Design& design, const Criterion& criterion) {
+Certificate certify(const InformationSet& set, const Design& design, const Criterion& criterion,
+                    double asked_gap) {
   criterion.require_fits(set);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Certificate certificate;
@@ -73,8 +135,17 @@ Certificate certify(const InformationSet& set, const Design& design, const Crite
     certificate.message = checked.message;
     return certificate;
   }
+  SensitivityBounds bounds;
   const ExtendedInformation information(set, checked.weights, elimination_order(set, criterion));
-  if (!information.regular()) {
+  if (information.regular()) {
+    const CandidateList all(set.candidate_count());
+    price_all(set, design, criterion, information, all, bounds, certificate);
+  }
+  if (criterion.kind() != CriterionKind::kE &&
+      (!information.regular() || rounding_matters(certificate, asked_gap))) {
+    price_again(set, design, checked, criterion, bounds, certificate);
+  }
+  if (certificate.status != CertificateStatus::kCertified) {
     certificate.status = CertificateStatus::kSingular;
     certificate.message =
         "the design's information matrix is singular: it can't estimate all "
@@ -84,18 +155,28 @@ Certificate certify(const InformationSet& set, const Design& design, const Crite
     }
     return certificate;
   }
-  certificate.status = CertificateStatus::kCertified;
-  certificate.log_det = static_cast<double>(information.log_det());
-  if (criterion.kind() == CriterionKind::kD) {
-    certificate.criterion_value = certificate.log_det;
-    price(set, information, certificate);
-  } else {
-    price_criterion(set, design, criterion, information, certificate);
-  }
-  const double gap = std::max(certificate.duality_gap, 0.0);
-  certificate.log_det_gap = log_det_size(set, criterion) * std::log1p(gap);
-  certificate.efficiency = 1.0 / (1.0 + gap);
+  state_bounds(log_det_size(set, criterion), certificate);
   return certificate;
+}
+
+bool proves(const Certificate& certificate, double asked_gap) {
+  return certificate.status == CertificateStatus::kCertified && !arithmetic_broke(certificate) &&
+         certificate.duality_gap + certificate.rounding_bound <= asked_gap;
+}
+
+bool arithmetic_broke(const Certificate& certificate) {
+  return certificate.status == CertificateStatus::kCertified &&
+         !(certificate.duality_gap >= -certificate.rounding_bound);
+}
+
+double largest_gap(const Certificate& certificate) {
+  return std::max(certificate.duality_gap, 0.0) + certificate.rounding_bound;
+}
+
+void state_bounds(double factors, Certificate& certificate) {
+  const double gap = largest_gap(certificate);
+  certificate.log_det_gap = factors * std::log1p(gap);
+  certificate.efficiency = 1.0 / (1.0 + gap);
 }
 
 double relative_efficiency(const InformationSet& set, const Criterion& criterion, double value,

@@ -41,9 +41,23 @@
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
 // to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).
 //
-// Arithmetic: sums in extended precision (64-bit significand), and `rounding_bound`, an
-// a-posteriori bound on the error of duality_gap (extended_information.hpp). Cost O(Q d^2 + d^3), one
-// pass over the set.
+// Arithmetic. Sums in extended precision (64-bit significand), and `rounding_bound`, an a-posteriori
+// bound on the error of duality_gap (extended_information.hpp). With it the true gap lies in
+//
+//   [duality_gap - rounding_bound, duality_gap + rounding_bound],
+//
+// and everything that is promised (proves(), log_det_gap, efficiency) holds at its upper end. A gap
+// below minus its rounding bound can't be: the arithmetic broke, and nothing is proven.
+//
+// The bound grows with the condition of M. Where it stands in the way, because the gap asked lies in
+// the interval or the bound exceeds a tenth of max(duality_gap, asked gap), D, A, L and Ds are done
+// again in quadruple precision (113 bits, quadruple.hpp): M and its factor in O(support p + d^3), the
+// sensitivities only of candidates that may attain the maximum. Those are found from the first pass:
+// with an upper bound u_i and a lower bound l_i of each w_i, i is in question where u_i >= max_k l_k.
+// A design that is singular in extended precision counts as singular unless quadruple precision
+// proves its gap to be at most 1. A well-conditioned problem never comes here.
+//
+// Cost O(Q d^2 + d^3), one pass over the set.
 #pragma once
 
 #include <cstddef>
@@ -70,9 +84,9 @@ struct Certificate {
   double log_det = 0.0;             // log det M
   double criterion_value = 0.0;     // D: log det M; A: tr M^-1; E: lambda_min(M); L: tr(W M^-1);
                                     // Ds: log det S
-  double log_det_gap = 0.0;         // D, Ds: d (s) log(1 + duality_gap), how far log det M (S) can
-                                    // be from optimal; NaN for the others
-  double efficiency = 0.0;          // at least 1/(1 + duality_gap)
+  double log_det_gap = 0.0;         // D, Ds: d (s) log(1 + duality_gap + rounding_bound), how far
+                                    // log det M (S) can be from optimal; NaN for the others
+  double efficiency = 0.0;          // at least 1/(1 + duality_gap + rounding_bound)
   std::size_t worst_candidate = 0;  // where the maximum sensitivity stands
   std::size_t support_size = 0;     // weights above zero, after clipping
   double clipped = 0.0;             // sum of the negative weights set to zero, as a positive number
@@ -82,9 +96,26 @@ struct Certificate {
   std::string message;       // why it is not certified
 };
 
-// Throws InputError where the criterion does not fit the set's dimension.
+// The finest gap that anyone asks for without saying so.
+inline constexpr double kFinestGap = 1e-9;
+
+// `asked_gap`: what the design is to be held to. Throws InputError where the criterion does not fit
+// the set's dimension.
 [[nodiscard]] Certificate certify(const InformationSet& set, const Design& design,
-                                  const Criterion& criterion = {});
+                                  const Criterion& criterion = {}, double asked_gap = kFinestGap);
+
+// The rule behind every "solved": the gap is at most `asked_gap` for certain, rounding included.
+[[nodiscard]] bool proves(const Certificate& certificate, double asked_gap);
+
+// True where the gap is negative beyond its rounding bound, which exact arithmetic excludes.
+[[nodiscard]] bool arithmetic_broke(const Certificate& certificate);
+
+// The largest that the gap can be: max(duality_gap, 0) + rounding_bound.
+[[nodiscard]] double largest_gap(const Certificate& certificate);
+
+// Fills in log_det_gap and efficiency. `factors`: of the determinant in which the criterion measures,
+// NaN where it does not.
+void state_bounds(double factors, Certificate& certificate);
 
 // Phi(M) / Phi(M*) from the criterion_value of two designs: how many experiments with the better one
 // do the work of one with the other.

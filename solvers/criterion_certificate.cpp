@@ -3,127 +3,152 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <boost/multiprecision/eigen.hpp>
 #include <cmath>
 #include <limits>
 #include <span>
+#include <type_traits>
 
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/solvers/criterion_column_generation.hpp"
+#include "graybox/solvers/quadruple.hpp"
 #include "graybox/solvers/tracer.hpp"
 
 namespace graybox {
 namespace {
 
-using Matrix = Eigen::Matrix<Extended, Eigen::Dynamic, Eigen::Dynamic>;
+template <class Real>
+using MatrixOf = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+using Matrix = MatrixOf<Extended>;
 using Vector = Eigen::Matrix<Extended, Eigen::Dynamic, 1>;
 
-constexpr double kGoodGap = 1e-9;  // no better dual matrix is looked for
+constexpr double kGoodGap = 1e-9;    // no better dual matrix is looked for
+constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
 constexpr Extended kUnit = std::numeric_limits<Extended>::epsilon() / 2;
 
 // Packed so that a dot product with a packed symmetric H is tr(A H).
-std::vector<Extended> trace_dual(const Matrix& a) {
-  std::vector<Extended> packed;
+template <class Real>
+std::vector<Real> trace_dual(const MatrixOf<Real>& a) {
+  std::vector<Real> packed;
   for (Eigen::Index i = 0; i < a.rows(); ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) packed.push_back(i == j ? a(i, i) : a(i, j) + a(j, i));
   }
   return packed;
 }
 
-Matrix inverse_factor(const ExtendedInformation& information, std::size_t d) {
+template <class Real>
+MatrixOf<Real> inverse_factor(const InformationIn<Real>& information, std::size_t d) {
   const auto size = static_cast<Eigen::Index>(d);
-  using RowMajor = Eigen::Matrix<Extended, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  using RowMajor = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   return Eigen::Map<const RowMajor>(information.inverse_factor().data(), size, size);
 }
 
 // w_i = tr(Z^T H_i Z) for every candidate, with a bound on each error.
+template <class Real>
 class Pricing {
  public:
-  Pricing(const InformationSet& set, const ExtendedInformation& information, const Matrix& z)
+  Pricing(const InformationSet& set, const InformationIn<Real>& information,
+          const MatrixOf<Real>& z)
       : set_(set),
         information_(information),
-        dual_(trace_dual(z * z.transpose())),
-        magnitude_(trace_dual(z.cwiseAbs() * z.cwiseAbs().transpose())),
-        unit_(static_cast<Extended>(dual_.size() + 2 * set.dimension() +
-                                    static_cast<std::size_t>(z.cols()) + 4) *
-              kUnit) {}
+        dual_(trace_dual<Real>(z * z.transpose())),
+        magnitude_(trace_dual<Real>(z.cwiseAbs() * z.cwiseAbs().transpose())),
+        unit_(static_cast<Real>(dual_.size() + 2 * set.dimension() +
+                                static_cast<std::size_t>(z.cols()) + 4) *
+              (std::numeric_limits<Real>::epsilon() / 2)) {}
 
-  // `model_error(w, a)` bounds the error of w_i beyond rounding, a = tr(M^-1 H_i).
+  // `model_error(w, i)` bounds the error of w_i beyond rounding.
   template <typename ModelError>
-  void run(const ModelError& model_error) {
-    for (std::size_t i = 0; i < set_.candidate_count(); ++i) {
+  void run(const CandidateList& candidates, SensitivityBounds& bounds,
+           const ModelError& model_error) {
+    using std::abs;
+    for (std::size_t n = 0; n < candidates.count; ++n) {
+      const std::size_t i = candidates[n];
       const auto h = set_.information(i);
-      Extended w = 0, magnitude = 0;
+      Real w = 0, magnitude = 0;
       for (std::size_t k = 0; k < h.size(); ++k) {
         w += dual_[k] * h[k];
-        magnitude += magnitude_[k] * std::abs(h[k]);
+        magnitude += magnitude_[k] * abs(h[k]);
       }
-      const Extended error = unit_ * magnitude + model_error(std::max(w, Extended{0}), i);
-      upper_ = std::max(upper_, w + error);
+      const Real error = unit_ * magnitude + model_error(std::max<Real>(w, Real(0)), i);
+      bounds.upper[i] = kUp * static_cast<double>(w + error);
+      upper_ = std::max<Real>(upper_, w + error);
       if (w > largest_) {
         largest_ = w;
         error_of_largest_ = error;
         worst_ = i;
       }
     }
+    bounds.largest = static_cast<double>(largest_ - error_of_largest_) / kUp;
   }
 
-  [[nodiscard]] Extended information_trace(std::size_t i) const {
+  [[nodiscard]] Real information_trace(std::size_t i) const {
     return information_.sensitivity(set_.information(i)) / (1 - information_.residual());
   }
 
   // The gap max w_i / scale - 1, with scale known to within the relative error given.
-  void certify(Extended scale, Extended scale_error, Certificate& certificate) const {
-    const Extended ratio = largest_ / scale;
-    const Extended highest = upper_ / (scale * (1 - scale_error));
-    const Extended lowest = (largest_ - error_of_largest_) / (scale * (1 + scale_error));
+  void certify(Real scale, Real scale_error, Certificate& certificate) const {
+    using std::abs;
+    const Real ratio = largest_ / scale;
+    const Real highest = upper_ / (scale * (1 - scale_error));
+    const Real lowest = (largest_ - error_of_largest_) / (scale * (1 + scale_error));
     certificate.worst_candidate = worst_;
     certificate.duality_gap = static_cast<double>(ratio - 1);
     certificate.rounding_bound =
-        static_cast<double>(std::max(highest - ratio, ratio - lowest) +
-                            std::numeric_limits<double>::epsilon() * std::abs(ratio - 1));
+        static_cast<double>(std::max<Real>(highest - ratio, ratio - lowest) +
+                            Real(std::numeric_limits<double>::epsilon()) * abs(ratio - 1));
   }
 
  private:
   const InformationSet& set_;
-  const ExtendedInformation& information_;
-  std::vector<Extended> dual_;
-  std::vector<Extended> magnitude_;
-  Extended unit_;
-  Extended largest_ = 0, error_of_largest_ = 0, upper_ = 0;
+  const InformationIn<Real>& information_;
+  std::vector<Real> dual_;
+  std::vector<Real> magnitude_;
+  Real unit_;
+  Real largest_ = 0, error_of_largest_ = 0, upper_ = 0;
   std::size_t worst_ = 0;
 };
 
+template <class Real>
 void price_trace(const InformationSet& set, const Criterion& criterion,
-                 const ExtendedInformation& information, Certificate& certificate) {
+                 const InformationIn<Real>& information, const CandidateList& candidates,
+                 SensitivityBounds& bounds, Certificate& certificate) {
+  using std::sqrt;
   const std::size_t d = set.dimension();
   const std::vector<double> factor = criterion.factor(d);
   const auto rows = static_cast<Eigen::Index>(d);
-  const Matrix k = Eigen::Map<const Eigen::MatrixXd>(factor.data(), rows,
-                                                     static_cast<Eigen::Index>(factor.size() / d))
-                       .cast<Extended>();
-  const Matrix x = inverse_factor(information, d);
-  const Matrix whitened = x * k;
-  const Extended phi = whitened.squaredNorm();
-  const Extended eta = information.residual() / (1 - information.residual());
-  Pricing pricing(set, information, x.transpose() * whitened);
-  pricing.run([&](Extended w, std::size_t i) {
-    const Extended a = pricing.information_trace(i);
-    return 2 * eta * std::sqrt(phi * w * a) + eta * eta * phi * a;
+  const MatrixOf<Real> k =
+      Eigen::Map<const Eigen::MatrixXd>(factor.data(), rows,
+                                        static_cast<Eigen::Index>(factor.size() / d))
+          .template cast<Real>();
+  const MatrixOf<Real> x = inverse_factor(information, d);
+  const MatrixOf<Real> whitened = x * k;
+  const Real phi = whitened.squaredNorm();
+  const Real eta = information.residual() / (1 - information.residual());
+  Pricing<Real> pricing(set, information, x.transpose() * whitened);
+  pricing.run(candidates, bounds, [&](const Real& w, std::size_t i) -> Real {
+    const Real a = pricing.information_trace(i);
+    return 2 * eta * sqrt(Real(phi * w * a)) + eta * eta * phi * a;
   });
-  pricing.certify(phi, eta + static_cast<Extended>(4 * d) * kUnit, certificate);
+  const Real unit = std::numeric_limits<Real>::epsilon() / 2;
+  pricing.certify(phi, eta + static_cast<Real>(4 * d) * unit, certificate);
   certificate.criterion_value = static_cast<double>(phi);
 }
 
+template <class Real>
 void price_interest(const InformationSet& set, const Criterion& criterion,
-                    const ExtendedInformation& information, Certificate& certificate) {
+                    const InformationIn<Real>& information, const CandidateList& candidates,
+                    SensitivityBounds& bounds, Certificate& certificate) {
   const std::size_t d = set.dimension();
   const std::size_t s = criterion.interest().size();
-  const Matrix x = inverse_factor(information, d);
-  const Extended eta = information.residual() / (1 - information.residual());
-  Pricing pricing(set, information, x.bottomRows(static_cast<Eigen::Index>(s)).transpose());
-  pricing.run([&](Extended, std::size_t i) { return 2 * eta * pricing.information_trace(i); });
-  pricing.certify(static_cast<Extended>(s), 0, certificate);
-  Extended log_det = 0;
+  const MatrixOf<Real> x = inverse_factor(information, d);
+  const Real eta = information.residual() / (1 - information.residual());
+  Pricing<Real> pricing(set, information, x.bottomRows(static_cast<Eigen::Index>(s)).transpose());
+  pricing.run(candidates, bounds, [&](const Real&, std::size_t i) -> Real {
+    return 2 * eta * pricing.information_trace(i);
+  });
+  pricing.certify(static_cast<Real>(s), Real(0), certificate);
+  Real log_det = 0;
   for (std::size_t k = d - s; k < d; ++k) log_det += information.log_pivot(k);
   certificate.criterion_value = static_cast<double>(log_det);
 }
@@ -178,13 +203,15 @@ std::vector<double> best_dual_matrix(const InformationSet& set, const Design& de
 }
 
 void price_smallest_eigenvalue(const InformationSet& set, const Design& design,
-                               const ExtendedInformation& information, Certificate& certificate) {
+                               const ExtendedInformation& information,
+                               const CandidateList& candidates, SensitivityBounds& bounds,
+                               Certificate& certificate) {
   const std::size_t d = set.dimension();
   const Matrix x = inverse_factor(information, d);
   const LargestEigenvalue inverse = largest_eigenvalue(x.transpose() * x);
   const auto price = [&](const Matrix& z) {
-    Pricing pricing(set, information, z);
-    pricing.run([](Extended, std::size_t) { return Extended{0}; });
+    Pricing<Extended> pricing(set, information, z);
+    pricing.run(candidates, bounds, [](Extended, std::size_t) { return Extended{0}; });
     // The gap is max w_i / (tr E lambda_min) - 1.
     const Extended scale = z.squaredNorm() / inverse.value;
     const Extended error =
@@ -218,16 +245,26 @@ std::vector<std::size_t> elimination_order(const InformationSet& set, const Crit
   return order;
 }
 
+template <class Real>
 void price_criterion(const InformationSet& set, const Design& design, const Criterion& criterion,
-                     const ExtendedInformation& information, Certificate& certificate) {
-  switch (criterion.kind()) {
-    case CriterionKind::kE:
-      return price_smallest_eigenvalue(set, design, information, certificate);
-    case CriterionKind::kDs:
-      return price_interest(set, criterion, information, certificate);
-    default:
-      return price_trace(set, criterion, information, certificate);
+                     const InformationIn<Real>& information, const CandidateList& candidates,
+                     SensitivityBounds& bounds, Certificate& certificate) {
+  if constexpr (std::is_same_v<Real, Extended>) {
+    if (criterion.kind() == CriterionKind::kE) {
+      return price_smallest_eigenvalue(set, design, information, candidates, bounds, certificate);
+    }
   }
+  if (criterion.kind() == CriterionKind::kDs) {
+    return price_interest(set, criterion, information, candidates, bounds, certificate);
+  }
+  price_trace(set, criterion, information, candidates, bounds, certificate);
 }
+
+template void price_criterion(const InformationSet&, const Design&, const Criterion&,
+                              const InformationIn<Extended>&, const CandidateList&,
+                              SensitivityBounds&, Certificate&);
+template void price_criterion(const InformationSet&, const Design&, const Criterion&,
+                              const InformationIn<Quadruple>&, const CandidateList&,
+                              SensitivityBounds&, Certificate&);
 
 }  // namespace graybox

@@ -21,6 +21,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "graybox/problems/information_set.hpp"
@@ -35,9 +36,33 @@ namespace graybox {
 [[nodiscard]] std::vector<std::size_t> elimination_order(const InformationSet& set,
                                                          const Criterion& criterion);
 
-// Fills in criterion_value, duality_gap, rounding_bound, worst_candidate and dual_repair for a
-// regular information matrix, factorised in elimination_order(). Not for D.
+// The candidates that a pass reads: the first `count`, or those listed.
+class CandidateList {
+ public:
+  explicit CandidateList(std::size_t count_, std::span<const std::size_t> indices = {})
+      : count(count_), indices_(indices) {}
+  [[nodiscard]] std::size_t operator[](std::size_t k) const {
+    return indices_.empty() ? k : indices_[k];
+  }
+
+  const std::size_t count;
+
+ private:
+  std::span<const std::size_t> indices_;
+};
+
+// How large each sensitivity can be, and how large the largest is at least.
+struct SensitivityBounds {
+  std::vector<double> upper;  // of the candidates that were read; Q numbers
+  double largest = 0.0;
+};
+
+// Fills in criterion_value, duality_gap, rounding_bound, worst_candidate, dual_repair and the bounds
+// for a regular information matrix, factorised in elimination_order(). Not for D; in quadruple
+// precision not for E.
+template <class Real>
 void price_criterion(const InformationSet& set, const Design& design, const Criterion& criterion,
-                     const ExtendedInformation& information, Certificate& certificate);
+                     const InformationIn<Real>& information, const CandidateList& candidates,
+                     SensitivityBounds& bounds, Certificate& certificate);
 
 }  // namespace graybox

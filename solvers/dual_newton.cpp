@@ -173,6 +173,7 @@ Solution solve_dual(const InformationSet& set, const SolveOptions& options, Solv
                     NormalizedSetOptions coordinates, const MakeRangeSystem& make_system) {
   Tracer tracer(set, options, observer);
   coordinates.threads = options.threads;
+  coordinates.accuracy = kRowAccuracy * options.duality_gap;
   const NormalizedSet normal(set, coordinates);
   tracer.count_passes(normal.passes());
   if (!normal.regular()) return unsupported(tracer, normal.message());

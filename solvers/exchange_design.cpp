@@ -6,6 +6,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/sensitivity.hpp"
 
 namespace graybox {
@@ -70,6 +71,10 @@ double ExchangeDesign::sensitivity(std::size_t i) const {
   kernels().price(set_.information(i).data(), 1, information_.size(), factor_.trace_dual().data(),
                   &result);
   return result;
+}
+
+double ExchangeDesign::gap_rounding() const {
+  return graybox::gap_rounding(information_, factor_.trace_dual(), set_.dimension());
 }
 
 // Prepares the line search along D + shift M: C = L^-1 D L^-T + shift I.

@@ -41,6 +41,8 @@ class ExchangeDesign {
   // M^-1 in trace-dual packing, for pricing many candidates, and w_i = tr(M^-1 H_i) of one.
   [[nodiscard]] std::span<const double> trace_dual() const { return factor_.trace_dual(); }
   [[nodiscard]] double sensitivity(std::size_t i) const;
+  // How well the sensitivities are known (claim.hpp).
+  [[nodiscard]] double gap_rounding() const;
 
   struct Move {
     double step = 0.0;        // 0: nothing was gained, and nothing changed

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/start_design.hpp"
 #include "graybox/solvers/tracer.hpp"
@@ -66,7 +67,11 @@ Solution run_exchange_method(const InformationSet& set, const SolveOptions& opti
     tracer.count_candidates(design.take_candidates_read());
     const double gap = extremes.largest_sensitivity / d - 1.0;
     tracer.record(gap, iteration);
-    if (gap <= options.duality_gap) return finish(SolveStatus::kSolved);
+    const double rounding = design.gap_rounding();
+    if (gap <= gap_to_stop_at(options.duality_gap, rounding)) {
+      Claim claim = claim_at(options.duality_gap, rounding);
+      return finish(claim.status, std::move(claim.message));
+    }
     if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (iteration == limit) return finish(SolveStatus::kIterationLimit);
     if (!std::isfinite(gap)) {

@@ -14,7 +14,8 @@
 //   if (!m.regular()) ...
 //   const graybox::Extended w = m.sensitivity(set.information(i));
 //
-// Cost: O(support p + d^3) to construct, p multiplications a sensitivity.
+// Cost: O(support p + d^3) to construct, p multiplications a sensitivity. In quadruple precision each
+// takes about a hundred times as long.
 #pragma once
 
 #include <cstddef>
@@ -41,36 +42,43 @@ struct CheckedWeights {
   double renormalised = 0.0;      // sum of the weights minus one, before renormalising
 };
 
-class ExtendedInformation {
+// Real: Extended, or Quadruple (quadruple.hpp) where that is not enough.
+template <class Real>
+class InformationIn {
  public:
   // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows of
   // inverse_factor() then whiten the Schur complement of the others, the information about
   // order[d-k] .. order[d-1] that is left when the others are unknown too.
-  ExtendedInformation(const InformationSet& set, std::span<const Extended> weights,
-                      std::span<const std::size_t> order = {});
+  InformationIn(const InformationSet& set, std::span<const Extended> weights,
+                std::span<const std::size_t> order = {});
 
   // False where M is not numerically positive definite; the rest is then undefined.
-  [[nodiscard]] bool regular() const { return residual_ < Extended{0.1}; }
-  [[nodiscard]] Extended log_det() const { return log_det_; }
-  [[nodiscard]] Extended residual() const { return residual_; }
+  [[nodiscard]] bool regular() const { return residual_ < Real(0.1); }
+  [[nodiscard]] Real log_det() const { return log_det_; }
+  [[nodiscard]] Real residual() const { return residual_; }
   // tr(M^-1 H) for a packed H, and the sum of the magnitudes of its terms.
-  [[nodiscard]] Extended sensitivity(std::span<const double> packed) const;
-  [[nodiscard]] Extended magnitude(std::span<const double> packed) const;
-  [[nodiscard]] Extended trace_unit() const;
+  [[nodiscard]] Real sensitivity(std::span<const double> packed) const;
+  [[nodiscard]] Real magnitude(std::span<const double> packed) const;
+  [[nodiscard]] Real trace_unit() const;
+  // No less than magnitude() for a positive semidefinite H, from the diagonals alone: by
+  // Cauchy-Schwarz (sum_a sqrt(W_aa H_aa))^2 <= d sum_a W_aa H_aa.
+  [[nodiscard]] double largest_magnitude(std::span<const double> packed) const;
   // X, d x d row-major: its columns are the parameters in their own order, its rows those in the
   // order of elimination.
-  [[nodiscard]] std::span<const Extended> inverse_factor() const { return inverse_; }
+  [[nodiscard]] std::span<const Real> inverse_factor() const { return inverse_; }
   // The logarithm of the information about the parameter eliminated k-th, given those after it;
   // log_det() is the sum over k.
-  [[nodiscard]] Extended log_pivot(std::size_t k) const { return log_pivots_[k]; }
+  [[nodiscard]] Real log_pivot(std::size_t k) const { return log_pivots_[k]; }
 
  private:
   std::size_t dimension_;
-  std::vector<Extended> inverse_;
-  std::vector<Extended> log_pivots_;
-  std::vector<Extended> dual_;  // M^-1 in trace-dual packing
-  Extended log_det_ = 0;
-  Extended residual_ = 1;
+  std::vector<Real> inverse_;
+  std::vector<Real> log_pivots_;
+  std::vector<Real> dual_;  // M^-1 in trace-dual packing
+  Real log_det_ = 0;
+  Real residual_ = 1;
 };
+
+using ExtendedInformation = InformationIn<Extended>;
 
 }  // namespace graybox

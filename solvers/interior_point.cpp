@@ -9,6 +9,7 @@
 
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/lapack.hpp"
 
 namespace graybox {
@@ -65,6 +66,11 @@ bool DesignEvaluator::evaluate(std::span<const double> multipliers) {
   return finite && std::isfinite(gap_);
 }
 
+double DesignEvaluator::gap_rounding() const {
+  return graybox::gap_rounding(information_, trace_dual_, normal_.dimension()) +
+         normal_.rounding();
+}
+
 double step_to_boundary(std::span<const double> x, std::span<const double> dx) {
   double fastest = 0.0;
   for (std::size_t i = 0; i < x.size(); ++i) fastest = std::max(fastest, -dx[i] / x[i]);
@@ -104,8 +110,11 @@ bool InteriorPointRun::proceed(bool evaluated, const DesignEvaluator& evaluator,
     progress_gap_ = gap;
     last_progress_ = iteration_;
   }
-  if (gap <= target_) {
-    status_ = SolveStatus::kSolved;
+  const double rounding = evaluator.gap_rounding();
+  if (gap <= std::min(target_, gap_to_stop_at(options_.duality_gap, rounding))) {
+    Claim claim = claim_at(options_.duality_gap, rounding);
+    status_ = claim.status;
+    message_ = std::move(claim.message);
   } else if (tracer_.out_of_time()) {
     status_ = SolveStatus::kTimeLimit;
   } else if (iteration_ >= iteration_limit_) {

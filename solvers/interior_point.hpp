@@ -15,6 +15,9 @@
 
 namespace graybox {
 
+// Rows are wanted this much more accurate than the gap that is to be reached.
+inline constexpr double kRowAccuracy = 1e-2;
+
 // Information matrix, its factors, sensitivities and duality gap of a design given by multipliers
 // z_i = n_i lambda_i of the rows A_i (normalized_set.hpp); the lambda_i need not sum to one.
 class DesignEvaluator {
@@ -32,6 +35,8 @@ class DesignEvaluator {
   [[nodiscard]] double weight_sum() const { return weight_sum_; }           // sum_i lambda_i
   // max_i tr(M^-1 H_i)/d - 1 of the normalised design.
   [[nodiscard]] double gap() const { return gap_; }
+  // How well it is known (claim.hpp).
+  [[nodiscard]] double gap_rounding() const;
 
  private:
   const NormalizedSet& normal_;
@@ -57,8 +62,8 @@ class DesignEvaluator {
 //   while (run.proceed(evaluated, evaluator, multipliers)) { one more step }
 //   return run.finish(reduced_costs);
 //
-// The target is 2 % below options.duality_gap, a margin for the rounding by which the checker's
-// figure differs. The run fails where the gap has not fallen by a tenth in 15 iterations.
+// The target is 2 % below options.duality_gap, or as far as the rounding of the gap (claim.hpp), a
+// margin by which the checker's figure may differ. The run fails where the gap has not fallen by a tenth in 15 iterations.
 class InteriorPointRun {
  public:
   static constexpr std::int64_t kDefaultIterationLimit = 100;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "graybox/problems/error.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/criterion_frame.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
@@ -69,6 +70,7 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
       return finish(SolveStatus::kNumericalFailure, "the information matrix became singular");
     }
     std::ranges::copy(weights, former.begin());
+    const double rounding = gap_rounding(information, factor.trace_dual(), set.dimension());
     if (plain) {
       pass.run(conditioned.set().data(), factor.trace_dual(), weights, w, information);
     } else {
@@ -78,7 +80,10 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
     tracer.count_passes(1.0);
     const double gap = *std::ranges::max_element(w) / optimum - 1.0;
     tracer.record(gap, iteration);
-    if (gap <= options.duality_gap) return finish(SolveStatus::kSolved);
+    if (gap <= gap_to_stop_at(options.duality_gap, rounding)) {
+      Claim claim = claim_at(options.duality_gap, rounding);
+      return finish(claim.status, std::move(claim.message));
+    }
     if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (iteration == limit) return finish(SolveStatus::kIterationLimit);
     ++iteration;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "graybox/problems/kernels/kernels.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/conditioned_set.hpp"
 #include "graybox/solvers/inverse_cholesky.hpp"
 #include "graybox/solvers/reweigh_pass.hpp"
@@ -55,7 +56,11 @@ class AcceleratedRun {
       const double largest = *std::ranges::max_element(w_);
       const double gap = largest / dimension_ - 1.0;
       tracer_.record(gap, iteration_);
-      if (gap <= survivors_target_ && confirm()) return finish(SolveStatus::kSolved);
+      if (gap <= std::min(survivors_target_, stop_at()) && confirm()) {
+        Claim claim = claim_at(options_.duality_gap, rounding());
+        message_ = std::move(claim.message);
+        return finish(claim.status);
+      }
       if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
       if (iteration_ == limit) return finish(SolveStatus::kIterationLimit);
       ++iteration_;
@@ -67,6 +72,11 @@ class AcceleratedRun {
 
  private:
   [[nodiscard]] std::size_t count() const { return index_.size(); }
+  // The factor is that of former_; information_ has moved on by one plain step, which changes little.
+  [[nodiscard]] double rounding() const {
+    return gap_rounding(information_, factor_.trace_dual(), conditioned_.set().dimension());
+  }
+  [[nodiscard]] double stop_at() const { return gap_to_stop_at(options_.duality_gap, rounding()); }
   [[nodiscard]] std::size_t packed() const { return information_.size(); }
 
   // lambda <- F(lambda) and its M; w: the sensitivities before the step. The factor stays behind.
@@ -213,7 +223,7 @@ class AcceleratedRun {
     tracer_.count_passes(1.0);
     const double gap = *std::ranges::max_element(all_w_) / dimension_ - 1.0;
     tracer_.record(gap, iteration_);
-    if (gap <= options_.duality_gap) return true;
+    if (gap <= stop_at()) return true;
     survivors_target_ *= 0.25;
     return false;
   }

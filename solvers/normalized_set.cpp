@@ -56,7 +56,7 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
   if (!options.whiten) {
     std::copy(set.data(), set.data() + rows_.size(), rows_.begin());
     passes_ += 1.0;
-  } else if (choose_transform(set)) {
+  } else if (choose_transform(set, options.accuracy)) {
     transform_rows(set, options.threads);
   } else {
     message_ = "the mean information matrix is singular: no design can estimate all parameters";
@@ -66,7 +66,7 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
 }
 
 // X = L^-1 by way of the mean scaled to unit diagonal, S Mbar S = R R^T: X = R^-1 S.
-bool NormalizedSet::choose_transform(const InformationSet& set) {
+bool NormalizedSet::choose_transform(const InformationSet& set, double accuracy) {
   const std::size_t d = dimension_;
   std::vector<double> mean(packed_size_, 0.0);
   const std::vector<double> equal(candidate_count_, 1.0 / static_cast<double>(candidate_count_));
@@ -88,9 +88,16 @@ bool NormalizedSet::choose_transform(const InformationSet& set) {
   for (std::size_t i = 0; i < d; ++i) smallest = std::min(smallest, full[i * d + i]);
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   if (!(smallest * smallest > 4.0 * static_cast<double>(d) * kEpsilon)) return false;
-  ill_conditioned_ = smallest < 1e-4;
 
   lapack::invert_lower(d, full.data());
+  // tr(S^-1) is the squared norm of R^-1, the lower triangle of a column-major square.
+  double trace = 0.0;
+  for (std::size_t j = 0; j < d; ++j) {
+    for (std::size_t i = j; i < d; ++i) trace += full[j * d + i] * full[j * d + i];
+  }
+  const double in_double = static_cast<double>(d) * kEpsilon * trace;
+  ill_conditioned_ = smallest < 1e-4 || in_double > accuracy;
+  rounding_ = ill_conditioned_ ? kEpsilon + in_double / 2048.0 : in_double;
   for (std::size_t i = 0, k = 0; i < d; ++i) {
     for (std::size_t j = 0; j <= i; ++j, ++k) transform_[k] = full[j * d + i] * scale[j];
     log_det_shift_ -= 2.0 * std::log(transform_[k - 1]);

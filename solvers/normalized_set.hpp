@@ -28,13 +28,16 @@
 //   if (!normal.regular()) return unsupported(normal.message());
 //   kernels().price(normal.rows(), normal.candidate_count(), normal.packed_size(), dual, values);
 //
-// Where Mbar is so ill-conditioned that half of the digits would be lost (unit-diagonal Cholesky
-// pivots below 1e-4), the products are accumulated in extended precision. Cost: one pass over the
+// The products are accumulated in extended precision where Mbar is so ill-conditioned that half of
+// the digits would be lost (unit-diagonal Cholesky pivots below 1e-4), or more than the caller can
+// spare: in double precision the rows are wrong by about 2 d u tr(S^-1), S the mean scaled to unit
+// diagonal, u = 2^-53. Cost: one pass over the
 // set for the mean, one for the products with about (4/3) d^3 multiplications a candidate, one pass
 // over the copy to scale it; Q p doubles of memory. Results do not depend on the number of threads.
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -47,6 +50,7 @@ namespace graybox {
 struct NormalizedSetOptions {
   bool whiten = true;      // false: X = I
   bool scale_rows = true;  // false: n_i = 1
+  double accuracy = std::numeric_limits<double>::infinity();  // relative, wanted of the rows
   int threads = 1;
 };
 
@@ -70,6 +74,8 @@ class NormalizedSet {
   }
   [[nodiscard]] std::span<const double> row_norms() const { return row_norms_; }  // n_i, Q
   [[nodiscard]] double log_det_shift() const { return log_det_shift_; }           // log det Mbar
+  // About how far, relatively, the sensitivities are off because the rows are rounded.
+  [[nodiscard]] double rounding() const { return rounding_; }
 
   // X, packed lower triangle: B_i = X H_i X^T.
   [[nodiscard]] std::span<const double> transform() const { return transform_; }
@@ -83,7 +89,7 @@ class NormalizedSet {
   [[nodiscard]] double passes() const { return passes_; }
 
  private:
-  bool choose_transform(const InformationSet& set);
+  bool choose_transform(const InformationSet& set, double accuracy);
   void transform_rows(const InformationSet& set, int threads);
   void scale_rows();
 
@@ -95,6 +101,7 @@ class NormalizedSet {
   std::vector<double> transform_;
   double log_det_shift_ = 0.0;
   double passes_ = 0.0;
+  double rounding_ = std::numeric_limits<double>::epsilon();
   bool ill_conditioned_ = false;
   std::string message_;
 };

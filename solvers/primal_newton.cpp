@@ -209,7 +209,9 @@ EqualityConstraints simplex_constraint(std::size_t candidate_count) {
 Solution solve_primal(const InformationSet& set, const SolveOptions& options,
                       SolveObserver* observer, const MakePrimalSystem& make_system) {
   Tracer tracer(set, options, observer);
-  const NormalizedSet normal(set, {.scale_rows = false, .threads = options.threads});
+  const NormalizedSet normal(set, {.scale_rows = false,
+                                   .threads = options.threads,
+                                   .accuracy = kRowAccuracy * options.duality_gap});
   tracer.count_passes(normal.passes());
   if (!normal.regular()) return unsupported(tracer, normal.message());
   std::unique_ptr<PrimalSystem> system;

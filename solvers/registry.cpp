@@ -8,6 +8,7 @@
 
 #include "graybox/problems/error.hpp"
 #include "graybox/solvers/cholmod/dual_interior_point_sparse.hpp"
+#include "graybox/solvers/claim.hpp"
 #include "graybox/solvers/cocktail.hpp"
 #include "graybox/solvers/column_generation.hpp"
 #include "graybox/solvers/dual_interior_point.hpp"
@@ -45,7 +46,9 @@ class CheckedSolver final : public Solver {
     const CriterionKind asked = options.criterion.kind();
     const std::vector<CriterionKind> known = solver_->traits().criteria;
     if (std::ranges::find(known, asked) != known.end()) {
-      return solver_->solve(set, options, observer);
+      Solution solution = solver_->solve(set, options, observer);
+      withdraw_unknowable_claim(set.dimension(), options.duality_gap, solution);
+      return solution;
     }
     Tracer tracer(set, options, observer);
     return tracer.finish({}, SolveStatus::kUnsupported, 0,

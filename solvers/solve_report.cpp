@@ -27,7 +27,6 @@ constexpr std::array<std::pair<ReportStatus, std::string_view>, 9> kNames{{
 }};
 
 // A false claim beyond this factor of the asked gap is wrong, not merely inaccurate.
-constexpr double kForgivenShare = 0.1;
 constexpr double kInaccurateFactor = 10.0;
 
 ReportStatus status_of(SolveStatus status) {
@@ -52,11 +51,19 @@ std::string explain(ReportStatus status, const SolveOptions& options, const Solu
     return solution.message;
   }
   std::string line = solution.message;
+  const auto add = [&](const std::string& more) { line += (line.empty() ? "" : "; ") + more; };
+  const double gap = certificate.duality_gap, bound = certificate.rounding_bound;
   if (certificate.status != CertificateStatus::kCertified) {
-    line += (line.empty() ? "" : "; ") + certificate.message;
+    add(certificate.message);
+  } else if (arithmetic_broke(certificate)) {
+    add(fmt::format("the checked gap {:.3g} is negative beyond rounding ({:.1e}), which can't be",
+                    gap, bound));
   } else if (status == ReportStatus::kInaccurate || status == ReportStatus::kClaimedButWrong) {
-    line += fmt::format("{}the solver claimed a gap of {:.3g}, the checker finds {:.3g}",
-                        line.empty() ? "" : "; ", options.duality_gap, certificate.duality_gap);
+    add(fmt::format("the solver claimed a gap of {:.3g}, the checker finds {:.3g}",
+                    options.duality_gap, gap));
+  } else if (gap <= options.duality_gap) {
+    add(fmt::format("the gap is {:.3g} give or take {:.1e}, which does not prove the {:.3g} asked",
+                    gap, bound, options.duality_gap));
   }
   return line;
 }
@@ -83,13 +90,14 @@ ReportStatus report_status(std::string_view name) {
 
 ReportStatus judge(SolveStatus claim, double asked_gap, const Certificate& certificate) {
   if (claim == SolveStatus::kUnsupported) return ReportStatus::kUnsupported;
-  const bool certified = certificate.status == CertificateStatus::kCertified;
-  const double forgiven = std::min(certificate.rounding_bound, kForgivenShare * asked_gap);
-  const double shortfall = certificate.duality_gap - forgiven;
-  if (certified && shortfall <= asked_gap) return ReportStatus::kSolved;
+  if (proves(certificate, asked_gap)) return ReportStatus::kSolved;
+  if (arithmetic_broke(certificate)) return ReportStatus::kNumericalFailure;
   if (claim != SolveStatus::kSolved) return status_of(claim);
-  if (certified && shortfall <= kInaccurateFactor * asked_gap) return ReportStatus::kInaccurate;
-  return ReportStatus::kClaimedButWrong;
+  if (certificate.status != CertificateStatus::kCertified) return ReportStatus::kClaimedButWrong;
+  const double gap = certificate.duality_gap;
+  if (gap <= asked_gap) return ReportStatus::kNumericalFailure;
+  return gap <= kInaccurateFactor * asked_gap ? ReportStatus::kInaccurate
+                                              : ReportStatus::kClaimedButWrong;
 }
 
 SolveReport judge(const InformationSet& set, std::string_view solver, const SolveOptions& options,
@@ -108,7 +116,8 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
     report.certificate.log_det = -std::numeric_limits<double>::infinity();
     report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
   } else {
-    report.certificate = certify(set, solution.design, options.criterion);
+    report.certificate =
+        certify(set, solution.design, options.criterion, options.duality_gap);
   }
   report.status = judge(solution.status, options.duality_gap, report.certificate);
   report.message = explain(report.status, options, solution, report.certificate);

@@ -19,11 +19,10 @@
 namespace graybox {
 
 enum class ReportStatus : std::int8_t {
-  kSolved,            // checked gap <= asked gap, whatever the solver said of itself; the checker's
-                      // rounding bound is forgiven up to a tenth of the asked gap
+  kSolved,            // proven: checked gap + rounding bound <= asked gap, whatever the solver said
   kIterationLimit,    // short of it, as the solver said
   kTimeLimit,         //   "
-  kNumericalFailure,  //   "
+  kNumericalFailure,  //   ", or the rounding bound keeps the asked gap from being proven
   kUnsupported,       //   "; there is no design
   kInaccurate,        // the solver claimed it, but the checked gap is up to ten times the asked one
   kClaimedButWrong,   // the solver claimed it, but the gap is larger, or the design is none

@@ -10,12 +10,17 @@
 #include "graybox/solvers/sensitivity.hpp"
 
 namespace graybox {
+namespace {
+
+constexpr int kLargestThreadCount = 1024;
+
+}  // namespace
 
 Tracer::Tracer(const InformationSet& set, const SolveOptions& options, SolveObserver* observer)
     : set_(set), options_(options), observer_(observer), start_(Clock::now()) {
-  if (!(options.duality_gap > 0.0)) {
-    throw InputError(
-        fmt::format("duality gap {} must be positive, for example 1e-6", options.duality_gap));
+  if (!(options.duality_gap > 0.0) || !std::isfinite(options.duality_gap)) {
+    throw InputError(fmt::format("duality gap {} must be a positive number, for example 1e-6",
+                                 options.duality_gap));
   }
   if (!(options.time_limit > 0.0)) {
     throw InputError(fmt::format("time limit {} s must be positive", options.time_limit));
@@ -24,8 +29,9 @@ Tracer::Tracer(const InformationSet& set, const SolveOptions& options, SolveObse
     throw InputError(
         fmt::format("iteration limit {} must not be negative", options.iteration_limit));
   }
-  if (options.threads < 1) {
-    throw InputError(fmt::format("thread count {} must be at least 1", options.threads));
+  if (options.threads < 1 || options.threads > kLargestThreadCount) {
+    throw InputError(fmt::format("thread count {} must be from 1 to {}", options.threads,
+                                 kLargestThreadCount));
   }
 }
 

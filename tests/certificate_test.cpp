@@ -99,5 +99,48 @@ TEST(Certificate, InvariantUnderReparametrisationOverManyDecades) {
   EXPECT_NEAR(a.duality_gap, b.duality_gap, a.rounding_bound + b.rounding_bound);
 }
 
+// Rank-one matrices of (1, 1 + k e): the second direction is seen with e^2 = 1e-13 of the information.
+InformationSet nearly_singular_set() {
+  std::vector<double> values;
+  for (int k = -2; k <= 2; ++k) {
+    const double x = 1.0 + k * 3e-7;
+    values.insert(values.end(), {1.0, x, x * x});
+  }
+  return make_set(2, values);
+}
+
+// Finding S1: quadruple precision takes over where 64 bits leave the verdict open.
+TEST(Certificate, TheRoundingBoundIsSmallEvenWhereTheMatrixIsNearlySingular) {
+  const Certificate proof = certify(nearly_singular_set(), {{0.5, 0, 0, 0, 0.5}});
+  ASSERT_EQ(proof.status, CertificateStatus::kCertified);
+  EXPECT_LE(proof.rounding_bound, 1e-10 + 0.1 * std::abs(proof.duality_gap));
+  // The two ends are optimal for a line; that the entries are rounded moves the gap a little.
+  EXPECT_LT(proof.duality_gap, 1e-2);
+}
+
+// Finding S1.
+TEST(Certificate, WhatIsPromisedIncludesTheRoundingBound) {
+  Certificate proof;
+  proof.status = CertificateStatus::kCertified;
+  proof.duality_gap = 0.0;
+  proof.rounding_bound = 1e-5;
+  EXPECT_FALSE(proves(proof, 1e-6));
+  EXPECT_FALSE(proves(proof, 0.99e-5));
+  EXPECT_TRUE(proves(proof, 1e-5));
+  state_bounds(3.0, proof);
+  EXPECT_DOUBLE_EQ(proof.log_det_gap, 3.0 * std::log1p(1e-5));
+  EXPECT_DOUBLE_EQ(proof.efficiency, 1.0 / (1.0 + 1e-5));
+}
+
+// Finding S8.
+TEST(Certificate, AGapNegativeBeyondRoundingProvesNothing) {
+  Certificate proof;
+  proof.status = CertificateStatus::kCertified;
+  proof.duality_gap = -1e-5;
+  proof.rounding_bound = 1e-6;
+  EXPECT_TRUE(arithmetic_broke(proof));
+  EXPECT_FALSE(proves(proof, 1.0));
+}
+
 }  // namespace
 }  // namespace graybox

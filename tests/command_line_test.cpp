@@ -1,5 +1,6 @@
 // The real binary, as users and scripts see it: round trips, exit codes, one clear line for every
 // wrong input, and nothing written by halves.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include "command_runner.hpp"
 #include "graybox/problems/families/families.hpp"
 #include "graybox/problems/formats/information_set_file.hpp"
+#include "graybox/problems/random.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/registry.hpp"
@@ -254,15 +256,89 @@ TEST_F(CommandLine, WrongFilesAreOneLine) {
   expect_refused("solve indefinite.csv" + by,
                  "candidate 1: the information matrix is not positive");
   expect_refused("solve singular.csv" + by, "singular");
-  expect_refused("solve set.h5 --gap 0" + by, "duality gap 0 must be positive");
+  expect_refused("solve set.h5 --gap 0" + by, "--gap: 0 must be a positive number");
   expect_refused("solve set.h5 --time-limit -1" + by, "time limit");
-  expect_refused("solve set.h5 --threads 0" + by, "thread count");
+  expect_refused("solve set.h5 --threads 0" + by, "--threads: 0 must be a whole number");
   expect_refused("solve set.h5 -o x.json --solver nonsense", "unknown solver 'nonsense'");
   expect_refused("solve set.h5 --variable Hi" + by, ".mat files only");
   expect_refused("check set.h5 other.json", "another problem");
   expect_refused("check set.h5 bad.json", "not valid JSON");
   expect_refused("check set.h5 nothere.json", "nothere.json: can't be opened");
   expect_refused("problem subset set.h5 --candidates 31 -o x.h5", "subset of 31");
+}
+
+// Finding E1.
+TEST_F(CommandLine, InfiniteGapsNegativeSeedsAndHordesOfThreadsAreRefused) {
+  make("random --family wis --candidates 30 --dimension 3 -o set.h5");
+  for (const char* command : {"solve set.h5", "exact set.h5 -M 5", "design criteria set.h5"}) {
+    const std::string text(command);
+    expect_refused(text + " --gap inf", "--gap: inf must be a positive number");
+    expect_refused(text + " --gap nan", "--gap: nan must be a positive number");
+    expect_refused(text + " --threads 100000", "from 1 to 1024");
+  }
+  expect_refused("solve set.h5 --seed -1", "--seed: -1 must be a whole number from 0 on");
+  expect_refused("exact set.h5 -M 5 --seed -1", "--seed: -1 must be a whole number from 0 on");
+  expect_refused("simulate set.yaml plan.yaml --seed -1", "--seed: -1 must be");
+  expect_refused("problem robot --threads 1025 -o x.h5", "from 1 to 1024");
+}
+
+// Finding E2.
+TEST_F(CommandLine, AGapBelowRoundingIsANumericalFailureNotAWrongClaim) {
+  make("random --family wis --candidates 40 --dimension 3 -o set.h5");
+  const SolverRegistry registry = make_registry();
+  for (const auto& entry : registry.entries()) {
+    if (entry.solver == nullptr) continue;
+    const Outcome outcome =
+        graybox("solve set.h5 --gap 1e-300 --iteration-limit 300 --json --solver " + entry.name);
+    EXPECT_EQ(outcome.exit_code, 1) << entry.name;
+    const std::string status = Json::parse(outcome.out)["status"];
+    EXPECT_TRUE(status == "numerical_failure" || status == "iteration_limit")
+        << entry.name << ": " << status;
+  }
+}
+
+// ---- sets that are nearly semidefinite -----------------------------------------------------------
+
+// Lower triangles of v v^T for a few vectors, in single precision: eigenvalues of about -1e-8.
+std::string single_precision_set(double sign = 1.0) {
+  std::string text;
+  Random random(11);
+  for (int i = 0; i < 12; ++i) {
+    double v[4];
+    for (double& x : v) x = random.normal();
+    for (int a = 0; a < 4; ++a) {
+      for (int b = 0; b <= a; ++b) {
+        const auto entry = static_cast<float>(sign * v[a] * v[b]);
+        text += fmt::format("{}{}", a + b == 0 ? "" : ",", static_cast<double>(entry));
+      }
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+// Finding S3.
+TEST_F(CommandLine, SetsInSinglePrecisionAreSolvedAndWhatWasChangedIsSaid) {
+  write_text(folder_.file("single.csv"), single_precision_set());
+  const Outcome text = graybox("solve single.csv -o design.json");
+  EXPECT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_NE(text.out.find("made positive semidefinite"), std::string::npos) << text.out;
+  const Json line = Json::parse(graybox("solve single.csv --json").out);
+  EXPECT_GT(line["semidefinite_projection"]["candidates"], 0);
+  EXPECT_LT(line["semidefinite_projection"]["smallest_eigenvalue"], -1e-9);
+  EXPECT_GT(line["semidefinite_projection"]["smallest_eigenvalue"], -1e-6);
+  EXPECT_EQ(graybox("check single.csv design.json").exit_code, 0);  // the same problem
+  EXPECT_EQ(graybox("exact single.csv -M 6").exit_code, 0);
+}
+
+// Finding S3.
+TEST_F(CommandLine, ThePsdToleranceDecidesHowFarFromSemidefiniteASetMayBe) {
+  write_text(folder_.file("single.csv"), single_precision_set());
+  write_text(folder_.file("negative.csv"), single_precision_set(-1.0));
+  expect_refused("solve single.csv --psd-tolerance 1e-9", "accept it with --psd-tolerance");
+  expect_refused("solve negative.csv", "is not positive semidefinite");
+  expect_refused("solve negative.csv --psd-tolerance 1e-2", "is not positive semidefinite");
+  expect_refused("solve single.csv --psd-tolerance 0.5", "--psd-tolerance 0.5 must be from");
 }
 
 // ---- what it says ------------------------------------------------------------------------------

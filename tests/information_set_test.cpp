@@ -12,6 +12,7 @@
 #include "graybox/problems/kernels/kernels.hpp"
 #include "graybox/problems/packed_matrix.hpp"
 #include "graybox/problems/random.hpp"
+#include "graybox/problems/semidefinite_projection.hpp"
 
 namespace graybox {
 namespace {
@@ -54,6 +55,28 @@ TEST(InformationSet, RefusesASingularSum) {
   EXPECT_NE(error_of(make_set(2, {1, 0, 0, 2, 0, 0})).find("no candidate informs"),
             std::string::npos);
   EXPECT_NE(error_of(make_set(2, {1, 1, 1, 2, 2, 2})).find("is singular"), std::string::npos);
+}
+
+// Finding S3: what is missing is named, with the way out.
+TEST(InformationSet, NamesTheCombinationThatNoCandidateInforms) {
+  const std::string error = error_of(make_set(2, {1, 1, 1, 2, 2, 2}));
+  EXPECT_NE(error.find("0.71 parameter 0 - 0.71 parameter 1"), std::string::npos) << error;
+  EXPECT_NE(error.find("T H T'"), std::string::npos) << error;
+}
+
+// Finding S3.
+TEST(InformationSet, NearlySemidefiniteMatricesAreReplacedByTheNearest) {
+  const auto near = [](double x) {  // eigenvalues 2 and -x
+    return make_set(2, {1 - x / 2, 1 + x / 2, 1 - x / 2, 1, 0, 1});
+  };
+  const ProjectedSet changed = project_semidefinite(near(1e-7));
+  EXPECT_EQ(changed.changed.candidates, 1U);
+  EXPECT_NEAR(changed.changed.smallest_eigenvalue, -0.5e-7, 1e-12);
+  for (const double entry : changed.set.information(0)) EXPECT_NEAR(entry, 1.0, 1e-12);
+  EXPECT_EQ(project_semidefinite(near(1e-10)).changed.candidates, 0U);
+  EXPECT_THROW((void)project_semidefinite(near(1e-5)), InputError);
+  EXPECT_EQ(project_semidefinite(near(1e-5), 1e-4).changed.candidates, 1U);
+  EXPECT_THROW((void)project_semidefinite(make_set(1, {-1.0}), 1e-2), InputError);
 }
 
 TEST(InformationSet, UnitsOfTheParametersDoNotMatterToValidation) {

@@ -157,6 +157,28 @@ TEST(RobustDesign, RandomSamplesOfAllRanksAreSolved) {
   }
 }
 
+// Finding S7: few different matrices in many copies, the same or others in each sample.
+TEST(RobustDesign, WorstCasesOnCopiesAreSolved) {
+  for (std::uint64_t seed = 0; seed < 150; ++seed) {
+    Random random(seed);
+    const auto d = static_cast<Index>(2 + random.below(4));
+    const std::size_t count = 6 + random.below(40), samples = 2 + random.below(3);
+    const bool common = random.below(2) == 0;
+    std::vector<std::size_t> which(count);
+    std::vector<InformationSet> sets;
+    for (std::size_t s = 0; s < samples; ++s) {
+      const auto few = matrices_of(wishart(d, 3, d, random.next()));
+      for (std::size_t i = 0; i < count && (s == 0 || !common); ++i) which[i] = random.below(3);
+      std::vector<MatrixXd> all;
+      for (const std::size_t k : which) all.push_back(few[k]);
+      sets.push_back(from_matrices(all));
+    }
+    for (const bool relative : {false, true}) {
+      solved(problem_of(sets, RobustObjective::kWorstCase, relative));
+    }
+  }
+}
+
 TEST(RobustDesign, CertificateIsSafeWhateverTheMultipliers) {
   Random random(8);
   std::vector<InformationSet> sets;

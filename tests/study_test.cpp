@@ -195,8 +195,10 @@ TEST(Classify, TheCheckerDecidesNotTheClaim) {
     certificate.rounding_bound = 1e-14;
     return classify(ProcessOutcome{}, answer, certificate, 1e-6);
   };
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), ReportStatus::kSolved);
-  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 - 2e-14), ReportStatus::kSolved);
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6), ReportStatus::kNumericalFailure);  // not proven
+  EXPECT_EQ(judged(SolveStatus::kSolved, 1e-6 + 1e-15), ReportStatus::kInaccurate);
+  EXPECT_EQ(judged(SolveStatus::kSolved, -1e-13), ReportStatus::kNumericalFailure);
   EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-6), ReportStatus::kInaccurate);
   EXPECT_EQ(judged(SolveStatus::kSolved, 1.1e-5), ReportStatus::kClaimedButWrong);
   EXPECT_EQ(judged(SolveStatus::kSolved, kInfinity), ReportStatus::kClaimedButWrong);

@@ -34,9 +34,6 @@ double rounded(double value) {
   return std::isfinite(value) ? std::stod(fmt::format("{:.6g}", value)) : value;
 }
 
-// The checker's rounding is forgiven, but never more than 1 % of what was asked.
-double tolerance(double gap, double rounding_bound) { return std::min(rounding_bound, 0.01 * gap); }
-
 TracePoint trace_point(const json& entry) {
   return {entry.at(0).get<double>(), entry.at(1).get<double>(), number_or_infinity(entry.at(2)),
           entry.at(3).get<std::int64_t>()};
@@ -233,7 +230,7 @@ void judge(const InformationSet& set, const ProcessOutcome& outcome, const Worke
   Certificate certificate;
   if (output.answer) {
     const WorkerAnswer& answer = *output.answer;
-    certificate = certify(set, answer.design);
+    certificate = certify(set, answer.design, Criterion(), row.key.duality_gap);
     row.claimed = answer.out_of_memory ? "out_of_memory" : to_string(answer.claimed);
     row.wall_seconds = answer.wall_seconds;
     row.seconds = std::min(answer.counters.seconds, answer.wall_seconds);
@@ -257,7 +254,7 @@ std::map<std::string, GapReached> gaps_reached(const std::vector<TracePoint>& tr
   std::map<std::string, GapReached> reached;
   for (int decade = 1; decade <= 9; ++decade) {
     const double level = std::pow(10.0, -decade);
-    if (!(checked_gap <= level + tolerance(level, rounding_bound))) break;
+    if (!(checked_gap + rounding_bound <= level)) break;
     const auto first = std::ranges::find_if(
         trace, [&](const TracePoint& point) { return point.duality_gap <= level; });
     if (first == trace.end()) break;

@@ -77,7 +77,7 @@ Relaxation certified_relaxation(const InformationSet& set, Design design, int th
   const ExtendedInformation information(set, checked.weights);
   relaxation.log_det_ceiling =
       certificate.log_det + log_det_rounding(information, set.dimension()) +
-      d * std::log1p(std::max(certificate.duality_gap, 0.0) + certificate.rounding_bound);
+      d * std::log1p(largest_gap(certificate));
   relaxation.inverse_factor = whitening_transform(set, checked.weights);
   relaxation.sensitivities.resize(set.candidate_count());
   const auto count = static_cast<std::ptrdiff_t>(set.candidate_count());

@@ -35,15 +35,20 @@ class RobustColumnGeneration {
   RobustSolution run() {
     constexpr int kPatience = 12;
     if (!start()) return finish(SolveStatus::kUnsupported);
-    double pool_gap = 1.0;
+    double pool_gap = 1.0, share = 1.0;
     for (int since_progress = 0;; ++rounds_) {
+      // As exact as the best gap deserves, and ten times more so after each round without progress:
+      // an inexact optimum can send the members round in a circle.
+      const double reached = std::min(pool_gap, best_.gap());
       const double target =
-          std::max(0.3 * options_.duality_gap, std::min(0.1 * pool_gap, pool_gap * pool_gap));
+          std::max(0.3 * options_.duality_gap, share * std::min(0.1 * reached, reached * reached));
       if (!working_.optimise(target, [this] { return out_of_time(); })) {
         return fail("the information matrix of a sample became singular");
       }
       pool_gap = price() / dimension_ * working_.spread() - 1.0;
-      since_progress = pool_gap < 0.9 * best_.gap() ? 0 : since_progress + 1;
+      const bool progress = pool_gap < 0.9 * best_.gap();
+      since_progress = progress ? 0 : since_progress + 1;
+      share = progress ? 1.0 : 0.1 * share;
       keep_if_better(pool_gap);
       if (best_.gap() <= options_.duality_gap) return finish(SolveStatus::kSolved);
       if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
@@ -53,7 +58,9 @@ class RobustColumnGeneration {
       if (since_progress > kPatience) {
         return fail(fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
       }
-      working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + pool_gap)));
+      if (progress) {
+        working_.drop_below(dimension_ * (1.0 - std::sqrt(working_.gap() + pool_gap)));
+      }
       add_violators();
     }
   }

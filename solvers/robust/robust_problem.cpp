@@ -186,9 +186,7 @@ RobustCertificate certify_robust(const RobustProblem& problem, const Design& des
   certificate.rounding_bound = static_cast<double>(
       pricing.error / d * spread +
       (1 + std::abs(gap)) * 4 * std::numeric_limits<double>::epsilon() * (average ? 1 : scale));
-  const double shown = std::max(certificate.duality_gap, 0.0);
-  certificate.log_det_gap = static_cast<double>(d) * std::log1p(shown);
-  certificate.efficiency = 1.0 / (1.0 + shown);
+  state_bounds(static_cast<double>(d), certificate);
   return answer;
 }
 

@@ -17,6 +17,8 @@ using Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+constexpr double kViolationShare = 0.3;
+
 double largest_step(const VectorXd& x, const VectorXd& dx) {
   double step = kInfinity;
   for (Index i = 0; i < x.size(); ++i) {
@@ -170,8 +172,19 @@ bool RobustWorkingSet::factorise() {
     system_.selfadjointView<Eigen::Lower>().rankUpdate(centred);
   }
   system_.diagonal() += at_.cost.cwiseQuotient(at_.weight);
-  factor_.compute(system_.selfadjointView<Eigen::Lower>());
-  return factor_.info() == Eigen::Success;
+  return factorise_system();
+}
+
+// With more members of positive weight than M has entries the optimal weights are not unique, and the
+// system becomes singular as s goes to zero. A little more on the diagonal picks one of the steps.
+bool RobustWorkingSet::factorise_system() {
+  const VectorXd diagonal = system_.diagonal();
+  for (const double ridge : {0.0, 1e-14, 1e-12, 1e-10, 1e-8}) {
+    system_.diagonal() = (1.0 + ridge) * diagonal;
+    factor_.compute(system_.selfadjointView<Eigen::Lower>());
+    if (factor_.info() == Eigen::Success) return true;
+  }
+  return false;
 }
 
 // The Newton step for the targets of the products.
@@ -198,7 +211,9 @@ double RobustWorkingSet::step_to_boundary() const {
                    largest_step(at_.slack, step_.slack), largest_step(at_.price, step_.price)});
 }
 
-// Mehrotra's predictor, and with it the targets of the corrector.
+// Mehrotra's predictor, and with it the targets of the corrector. The products do not fall below what
+// y = phi - t is violated by, weighted with the prices: ahead of it they would fix prices that the
+// next step has to move again.
 void RobustWorkingSet::choose_centring() {
   weight_target_ = -at_.weight.cwiseProduct(at_.cost);
   slack_target_ = -at_.slack.cwiseProduct(at_.price);
@@ -208,8 +223,10 @@ void RobustWorkingSet::choose_centring() {
   const double predicted = (at_.weight + step * step_.weight).dot(at_.cost + step * step_.cost) +
                            (at_.slack + step * step_.slack).dot(at_.price + step * step_.price);
   const double ratio = std::clamp(predicted / product, 0.0, 1.0);
-  const double centring =
-      ratio * ratio * ratio * product / static_cast<double>(at_.weight.size() + group_count_);
+  const VectorXd missing = value_ - at_.slack - VectorXd::Constant(group_count_, at_.level);
+  const double floor = kViolationShare * at_.price.dot(missing.cwiseAbs());
+  const double centring = std::max(ratio * ratio * ratio * product, floor) /
+                          static_cast<double>(at_.weight.size() + group_count_);
   weight_target_.array() += centring - (step_.weight.array() * step_.cost.array());
   slack_target_.array() += centring - (step_.slack.array() * step_.price.array());
 }

@@ -83,6 +83,7 @@ class RobustWorkingSet {
   double measure_gap(const Point& point);
   void start();
   bool factorise();
+  bool factorise_system();
   void choose_centring();
   void solve_direction();
   [[nodiscard]] double step_to_boundary() const;

@@ -1,0 +1,16 @@
+// The rules for options that many commands share, in one place: whatever command has an option of
+// this name is held to them.
+//
+//   --gap      a positive number, neither infinite nor NaN
+//   --seed     not negative (a negative number would wrap round to a huge one)
+//   --threads  a whole number from 1 to 1024
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace graybox::cli {
+
+// Adds the rules to every command below `app`.
+void check_common_options(CLI::App& app);
+
+}  // namespace graybox::cli

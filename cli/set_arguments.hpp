@@ -1,0 +1,31 @@
+// How commands read an information set: the file, the variable of a .mat file with several, and how
+// far its matrices may be from positive semidefinite (semidefinite_projection.hpp).
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "graybox/problems/semidefinite_projection.hpp"
+
+namespace graybox::cli {
+
+struct SetArguments {
+  std::string path;
+  std::string variable;
+  double psd_tolerance = kDefaultSemidefiniteTolerance;
+};
+
+// The positional "set", --variable and --psd-tolerance.
+void add_set_options(CLI::App& command, SetArguments& arguments);
+void add_psd_tolerance(CLI::App& command, double& tolerance);
+
+// Reads and validates; throws InputError naming file, field and remedy.
+[[nodiscard]] ProjectedSet read_set(const SetArguments& arguments);
+
+// "note: ..." with its newline, or nothing where no matrix was changed.
+[[nodiscard]] std::string change_note(const SemidefiniteChange& changed);
+// Adds the object "semidefinite_projection" where a matrix was changed.
+void add_change(const SemidefiniteChange& changed, nlohmann::ordered_json& line);
+
+}  // namespace graybox::cli
