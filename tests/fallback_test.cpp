@@ -106,10 +106,10 @@ TEST(TwofoldCongruence, CancellationCostsNoDigits) {
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t a = 0; a < d; ++a) {
       for (std::size_t b = 0; b <= a; ++b) {
-        Quadruple sum = 0;
+        Binary128 sum = 0;
         for (std::size_t j = 0; j <= a; ++j) {
           for (std::size_t k = 0; k <= b; ++k) {
-            sum += Quadruple{r[a * d + j]} * set.information(i)[packed_index(j, k)] * r[b * d + k];
+            sum += Binary128{r[a * d + j]} * set.information(i)[packed_index(j, k)] * r[b * d + k];
           }
         }
         const double expected = static_cast<double>(sum);

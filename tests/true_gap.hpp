@@ -12,10 +12,10 @@
 
 namespace graybox {
 
-__extension__ typedef __float128 Quadruple;  // NOLINT(modernize-use-using)
+__extension__ typedef __float128 Binary128;  // NOLINT(modernize-use-using)
 
 // M^-1 by way of M = L D L^T, packed; empty where a pivot is not positive.
-inline std::vector<Quadruple> quadruple_inverse(std::vector<Quadruple> m, std::size_t d) {
+inline std::vector<Binary128> quadruple_inverse(std::vector<Binary128> m, std::size_t d) {
   for (std::size_t i = 0; i < d; ++i) {  // L below the diagonal, D on it
     for (std::size_t j = 0; j < i; ++j) {
       for (std::size_t k = 0; k < j; ++k) {
@@ -30,7 +30,7 @@ inline std::vector<Quadruple> quadruple_inverse(std::vector<Quadruple> m, std::s
     }
     if (!(m[packed_index(i, i)] > 0)) return {};
   }
-  std::vector<Quadruple> inverse(m.size(), 0), column(d);
+  std::vector<Binary128> inverse(m.size(), 0), column(d);
   for (std::size_t c = 0; c < d; ++c) {
     for (std::size_t i = 0; i < d; ++i) {
       column[i] = i == c ? 1 : 0;
@@ -50,23 +50,23 @@ inline double true_gap(const InformationSet& set, const Design& design) {
     return std::numeric_limits<double>::infinity();
   }
   const std::size_t d = set.dimension();
-  std::vector<Quadruple> m(set.packed_size(), 0);
-  Quadruple sum = 0;
+  std::vector<Binary128> m(set.packed_size(), 0);
+  Binary128 sum = 0;
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
     if (design.weights[i] == 0.0) continue;
-    const Quadruple weight = design.weights[i];
+    const Binary128 weight = design.weights[i];
     sum += weight;
     for (std::size_t k = 0; k < m.size(); ++k) m[k] += weight * set.information(i)[k];
   }
-  for (Quadruple& entry : m) entry /= sum;
-  std::vector<Quadruple> dual = quadruple_inverse(std::move(m), d);
+  for (Binary128& entry : m) entry /= sum;
+  std::vector<Binary128> dual = quadruple_inverse(std::move(m), d);
   if (dual.empty()) return std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < d; ++i) {
     for (std::size_t j = 0; j < i; ++j) dual[packed_index(i, j)] *= 2;
   }
-  Quadruple largest = 0;
+  Binary128 largest = 0;
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-    Quadruple value = 0;
+    Binary128 value = 0;
     for (std::size_t k = 0; k < dual.size(); ++k) value += dual[k] * set.information(i)[k];
     if (value > largest) largest = value;
   }
