@@ -180,6 +180,12 @@ std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign
   }
 }
 
+Diagnosis stopped_at_once() {
+  Diagnosis nothing;
+  nothing.interrupted = true;
+  return nothing;
+}
+
 int execute(Arguments& arguments) {
   if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
@@ -196,8 +202,7 @@ int execute(Arguments& arguments) {
     progress.show(step);
     return !stop_requested();
   };
-  const Diagnosis diagnosis =
-      problem ? diagnose(*problem, arguments.search) : Diagnosis{.interrupted = true};
+  const Diagnosis diagnosis = problem ? diagnose(*problem, arguments.search) : stopped_at_once();
   const std::span<const Hypothesis> hypotheses =
       problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");
