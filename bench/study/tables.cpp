@@ -172,7 +172,7 @@ std::string pair_name(const RunRow& a, const RunRow& b) {
 double excess(const RunRow& a, const RunRow& b) {
   const auto d = static_cast<double>(a.dimension);
   const auto bound = [&](const RunRow& run) {
-    return d * (std::log1p(std::max(run.duality_gap, 0.0) + run.rounding_bound);
+    return d * (std::log1p(std::max(run.duality_gap, 0.0) + run.rounding_bound));
   };
   const double rounding = 1e-13 * (d + std::abs(a.log_det));  // of log det itself
   return std::abs(a.log_det - b.log_det) - bound(a) - bound(b) - rounding;
