@@ -14,3 +14,14 @@ code=0
 "$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/none.h5" 2> "$folder/errors" || code=$?
 [[ "$code" == 2 ]] || fail "a missing file gave exit code $code, not 2"
 [[ "$(grep -c 'graybox_mpi: .*none.h5' "$folder/errors")" == 1 ]] || fail "not one clear line"
+
+# Finding S8: every format, the checker's figures, and no matrix that is none.
+"$graybox" problem convert "$folder/set.h5" -o "$folder/set.npy"
+"$mpiexec" -n 3 --oversubscribe "$graybox_mpi" "$folder/set.npy" --gap 1e-9 --json > "$folder/line"
+grep -q '"status":"solved"' "$folder/line" || fail "not solved: $(cat "$folder/line")"
+grep -q '"rounding_bound"' "$folder/line" || fail "no word of the checker"
+printf -- '1,0,1\n1,0,2\n-1,0,-1\n' > "$folder/negative.csv"
+code=0
+"$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/negative.csv" 2> "$folder/errors" || code=$?
+[[ "$code" == 2 ]] || fail "an indefinite matrix gave exit code $code, not 2"
+grep -q 'candidate 2' "$folder/errors" || fail "the candidate is not named: $(cat "$folder/errors")"

@@ -67,7 +67,9 @@ bool agrees(const InformationSet& whole, const char* what) {
   const bool good =
       answer.status == SolveStatus::kSolved && proof.duality_gap <= 1e-9 + 1e-12 &&
       std::abs(proof.log_det - local.log_det) <= proof.log_det_gap + local.log_det_gap + 1e-10 &&
-      std::abs(answer.log_det - proof.log_det) < 1e-8;
+      std::abs(answer.certificate.log_det - proof.log_det) < 1e-8 &&
+      std::abs(answer.certificate.duality_gap - proof.duality_gap) <=
+          answer.certificate.rounding_bound + proof.rounding_bound;
   if (!good) {
     std::printf("process %d of %d: %s: status %d, gap %.3e, log det %.12g against %.12g\n", rank,
                 processes, what, static_cast<int>(answer.status), proof.duality_gap, proof.log_det,

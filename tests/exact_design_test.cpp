@@ -245,7 +245,9 @@ TEST(LocalExchange, EachStepRaisesAFreshlySummedLogDet) {
     EXPECT_EQ(after, exchange.log_det(counts));
     EXPECT_EQ(ExactDesign{counts}.experiments(), experiments);
     const std::int64_t taken = exchange.steps();
-    if (taken > 0) EXPECT_GT(after, before);
+    if (taken > 0) {
+      EXPECT_GT(after, before);
+    }
     EXPECT_EQ(exchange.improve(counts), after);  // there is nothing left to gain
     EXPECT_EQ(exchange.steps(), taken);
     steps += static_cast<int>(taken);

@@ -103,7 +103,8 @@ TEST(LawPictures, AnOutlierDoesNotSetTheScale) {
   picture.force[100] = 1e4;
   const Chart chart = law_chart(picture, "friction", true);
   for (const double force : chart.series[0].y) {
-    if (std::isfinite(force)) EXPECT_LT(std::abs(force), 10.0);
+    if (!std::isfinite(force)) continue;
+    EXPECT_LT(std::abs(force), 10.0);
   }
 }
 

@@ -103,6 +103,9 @@ class SolverProperty : public ::testing::TestWithParam<std::string> {
     if (posed_ == 0) return;
     EXPECT_GE(compared_, promises_the_gap(solver()) ? posed_ : 1U);
   }
+
+ private:
+  std::size_t posed_ = 0, compared_ = 0;  // pairs
 };
 
 TEST_P(SolverProperty, ReachesItsGapOnSmallSets) {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <time.h>
 
-#include <chrono>
+#include <limits>
 #include <string>
 #include <thread>
 #include <utility>
