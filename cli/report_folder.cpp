@@ -92,7 +92,8 @@ void ReportFolder::write(const std::map<std::string, std::string>& texts, Json v
   ours_.insert(names.begin(), names.end());
   const Json list{{"format", "graybox-report/1"}, {"written_by", written_by()}, {"files", ours_}};
   write_text_file(file(kList), list.dump(2) + "\n");
-  for (const std::string& name : ours_) fs::remove(folder_ / name);
+  std::error_code ignored;
+  for (const std::string& name : ours_) fs::remove(folder_ / name, ignored);
   for (const auto& [name, text] : texts) write_text_file(file(name), text);
   verdict["files"] = names;
   write_text_file(file(kVerdict), verdict.dump(2) + "\n");
