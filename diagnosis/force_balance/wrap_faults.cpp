@@ -85,13 +85,15 @@ std::optional<ChannelFault> wrap_of(std::span<const Motion> pieces, const Matrix
       jumps.most - jumps.least > kSameSize * jumps.most) {
     return {};
   }
-  return ChannelFault{{channel},
-                      fmt::format("{} jumps {} by {:.3g} {}, its whole range: a counter that wraps "
-                                  "or is reset?",
-                                  channel, jumps.count == 1 ? "once" : fmt::format("{} times", jumps.count),
-                                  jumps.most, unit),
-                      jumps.most / range, jumps.smooth / range,
-                      "largest change between samples over the range"};
+  return ChannelFault{
+      {channel},
+      fmt::format("{} jumps {} by {:.3g} {}, its whole range: a counter that wraps "
+                  "or is reset?",
+                  channel, jumps.count == 1 ? "once" : fmt::format("{} times", jumps.count),
+                  jumps.most, unit),
+      jumps.most / range,
+      jumps.smooth / range,
+      "largest change between samples over the range"};
 }
 
 }  // namespace

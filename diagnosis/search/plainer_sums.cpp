@@ -44,8 +44,7 @@ std::vector<LawStart> ranked_there(const SearchState& state, const ExtendedFit& 
 std::vector<LawStart> plainer_laws(const SearchState& state, const FittedLaw& found,
                                    const ExtendedFit& without) {
   const Hypothesis& richer = state.hypothesis(found.hypothesis);
-  std::vector<LawStart> plainer =
-      ranked_there(state, without, found, found.parameters.size() - 1);
+  std::vector<LawStart> plainer = ranked_there(state, without, found, found.parameters.size() - 1);
   std::erase_if(plainer, [&](const LawStart& start) {
     const Hypothesis& candidate = state.hypothesis(start.hypothesis);
     return !is_special_case(candidate, richer) &&
@@ -75,8 +74,8 @@ std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t la
     return sums;
   }
   const std::vector<LawStart> plainer = plainer_laws(state, found, without);
-  if (plainer.empty() ||
-      !state.proceed("comparing " + state.name_of(found.hypothesis) + " with sums of plainer laws")) {
+  if (plainer.empty() || !state.proceed("comparing " + state.name_of(found.hypothesis) +
+                                        " with sums of plainer laws")) {
     return sums;
   }
   std::set<std::set<std::size_t>> tried;
