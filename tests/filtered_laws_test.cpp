@@ -71,8 +71,8 @@ experiments: [{{file: run_1.csv}}, {{file: run_2.csv, role: validation}}]
       double torque = 0.0;
       for (int k = 0; k < kLines; ++k) {
         const auto i = static_cast<std::size_t>(k);
-        torque += amplitude[i] *
-                  std::sin(2.0 * std::numbers::pi * frequency[i] * kSample * t + phase[i]);
+        torque +=
+            amplitude[i] * std::sin(2.0 * std::numbers::pi * frequency[i] * kSample * t + phase[i]);
       }
       text += fmt::format("{:.6f},{:.5f}\n", torque, speed + 0.05 * random.normal());
       for (int step = 0; step < kSteps; ++step) {
@@ -110,8 +110,8 @@ TEST(FilteredLaws, DryAndViscousFrictionBehindALowPassAreNotSurelyAnotherLaw) {
     const Motor motor(seed);
     for (const double low_pass : {20.0, 30.0, 40.0}) {
       const Found found = found_by(motor, low_pass);
-      const std::string where = fmt::format("seed {}, low-pass {} Hz: {}", seed, low_pass,
-                                            fmt::join(found.laws, ", "));
+      const std::string where =
+          fmt::format("seed {}, low-pass {} Hz: {}", seed, low_pass, fmt::join(found.laws, ", "));
       const bool is_truth = found.laws.size() == 2 && found.has("coulomb") && found.has("viscous");
       ++cases;
       if (is_truth) ++named;
@@ -153,8 +153,7 @@ TEST(FilteredLaws, AreTheFilteredForceOfTheUnfilteredMotion) {
   const Eigen::Index edge = 20, inner = got.size() - 2 * edge;
   EXPECT_LT((got - truth).segment(edge, inner).norm(), 0.02 * truth.segment(edge, inner).norm());
   const Eigen::VectorXd plain = force(kept);
-  EXPECT_GT((plain - truth).segment(edge, inner).norm(),
-            0.08 * truth.segment(edge, inner).norm());
+  EXPECT_GT((plain - truth).segment(edge, inner).norm(), 0.08 * truth.segment(edge, inner).norm());
   const auto viscous = find_law("viscous", false)->make(std::vector<double>{3.0});
   EXPECT_LT((filtered.force(*viscous, one) - 3.0 * sampled.velocity.col(0)).norm(),
             1e-9 * sampled.velocity.norm());
@@ -178,7 +177,7 @@ elements:
         fit_inverse_dynamics(robot, read_motion_records(robot, campaign), {});
     ASSERT_EQ(fit.parameters.size(), 3U);
     for (const TorqueParameter& each : fit.parameters) {
-      const double truth = each.name == "seal.level"       ? kLevel
+      const double truth = each.name == "seal.level"        ? kLevel
                            : each.name == "bearing.damping" ? kDamping
                                                             : kInertia;
       EXPECT_NEAR(each.value, truth, std::max(0.02 * truth, 4.0 * each.standard_error))
@@ -205,9 +204,7 @@ TEST(FilteredLaws, OfSpeedsAloneNeedNoPosition) {
   lying.replace(lying.find("[0, 0, -9.81]"), 13, "[0, -9.81, 0]");
   testing::write_text(motor.folder().file("lying.yaml"), lying);
   testing::expect_refused(
-      [&] {
-        (void)force_balance_problem(motor.folder().file("lying.yaml"), motor.campaign(30.0));
-      },
+      [&] { (void)force_balance_problem(motor.folder().file("lying.yaml"), motor.campaign(30.0)); },
       "needs 'position'");
 }
 

@@ -25,8 +25,8 @@ const std::string kMotor = "{kind: element, mass: motor}";
 ForcePicture picture_with(const HiddenPhysics& hidden, const std::string& law,
                           const std::vector<double>& parameters) {
   const ExtendedFit before = hidden->fit({}, nullptr);
-  const ExtendedFit after = hidden->fit(
-      std::vector<LawStart>{{hidden.index_of("motor", law), parameters}}, &before);
+  const ExtendedFit after =
+      hidden->fit(std::vector<LawStart>{{hidden.index_of("motor", law), parameters}}, &before);
   EXPECT_TRUE(after.usable) << after.trouble;
   return hidden->force_pictures(after).front();
 }

@@ -79,8 +79,9 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
     }
     for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
       for (Eigen::Index j = 0; j < joints; ++j) {
-        rows.model.in[static_cast<std::size_t>(j)].col(law.column).segment(first, piece.samples()) +=
-            law.output(j) * law.change;
+        rows.model.in[static_cast<std::size_t>(j)]
+            .col(law.column)
+            .segment(first, piece.samples()) += law.output(j) * law.change;
       }
     }
   }

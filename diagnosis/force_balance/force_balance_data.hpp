@@ -26,13 +26,13 @@ struct BalanceColumns {
 
 // All recordings of one role. Samples of all pieces one after another.
 struct ForceBalanceRows {
-  Eigen::MatrixXd measured;        // force, samples x coordinates
-  Eigen::MatrixXd force;           // less what is known
-  BalanceColumns model;            // columns of the model's own parameters
-  BalanceColumns flange_body;      // of the ten standard parameters of a body at the flange, if any
-  std::vector<Motion> pieces;      // in the order of the rows
+  Eigen::MatrixXd measured;    // force, samples x coordinates
+  Eigen::MatrixXd force;       // less what is known
+  BalanceColumns model;        // columns of the model's own parameters
+  BalanceColumns flange_body;  // of the ten standard parameters of a body at the flange, if any
+  std::vector<Motion> pieces;  // in the order of the rows
   std::vector<FilteredMotion> filtered;  // of each piece, for laws
-  std::vector<std::string> names;  // of each piece's recording
+  std::vector<std::string> names;        // of each piece's recording
 
   [[nodiscard]] bool empty() const { return pieces.empty(); }
   [[nodiscard]] Eigen::Index samples() const { return measured.rows(); }
@@ -54,7 +54,7 @@ struct ForceBalanceData {
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
   RigidRobotModel robot;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
-  std::vector<Motion> recorded;  // for estimation, every sample
+  std::vector<Motion> recorded;      // for estimation, every sample
 };
 
 // Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can tell

@@ -91,8 +91,7 @@ class Detective {
     for (std::size_t i = 1; i < claimed.size(); ++i) {
       const Suspicion& other = claimed[i];
       // Of masses that are not known only the ratios of forces tell.
-      const bool is_same =
-          share_joints(other, best) || (best.is_force_unit && other.is_force_unit);
+      const bool is_same = share_joints(other, best) || (best.is_force_unit && other.is_force_unit);
       if (is_same && other.error <= kAlike * best.error) best.fault.add_rival(other.fault);
     }
     return best;

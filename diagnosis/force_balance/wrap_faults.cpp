@@ -21,6 +21,7 @@ using Eigen::VectorXd;
 constexpr double kJump = 0.5;       // of the range
 constexpr double kSmooth = 0.2;     // of the range
 constexpr double kSameSize = 0.15;  // relative
+constexpr double kPath = 0.5;       // of the range: one count to and fro at standstill is no wrap
 constexpr double kStepResponse = 0.8;  // of a filter: times its inverse cut-off
 
 // Samples that a jump takes after the filters.
@@ -36,6 +37,7 @@ Index samples_of_jump(const Motion& piece) {
 struct Jumps {
   double least = 0.0, most = 0.0;  // sizes
   double smooth = 0.0;             // largest change beside jumps
+  double path = 0.0;               // of the motion beside jumps
   int count = 0;
 
   void add(double size) {
@@ -59,7 +61,9 @@ void add_jumps(const VectorXd& signal, Index window, double range, Jumps& jumps)
     }
     const Index next = std::min(count - t, window + 1);
     const bool leads_to_jump = changes.segment(t, next).maxCoeff() > kJump * range;
-    if (!leads_to_jump) jumps.smooth = std::max(jumps.smooth, changes(t));
+    if (leads_to_jump) continue;
+    jumps.smooth = std::max(jumps.smooth, changes(t));
+    jumps.path += std::abs(signal(t + 1) - signal(t));
   }
 }
 
@@ -77,17 +81,19 @@ std::optional<ChannelFault> wrap_of(std::span<const Motion> pieces, const Matrix
   for (const Motion& piece : pieces) {
     add_jumps(piece.*signal * to_recorded, samples_of_jump(piece), range, jumps);
   }
-  if (jumps.count == 0 || jumps.smooth > kSmooth * range ||
+  if (jumps.count == 0 || jumps.smooth > kSmooth * range || jumps.path < kPath * range ||
       jumps.most - jumps.least > kSameSize * jumps.most) {
     return {};
   }
-  return ChannelFault{{channel},
-                      fmt::format("{} jumps {} by {:.3g} {}, its whole range: a counter that wraps "
-                                  "or is reset?",
-                                  channel, jumps.count == 1 ? "once" : fmt::format("{} times", jumps.count),
-                                  jumps.most, unit),
-                      jumps.most / range, jumps.smooth / range,
-                      "largest change between samples over the range"};
+  return ChannelFault{
+      {channel},
+      fmt::format("{} jumps {} by {:.3g} {}, its whole range: a counter that wraps "
+                  "or is reset?",
+                  channel, jumps.count == 1 ? "once" : fmt::format("{} times", jumps.count),
+                  jumps.most, unit),
+      jumps.most / range,
+      jumps.smooth / range,
+      "largest change between samples over the range"};
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ class FilteredMotion {
                                          const RecordedPlaceMotion& motion) const;
 
   std::vector<FilterPass> filters_;
-  Motion motion_;          // interpolated
+  Motion motion_;           // interpolated
   Eigen::Index steps_ = 1;  // of it in a sample
   double step_ = 0.0;       // s
 };

@@ -106,8 +106,8 @@ class MotionReader {
   static Eigen::MatrixXd integral(const Eigen::VectorXd& time, const Eigen::MatrixXd& rates) {
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(rates.rows(), rates.cols());
     for (Index t = 1; t < rates.rows(); ++t) {
-      result.row(t) = result.row(t - 1) +
-                      0.5 * (time(t) - time(t - 1)) * (rates.row(t - 1) + rates.row(t));
+      result.row(t) =
+          result.row(t - 1) + 0.5 * (time(t) - time(t - 1)) * (rates.row(t - 1) + rates.row(t));
     }
     return result;
   }

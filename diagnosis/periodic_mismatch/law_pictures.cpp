@@ -75,8 +75,8 @@ ForcePicture picture_of(SteadyStateSolver& solver, const PeriodicData& data,
       remaining_force(data, solver.state().residual, answer, law_lines, rms(law_force));
   solver.motion_of(rest.lines, left);
   const bool is_seen = rest.seen >= kSeenShare;
-  ForcePicture picture{0, place.units.deflection, place.units.deflection + "/s", place.units.force,
-                       {}, {}, {}, {}};
+  ForcePicture picture{
+      0, place.units.deflection, place.units.deflection + "/s", place.units.force, {}, {}, {}, {}};
   if (is_seen) picture.force_deviation = std::sqrt(rest.variance);
   const Index step = std::max<Index>(1, law_force.size() / kPoints);
   for (Index t = 0; t < law_force.size(); t += step) {

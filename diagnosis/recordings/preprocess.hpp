@@ -37,7 +37,8 @@ struct Signal {
   std::string unit;  // base unit (units.hpp)
   ChannelRole role;
   double low_pass = 0.0;  // Hz, lowest filter it went through; 0: none
-  std::vector<FilterPass> filters = {};  // all of them; of a combination those of its least filtered
+  std::vector<FilterPass> filters =
+      {};  // all of them; of a combination those of its least filtered
 };
 
 // Consecutive samples.

@@ -12,44 +12,54 @@ namespace {
 
 constexpr std::size_t kPartners = 2;  // that are tried beside a plainer law
 
+constexpr std::size_t kFewestParameters = 3;  // of a law that a sum may imitate
+
 bool is_there(const ExtendedFit& fit, std::size_t hypothesis) {
   return std::ranges::find(fit.laws, hypothesis, &FittedLaw::hypothesis) != fit.laws.end();
+}
+
+// Laws at the place of the law found that are not in the fit, by their score tests: the best first.
+std::vector<LawStart> ranked_there(const SearchState& state, const ExtendedFit& fit,
+                                   const FittedLaw& found, std::size_t most_parameters) {
+  std::vector<std::size_t> asked = open_hypotheses(state, fit);
+  std::erase_if(asked, [&](std::size_t hypothesis) {
+    return hypothesis == found.hypothesis ||
+           state.place_of(hypothesis) != state.place_of(found.hypothesis);
+  });
+  ScoreTable table = state.problem->scores(fit, asked, 0, state.options.seed);
+  std::ranges::stable_sort(table.scores, [](const HypothesisScore& a, const HypothesisScore& b) {
+    return a.score.statistic > b.score.statistic;
+  });
+  std::vector<LawStart> starts;
+  for (const HypothesisScore& score : table.scores) {
+    if (can_be_refitted(state, score) && score.start.parameters.size() <= most_parameters &&
+        !is_there(fit, score.start.hypothesis)) {
+      starts.push_back(score.start);
+    }
+  }
+  return starts;
 }
 
 // Special cases of the law and others of its characteristic, with fewer parameters.
 std::vector<LawStart> plainer_laws(const SearchState& state, const FittedLaw& found,
                                    const ExtendedFit& without) {
   const Hypothesis& richer = state.hypothesis(found.hypothesis);
-  std::vector<LawStart> plainer;
-  for (const HypothesisScore& score : rank_hypotheses(state, without, 0).scores) {
-    const Hypothesis& candidate = state.hypothesis(score.start.hypothesis);
-    const bool is_kin = is_special_case(candidate, richer) ||
-                        (candidate.place == richer.place &&
-                         candidate.characteristic != Characteristic::kNone &&
-                         candidate.characteristic == richer.characteristic);
-    if (is_kin && can_be_refitted(state, score) && !is_there(without, score.start.hypothesis) &&
-        score.start.parameters.size() < found.parameters.size()) {
-      plainer.push_back(score.start);
-    }
-  }
+  std::vector<LawStart> plainer = ranked_there(state, without, found, found.parameters.size() - 1);
+  std::erase_if(plainer, [&](const LawStart& start) {
+    const Hypothesis& candidate = state.hypothesis(start.hypothesis);
+    return !is_special_case(candidate, richer) &&
+           (candidate.characteristic == Characteristic::kNone ||
+            candidate.characteristic != richer.characteristic);
+  });
   return plainer;
 }
 
 // What is missed most at the place beside the plainer law.
 std::vector<LawStart> partners(const SearchState& state, const FittedLaw& found,
                                const ExtendedFit& with_plainer) {
-  const std::size_t room =
-      found.parameters.size() - with_plainer.laws.back().parameters.size();
-  std::vector<LawStart> chosen;
-  for (const HypothesisScore& score : rank_hypotheses(state, with_plainer, 0).scores) {
-    if (chosen.size() == kPartners) break;
-    if (state.place_of(score.start.hypothesis) == state.place_of(found.hypothesis) &&
-        score.start.hypothesis != found.hypothesis && can_be_refitted(state, score) &&
-        !is_there(with_plainer, score.start.hypothesis) &&
-        score.start.parameters.size() <= room) {
-      chosen.push_back(score.start);
-    }
-  }
+  const std::size_t room = found.parameters.size() - with_plainer.laws.back().parameters.size();
+  std::vector<LawStart> chosen = ranked_there(state, with_plainer, found, room);
+  if (chosen.size() > kPartners) chosen.resize(kPartners);
   return chosen;
 }
 
@@ -59,12 +69,13 @@ std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t la
                                               const ExtendedFit& without) {
   const FittedLaw found = state.result.after.laws[law];
   std::vector<ExtendedFit> sums;
-  if (state.problem->noise_is_known() || !without.usable || found.parameters.size() < 2) {
+  if (state.problem->noise_is_known() || !without.usable ||
+      found.parameters.size() < kFewestParameters) {
     return sums;
   }
   const std::vector<LawStart> plainer = plainer_laws(state, found, without);
-  if (plainer.empty() ||
-      !state.proceed("comparing " + state.name_of(found.hypothesis) + " with sums of plainer laws")) {
+  if (plainer.empty() || !state.proceed("comparing " + state.name_of(found.hypothesis) +
+                                        " with sums of plainer laws")) {
     return sums;
   }
   std::set<std::set<std::size_t>> tried;

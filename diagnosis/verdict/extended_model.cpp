@@ -105,7 +105,8 @@ bool is_of_element(const YAML::Node& root, const std::string& name) {
 }
 
 constexpr const char* kBaseParametersComment =
-    "# Bodies are known by their base parameters alone: base_parameters has the estimates, named as\n"
+    "# Bodies are known by their base parameters alone: base_parameters has the estimates, named "
+    "as\n"
     "# `graybox fit` names them. What is unknown is estimated anew by every fit.\n";
 
 YAML::Node base_parameter_node(const LawParameterEstimate& estimate) {

@@ -129,8 +129,8 @@ std::string bars_of(const ChartSeries& series, const Scale& x, const Scale& y) {
   for (std::size_t i = 0; i < count; ++i) {
     const double low = series.y[i] - series.bars[i], high = series.y[i] + series.bars[i];
     if (!x.shows(series.x[i]) || !y.shows(low) || !y.shows(high)) continue;
-    shape += fmt::format("M{:.1f} {:.1f}V{:.1f}", x.place(series.x[i]), y.place(low),
-                         y.place(high));
+    shape +=
+        fmt::format("M{:.1f} {:.1f}V{:.1f}", x.place(series.x[i]), y.place(low), y.place(high));
   }
   if (shape.empty()) return "";
   return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.2\"/>\n", shape,

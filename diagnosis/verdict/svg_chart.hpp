@@ -12,7 +12,7 @@ struct ChartSeries {
   std::string name;          // in the legend; empty: not there
   std::vector<double> x, y;  // points that are not finite (or not positive on a log axis) are gaps
   std::string colour = "#0072b2";
-  bool points = false;  // else a line
+  bool points = false;            // else a line
   std::vector<double> bars = {};  // of each point, half their length; empty: none
 };
 

@@ -208,8 +208,7 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     const bool would_stand =
         rival.is_contradicted && rival.bic_difference <= SearchOptions{}.exclusion_margin;
     excluded += fmt::format("{}{} ({}{}{})", excluded.empty() ? "" : "; ",
-                            sum_words(rival, hypotheses),
-                            evidence_words(rival, noise_is_known),
+                            sum_words(rival, hypotheses), evidence_words(rival, noise_is_known),
                             rival.on_few_recordings ? " on few recordings"
                             : rival.on_other_noise  ? " with its free motion"
                                                     : "",
@@ -317,13 +316,16 @@ std::string map_words(const Diagnosis& diagnosis) {
     if (framed[i]) beyond += cells[i].statistic - cells[i].degrees_of_freedom;
   }
   std::string words = fmt::format(
-      "{} of {} cells of the map of what is left {} framed: there the recordings of the fit have more "
+      "{} of {} cells of the map of what is left {} framed: there the recordings of the fit have "
+      "more "
       "than noise, each cell tested by itself (1 in {:.0f} of the framed may be chance).",
       count, cells.size(), count == 1 ? "is" : "are", 1.0 / kFramedRate);
   if (diagnosis.verified) {
     words += fmt::format(
-        " That and a rest that is no more than noise can both be true: the framed cells have {:.2g} % of the "
-        "noise's power beyond it, and the test of all that is left, on other recordings where there are any, "
+        " That and a rest that is no more than noise can both be true: the framed cells have "
+        "{:.2g} % of the "
+        "noise's power beyond it, and the test of all that is left, on other recordings where "
+        "there are any, "
         "allows {:g} %.",
         100.0 * beyond / numbers, 100.0 * SearchOptions{}.tolerance);
   }
