@@ -93,7 +93,7 @@ void add_next_plans(const Arguments& arguments, const Campaign& campaign,
 
 void write_report(const Arguments& arguments, const Campaign& campaign, const Diagnosis& diagnosis,
                   std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files,
-                  ReportFolder& folder) {
+                  ReportFolder& folder, nlohmann::ordered_json& verdict) {
   std::map<std::string, std::string> texts;
   for (ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
     texts["figures/" + figure.name + ".svg"] = std::move(figure.svg);
@@ -105,7 +105,7 @@ void write_report(const Arguments& arguments, const Campaign& campaign, const Di
   }
   texts["report.html"] = report_page(diagnosis, hypotheses, files);
   add_next_plans(arguments, campaign, diagnosis, texts);
-  folder.write(texts, verdict_json(diagnosis, hypotheses, files));
+  folder.write(texts, verdict);
 }
 
 // Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
@@ -174,11 +174,10 @@ int execute(Arguments& arguments) {
       problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
-  if (folder) {
-    write_report(arguments, campaign, diagnosis, hypotheses, files, *folder);
-  }
+  nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
+  if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
   if (arguments.json) {
-    fmt::print("{}\n", verdict_json(diagnosis, hypotheses, files).dump());
+    fmt::print("{}\n", verdict.dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
     for (const std::string& line : verdict_words(diagnosis, hypotheses)) {

@@ -84,7 +84,7 @@ void ReportFolder::refuse_foreign(const std::vector<std::string>& names) const {
   }
 }
 
-void ReportFolder::write(const std::map<std::string, std::string>& texts, Json verdict) {
+void ReportFolder::write(const std::map<std::string, std::string>& texts, Json& verdict) {
   std::vector<std::string> names;
   for (const auto& [name, text] : texts) names.push_back(name);
   names.emplace_back(kVerdict);

@@ -28,8 +28,8 @@ class ReportFolder {
   [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
 
   // Removes the files of the earlier report and writes these (name: text), then verdict.json with the
-  // list of all. Throws InputError where one of them would replace a file that is not ours.
-  void write(const std::map<std::string, std::string>& texts, nlohmann::ordered_json verdict);
+  // list of all, which `verdict` gets as `files`. Throws InputError where one of them would replace a file that is not ours.
+  void write(const std::map<std::string, std::string>& texts, nlohmann::ordered_json& verdict);
 
  private:
   void refuse_foreign(const std::vector<std::string>& names) const;

@@ -123,10 +123,9 @@ double YamlField::non_negative() const {
 
 std::size_t YamlField::count() const {
   const double value = number();
-  if (value < 1.0 || value != std::floor(value)) {
-    fail(fmt::format("must be a whole number from 1 on, is {}", value));
+  if (value < 1.0 || value > kLargestCount || value != std::floor(value)) {
+    fail(fmt::format("must be a whole number from 1 to {:.0f}, is {}", kLargestCount, value));
   }
-  if (value > kLargestCount) fail(fmt::format("must be at most {}, is {}", kLargestCount, value));
   return static_cast<std::size_t>(value);
 }
 

@@ -144,7 +144,7 @@ TEST_F(CommandLine, RobotPositionsFromACountAndAFile) {
   make("robot --grid positions.csv --threads 2 -o same.h5");
   EXPECT_EQ(read_information_set(folder_.file("same.h5")).content_hash(), robot.content_hash());
   expect_refused("problem robot --grid nothere.csv -o x.h5", "nothere.csv");
-  expect_refused("problem robot --grid 0 -o x.h5", "at least one position");
+  expect_refused("problem robot --grid 0 -o x.h5", "--grid 0: ");
   expect_refused("problem robot --model nothere.yaml -o x.h5", "nothere.yaml");
 }
 
@@ -247,7 +247,7 @@ TEST_F(CommandLine, WrongFilesAreOneLine) {
   write_text(folder_.file("bad.json"), "{");
   const std::string by = " -o x.json --solver " + solver();
   expect_refused("solve nothere.h5" + by, "nothere.h5: can't be opened");
-  expect_refused("solve bad.csv" + by, "bad.csv: line 2, field 3");
+  expect_refused("solve bad.csv" + by, "bad.csv: line 2, column 3");
   expect_refused("solve indefinite.csv" + by,
                  "candidate 1: the information matrix is not positive");
   expect_refused("solve singular.csv" + by, "singular");

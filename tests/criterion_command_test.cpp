@@ -131,7 +131,6 @@ TEST_F(CriterionCommand, WrongInputIsOneLine) {
   expect_refused("design criteria set.h5 --interest nobody", "unknown parameter 'nobody'");
   expect_refused("design criteria set.h5 --repetitions 0", "--repetitions");
   expect_refused("design criteria set.h5 --solver multiplicative", "criterion E");
-  expect_refused("design criteria set.h5 -o nowhere/deep", "nowhere");
 }
 
 TEST_F(CriterionCommand, WrongDesignFilesAreOneLine) {

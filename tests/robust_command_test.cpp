@@ -160,7 +160,7 @@ TEST_F(RobustCommand, RefusesBadInputInOneLine) {
   expect_refused(robust + "a.h5 --samples 3", "--samples is for samples of a robot");
   expect_refused(robust + "a.h5 --objective median", "choose average or worst_case");
   expect_refused(robust + "a.h5 --reference some", "choose optimum or none");
-  expect_refused(robust + "a.h5 --gap 0", "duality gap 0 must be positive");
+  expect_refused(robust + "a.h5 --gap 0", "--gap: 0 must be a positive number");
   expect_refused(robust + "a.h5 --largest-share 0.5", "go together");
   expect_refused(robust + "a.h5 --of-positions 0.5", "go together");
   expect_refused(robust + "a.h5 --largest-share 0.1 --of-positions 0.2", "no design puts");

@@ -209,8 +209,8 @@ TEST_F(SpectrumCommand, RefusesBadInputInOneLine) {
   expect_refused("design spectrum --grid 10 --position-limit 0.05", "must exceed 1/10");
   expect_refused("design spectrum --grid 10 --position-limit 0", "must be positive");
   expect_refused("design spectrum --grid 10 --position-limit 0.5,x", "position-limit");
-  expect_refused("design spectrum --grid 10 --gap 0", "--gap must be positive");
-  expect_refused("design spectrum --grid 0", "at least one position");
+  expect_refused("design spectrum --grid 10 --gap 0", "--gap: 0 must be a positive number");
+  expect_refused("design spectrum --grid 0", "--grid 0: ");
   expect_refused("design spectrum --grid missing.csv", "missing.csv: no such file");
   expect_refused("design spectrum --model missing.yaml", "missing.yaml");
   expect_refused("design spectrum --grid 5 -o nowhere/design.json", "nowhere");

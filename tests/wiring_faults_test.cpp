@@ -298,7 +298,9 @@ TEST(WiringFaults, OfACounterThatWrapsAreNoWrongSign) {
           piece.acceleration.col(0) = time_derivative(piece.time, piece.velocity.col(0));
         });
         const std::string said = messages(found);
-        EXPECT_NE(said.find("q1 jumps"), std::string::npos) << seed << said;
+        if (!is_filtered) {
+          EXPECT_NE(said.find("q1 jumps"), std::string::npos) << seed << said;
+        }
         EXPECT_EQ(said.find("wrong sign"), std::string::npos) << said;
       }
     }

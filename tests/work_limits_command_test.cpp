@@ -18,7 +18,7 @@ class WorkLimits : public testing::CommandRunner {
   void write_plan(const std::string& lines) {
     write_text(folder_.file("plan.yaml"),
                "format: graybox-plan/1\nlevels: [2]\n" + lines +
-                   "\nfrequencies: {from: 10, to: 80, count: 5}\n");
+                   "\nfrequencies: {from: 10, to: 80, count: 5, spacing: linear}\n");
   }
   void write_drive(const std::string& stiffness, const std::string& friction) {
     write_text(folder_.file("drive.yaml"), R"(format: graybox-lumped/1
