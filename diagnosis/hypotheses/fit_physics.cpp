@@ -8,7 +8,7 @@
 namespace graybox {
 namespace {
 
-constexpr double kToldFromZero = 2.0;  // standard errors
+constexpr double kToldFromZero = 3.0;  // standard errors, as the gate asks of a sign
 
 bool is_signal(const Hypothesis& hypothesis) {
   return hypothesis.place.starts_with("sensor ") || hypothesis.place.starts_with("actuator ");
