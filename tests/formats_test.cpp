@@ -331,10 +331,10 @@ class Hdf5Damage : public ::testing::Test {
   void replace_information(const std::vector<hsize_t>& shape, hid_t type) {
     H5Ldelete(file_, "information", H5P_DEFAULT);
     const hid_t space = H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr);
-    const hid_t stored = H5Pcreate(H5P_DATASET_CREATE);  // with its zeros, not only claimed
-    H5Pset_alloc_time(stored, H5D_ALLOC_TIME_EARLY);
-    H5Dclose(H5Dcreate2(file_, "information", type, space, H5P_DEFAULT, stored, H5P_DEFAULT));
-    H5Pclose(stored);
+    const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY);  // zeros that are there
+    H5Dclose(H5Dcreate2(file_, "information", type, space, H5P_DEFAULT, creation, H5P_DEFAULT));
+    H5Pclose(creation);
     H5Sclose(space);
   }
 
@@ -582,10 +582,11 @@ import sys, struct, hashlib, numpy as np, h5py
 out = sys.argv[1]
 f = h5py.File(out + '/set.h5', 'r')
 packed = f['information'][:]
+text = lambda value: value.decode() if isinstance(value, bytes) else value
 d = 4
 digest = hashlib.sha256(struct.pack('<QQ', packed.shape[0], d) + packed.astype('<f8').tobytes())
-assert digest.hexdigest() == f.attrs['sha256'].decode()
-assert [u.decode() for u in f['candidates'].attrs['units']] == ['deg', 'rad/s']
+assert digest.hexdigest() == text(f.attrs['sha256'])
+assert [text(u) for u in f['candidates'].attrs['units']] == ['deg', 'rad/s']
 assert [n.decode() for n in f['parameters']] == ['k_0', 'k_1', 'k_2', 'k_3']
 assert np.array_equal(np.load(out + '/set.npy'), packed)
 assert np.array_equal(np.loadtxt(out + '/set.csv', delimiter=',', skiprows=1), packed)
