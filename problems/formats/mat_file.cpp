@@ -149,9 +149,9 @@ void require_complete(const InputFile& file) {
 // these. matio does not notice that the disk is full, and makes the lengths in the file fit what is
 // there: nothing but the size tells.
 std::uint64_t size_of_mat(std::size_t count, std::size_t d) {
-  constexpr std::uint64_t kHeader = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
+  constexpr std::uint64_t kStart = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
   constexpr std::uint64_t kArray = kTag + kFlags + kSize + kName;
-  return kHeader + kArray + count * (kArray + kTag + d * d * sizeof(double));
+  return kStart + kArray + count * (kArray + kTag + d * d * sizeof(double));
 }
 
 }  // namespace
@@ -170,7 +170,9 @@ StoredSet stored_mat5(const std::string& path, const std::string& variable) {
   const std::string chosen = choose_variable(path, fitting_variables(file.get()), variable);
   StoredSet set;
   set.source = fmt::format("{}: variable {}", path, chosen);
-  require_plausible_size(set.source, path, *MatVariable{Mat_VarReadInfo(file.get(), chosen.c_str())});
+  if (const MatVariable info{Mat_VarReadInfo(file.get(), chosen.c_str())}; info != nullptr) {
+    require_plausible_size(set.source, path, *info);
+  }
   const MatVariable contents{Mat_VarRead(file.get(), chosen.c_str())};
   if (contents == nullptr) {
     throw InputError(set.source + ": can't be read; the file is truncated or damaged");
