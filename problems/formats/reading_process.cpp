@@ -31,7 +31,10 @@ constexpr std::uint64_t kProtocol = 0x6772617962783031;
 constexpr const char* kProgram = "graybox_reader";
 
 constexpr std::size_t kSmall = 1'000'000;  // numbers
-constexpr std::uint64_t kSeconds = 3;
+#ifndef GRAYBOX_READER_SECONDS  // the fuzzer has less patience
+#define GRAYBOX_READER_SECONDS 3
+#endif
+constexpr std::uint64_t kSeconds = GRAYBOX_READER_SECONDS;
 constexpr std::uint64_t kBytesPerSecond = 4'000'000;
 constexpr std::uint64_t kMemory = std::uint64_t{1} << 30;
 constexpr std::uint64_t kExpansion = 1032;
