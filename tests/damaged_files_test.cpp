@@ -192,6 +192,23 @@ TEST(Memory, ThatIsNotThereIsNamedWithWhatIsNeeded) {
   require_memory_for_numbers(1000.0L, "nothing of note");
 }
 
+// Found by the fuzzer: urdfdom takes joints that form a loop beside the root.
+TEST_F(DamagedFiles, RobotsWhoseJointsFormALoopAreRefused) {
+  const std::string robot = std::string(GRAYBOX_SOURCE_DIR) + "/problems/robot/three_axis";
+  std::string model = read_text(robot + ".yaml");
+  const std::string tip = "tip: flange";
+  model.replace(model.find(tip), tip.size(), "tip: ring_b");
+  write_text(folder_.file("robot.yaml"), model);
+  std::string urdf = read_text(robot + ".urdf");
+  const std::string ring =
+      "<link name=\"ring_a\"/><link name=\"ring_b\"/>"
+      "<joint name=\"a\" type=\"fixed\"><parent link=\"ring_a\"/><child link=\"ring_b\"/></joint>"
+      "<joint name=\"b\" type=\"fixed\"><parent link=\"ring_b\"/><child link=\"ring_a\"/></joint>";
+  urdf.insert(urdf.rfind("</robot>"), ring);
+  write_text(folder_.file("three_axis.urdf"), urdf);
+  expect_refused_soon("problem robot --model robot.yaml -o s.h5", "the joints form a loop");
+}
+
 // ---- links that lead nowhere ---------------------------------------------------------------------
 
 // Finding C3.

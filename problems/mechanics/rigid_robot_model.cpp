@@ -36,9 +36,11 @@ Vector3d read_vector(const YamlField& field) {
 Eigen::Matrix3d read_inertia(const YamlField& field) {
   field.allow_keys({"xx", "yy", "zz", "xy", "xz", "yz"});
   const auto entry = [&](const char* key) { return field.at(key).number(); };
+  // Read first: an exception among the commas of an Eigen matrix ends a debug build.
+  const double xx = entry("xx"), yy = entry("yy"), zz = entry("zz");
+  const double xy = entry("xy"), xz = entry("xz"), yz = entry("yz");
   Eigen::Matrix3d inertia;
-  inertia << entry("xx"), entry("xy"), entry("xz"), entry("xy"), entry("yy"), entry("yz"),
-      entry("xz"), entry("yz"), entry("zz");
+  inertia << xx, xy, xz, xy, yy, yz, xz, yz, zz;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia, Eigen::EigenvaluesOnly);
   if (solver.eigenvalues()(0) < -1e-9 * std::abs(solver.eigenvalues()(2))) {
     field.fail("has a negative principal moment; give it about the centre of mass");

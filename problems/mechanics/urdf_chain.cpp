@@ -9,6 +9,7 @@
 #include <cmath>
 #include <fstream>
 #include <mutex>
+#include <set>
 #include <sstream>
 
 #include "graybox/problems/error.hpp"
@@ -70,7 +71,9 @@ Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
 class UrdfReader {
  public:
   explicit UrdfReader(const std::filesystem::path& file)
-      : file_(file.string()), model_(parse(file)) {}
+      : file_(file.string()), model_(parse(file)) {
+    require_tree();
+  }
 
   // The joints from base to tip.
   [[nodiscard]] std::vector<urdf::JointSharedPtr> path(const std::string& base,
@@ -133,6 +136,28 @@ class UrdfReader {
   }
 
  private:
+  // Every link is moved by one joint at most, and a way down from it comes to an end: urdfdom takes
+  // joints that form a loop.
+  void require_tree() const {
+    constexpr std::size_t kDeepest = 1000;
+    std::set<std::string> moved_links;
+    for (const auto& [name, joint] : model_->joints_) {
+      if (!moved_links.insert(joint->child_link_name).second) {
+        fail(fmt::format("link '{}' is the child of two joints", joint->child_link_name));
+      }
+    }
+    for (const auto& [name, tip] : model_->links_) {
+      std::size_t depth = 0;
+      for (urdf::LinkConstSharedPtr link = tip; link->parent_joint != nullptr;
+           link = link->getParent()) {
+        if (++depth > kDeepest) {
+          fail(fmt::format("link '{}': the joints form a loop, or a chain of more than {}", name,
+                           kDeepest));
+        }
+      }
+    }
+  }
+
   [[nodiscard]] RigidBody own_body(const urdf::Link& link) const {
     if (link.inertial == nullptr) return {};
     const urdf::Inertial& i = *link.inertial;
