@@ -10,8 +10,8 @@
 // by the child or, where they lie in one piece, by the parent at the place that the child names
 // (stored_set.hpp).
 //
-// The child is the program graybox_reader, freshly executed: it starts in a few milliseconds
-// whatever the size of the caller, and inherits no threads, locks or damaged memory. It is looked
+// The child is the program graybox_reader, freshly executed: it starts in less than half
+// the time of graybox itself, whatever the size of the caller, and inherits no threads, locks or damaged memory. It is looked
 // for beside the running program, in ../libexec/graybox, and where it was built and installed. Where
 // it is not found or may not be executed (a sandbox, a program that was linked and moved), the child
 // is a fork of the caller that runs the same task. That needs what glibc promises beyond POSIX,
