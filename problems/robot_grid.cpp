@@ -4,17 +4,9 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
-#include <fstream>
-#include <optional>
-#include <string>
-#include <string_view>
 #include <utility>
 
 #include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/file_kind.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/information_set.hpp"
 
 namespace graybox {
@@ -78,29 +70,6 @@ PositionTable full_grid(const Intervals& intervals) {
   return table;
 }
 
-std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
-std::optional<double> parse_number(std::string_view text) {
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-std::vector<std::string_view> split(std::string_view line) {
-  std::vector<std::string_view> cells;
-  for (;;) {
-    const auto comma = line.find(',');
-    cells.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return cells;
-    line.remove_prefix(comma + 1);
-  }
-}
-
 }  // namespace
 
 PositionTable PositionTable::subset(std::span<const std::size_t> indices) const {
@@ -129,40 +98,6 @@ PositionTable robot_grid(std::size_t count) {
   const PositionTable grid = full_grid(refine(count));
   if (grid.count() == count) return grid;
   return grid.subset(nested_subset(grid.count(), count, kThinningSeed));
-}
-
-PositionTable read_positions(const std::filesystem::path& file, std::size_t joint_count) {
-  require_file(file);
-  note_input(file.string());
-  std::ifstream stream(file);
-  if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
-  PositionTable table{joint_count, {}};
-  std::string line;
-  bool header_allowed = true;
-  for (std::size_t number = 1; std::getline(stream, line); ++number) {
-    const std::string_view text = trimmed(line);
-    if (text.empty() || text.front() == '#') continue;
-    const std::vector<std::string_view> cells = split(text);
-    const bool is_header = std::ranges::none_of(
-        cells, [](std::string_view cell) { return parse_number(cell).has_value(); });
-    if (std::exchange(header_allowed, false) && is_header) continue;
-    if (cells.size() != joint_count) {
-      throw InputError(fmt::format("{}:{}: a position has {} angles in degrees, this line has {}",
-                                   file.string(), number, joint_count, cells.size()));
-    }
-    for (const std::string_view cell : cells) {
-      const std::optional<double> value = parse_number(cell);
-      if (!value || !std::isfinite(*value)) {
-        throw InputError(
-            fmt::format("{}:{}: '{}' is not a finite number", file.string(), number, cell));
-      }
-      table.degrees.push_back(*value);
-    }
-  }
-  if (table.degrees.empty()) {
-    throw InputError(fmt::format("{}: holds no position", file.string()));
-  }
-  return table;
 }
 
 }  // namespace graybox

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -71,7 +72,10 @@ void read_design_file(const fs::path& file) {
   (void)read_design(file.string(), design_set(), WeightCheck::kForChecker);
 }
 
-void read_robot(const fs::path& file) { (void)load_extended_robot(file); }
+void read_robot(const fs::path& file) {
+  (void)load_robot_without_elements(file);
+  (void)load_linear_robot(file);
+}
 
 // The model beside it names input.urdf.
 void read_urdf(const fs::path& file) {
@@ -88,11 +92,24 @@ void read_robot_physics(const fs::path& file) {
   (void)load_extended_robot(file.parent_path() / "three_axis.yaml", file);
 }
 
-void read_rigid(const fs::path& file) { (void)load_rigid_robot(file); }
+// The second time with a parameter to be refined, as if the user asked for it.
+void read_rigid(const fs::path& file) {
+  (void)rigid_robot_places(load_rigid_robot(file));
+  (void)load_rigid_robot(file, {}, {"friction.reach"});
+}
 
 void read_campaign_file(const fs::path& file) { (void)read_campaign(file); }
 
-void read_laws(const fs::path& file) { (void)read_law_file(file); }
+// Also makes each law and differentiates it once.
+void read_laws(const fs::path& file) {
+  for (const LawEntry& entry : read_law_file(file)) {
+    const std::vector<double> parameters(entry.parameters.size(), 0.5);
+    const std::shared_ptr<const Law> law = entry.make(parameters);
+    const std::vector<double> state(law->state_count(), 0.1);
+    LawDerivatives derivatives;
+    law->differentiate(0.3, -0.2, state, derivatives);
+  }
+}
 
 // One formula of deflection, rate and a parameter.
 void read_expression(const fs::path& file) {
