@@ -12,7 +12,8 @@
 namespace graybox {
 namespace {
 
-constexpr double kSignal = 100.0;  // %
+constexpr double kSignal = 100.0;    // %
+constexpr double kLeastGain = 0.03;  // of the squared error, where the noise is not known
 
 // Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty thousand.
 bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
@@ -33,6 +34,13 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
   RejectedLaw rejected{fitted, {}, held_out_effect(state, without, state.result.after)};
   if (rejected.held_out && rejected.held_out->misleads) {
     rejected.reason = "it raises the error of recordings kept out";
+    return rejected;
+  }
+  if (!state.problem->noise_is_known() && rejected.held_out &&
+      rejected.held_out->gain < kLeastGain) {
+    rejected.reason =
+        fmt::format("it takes less than {:.0f} % from the squared error of recordings kept out",
+                    100.0 * kLeastGain);
     return rejected;
   }
   if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
@@ -90,10 +98,10 @@ std::optional<HeldOutEffect> held_out_effect(const SearchState& state, const Ext
   return effect;
 }
 
-bool reject_laws(SearchState& state) {
-  bool any = false;
-  while (reject_worst(state)) any = true;
-  return reject_all(state) || any;
+Rejection reject_laws(SearchState& state) {
+  Rejection outcome = Rejection::kNone;
+  while (reject_worst(state)) outcome = Rejection::kSome;
+  return reject_all(state) ? Rejection::kAll : outcome;
 }
 
 void note_held_out_effects(SearchState& state) {

@@ -149,9 +149,9 @@ void require_complete(const InputFile& file) {
 // these. matio does not notice that the disk is full, and makes the lengths in the file fit what is
 // there: nothing but the size tells.
 std::uint64_t size_of_mat(std::size_t count, std::size_t d) {
-  constexpr std::uint64_t kHeader = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
+  constexpr std::uint64_t kFileHeader = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
   constexpr std::uint64_t kArray = kTag + kFlags + kSize + kName;
-  return kHeader + kArray + count * (kArray + kTag + d * d * sizeof(double));
+  return kFileHeader + kArray + count * (kArray + kTag + d * d * sizeof(double));
 }
 
 }  // namespace
