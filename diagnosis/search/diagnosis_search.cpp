@@ -46,7 +46,9 @@ void find_laws(SearchState& state) {
     find_and_weigh_laws(state);
     const Rejection rejection = reject_laws(state);
     if (rejection == Rejection::kNone) return;
-    if (rejection == Rejection::kAll || !state.proceed("searching without what was rejected")) break;
+    if (rejection != Rejection::kSome || !state.proceed("searching without what was rejected")) {
+      break;
+    }
   }
   weigh_rivals(state);
 }

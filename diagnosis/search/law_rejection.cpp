@@ -52,6 +52,11 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
 
 double gain_of(const RejectedLaw& law) { return law.held_out ? law.held_out->gain : 0.0; }
 
+// A law that adds next to nothing has kept no other from being found.
+bool was_in_the_way(const RejectedLaw& law) {
+  return !law.held_out || law.held_out->misleads || law.held_out->gain >= kLeastGain;
+}
+
 bool reject_worst(SearchState& state) {
   std::optional<RejectedLaw> worst;
   ExtendedFit left;
@@ -100,7 +105,10 @@ std::optional<HeldOutEffect> held_out_effect(const SearchState& state, const Ext
 
 Rejection reject_laws(SearchState& state) {
   Rejection outcome = Rejection::kNone;
-  while (reject_worst(state)) outcome = Rejection::kSome;
+  while (reject_worst(state)) {
+    if (outcome == Rejection::kNone) outcome = Rejection::kLittle;
+    if (was_in_the_way(state.result.rejected.back())) outcome = Rejection::kSome;
+  }
   return reject_all(state) ? Rejection::kAll : outcome;
 }
 

@@ -19,8 +19,9 @@ namespace graybox {
 
 enum class Rejection : std::int8_t {
   kNone,
-  kSome,  // those that hinder: with them out of the way others may be found
-  kAll,   // the error is as large as the signal
+  kLittle,  // laws that add next to nothing
+  kSome,    // others: with them out of the way the right ones may be found
+  kAll,     // the error is as large as the signal
 };
 
 // Takes laws out of the model, worst first, into Diagnosis::rejected.
