@@ -263,8 +263,25 @@ class Examination {
     return places;
   }
 
+  // Whether the laws of a place may all be passive, as far as their sizes are known: none is below
+  // zero by more than its error, and what the model has there itself may make up for the rest.
+  [[nodiscard]] bool may_be_passive(const std::string& place) const {
+    bool has_sizes = false;
+    for (const PhysicalQuantity& quantity : physics_.quantities) {
+      const LawTrace* trace = trace_of(quantity);
+      if (trace == nullptr || trace->place != place || !must_not_be_negative(quantity.kind))
+        continue;
+      has_sizes = true;
+      const double total = quantity.value + quantity.stated;  // NaN: something, but not how much
+      if (total < 0.0 && !has_error(quantity)) return false;
+      if (total < -limits_.sign_errors * quantity.standard_error) return false;
+    }
+    return has_sizes;
+  }
+
   void examine_energy() {
     for (const PlacePower& place : powers()) {
+      if (may_be_passive(place.place)) continue;
       double created = 0.0, taken = 0.0;
       for (const double power : place.power) (power < 0.0 ? created : taken) += std::abs(power);
       if (place.has_memory) created = std::max(0.0, created - taken);
