@@ -22,6 +22,7 @@ constexpr double kCancelled = 0.2;      // of each force, left by both
 constexpr double kSameShare = 0.05;     // of the largest change
 constexpr double kOneCombination = 0.9995;
 constexpr double kWeakError = 0.2;
+constexpr double kBends = 3.0;  // of the largest velocity: beyond, a friction's curve is straight
 
 struct Remedy {
   PlausibilityRule rule;
@@ -222,6 +223,11 @@ class Examination {
     for (const double value : *motion) largest = std::max(largest, std::abs(value));
     const double beyond = quantity.value - largest;
     if (!(beyond > 0.0)) return;
+    // The curve of a friction bends below the velocity that it is named by: a small error is earned.
+    const bool is_seen = quantity.kind == QuantityKind::kRate &&
+                         quantity.value < kBends * largest &&
+                         quantity.standard_error < kWeakError * quantity.value;
+    if (is_seen) return;
     const double errors = has_error(quantity) ? beyond / quantity.standard_error : kInfinity;
     // With no error only what is far away is sure.
     const bool is_sure =
