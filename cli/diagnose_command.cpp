@@ -168,8 +168,8 @@ int execute(Arguments& arguments) {
     progress.show(step);
     return !stop_requested();
   };
-  const Diagnosis diagnosis = problem ? diagnose(*problem, arguments.search)
-                                      : stopped_before_the_search(arguments.search);
+  const Diagnosis diagnosis =
+      problem ? diagnose(*problem, arguments.search) : stopped_before_the_search(arguments.search);
   const std::span<const Hypothesis> hypotheses =
       problem ? problem->hypotheses() : std::span<const Hypothesis>();
   progress.show("");

@@ -76,10 +76,8 @@ ExactReport run(const ExactArguments& arguments, const InformationSet& set) {
   const ExactOptions& options = arguments.options;
   require_exact_options(options);
   catch_interrupts();
-  const Relaxation relaxation =
-      solve_relaxation(set, {.time_limit = options.time_limit,
-                             .seed = options.seed,
-                             .threads = options.threads});
+  const Relaxation relaxation = solve_relaxation(
+      set, {.time_limit = options.time_limit, .seed = options.seed, .threads = options.threads});
   ExactLine line{arguments.method};
   ExactSolution solution = method.solve(set, relaxation, options, &line);
   if (interrupted() && solution.status == ExactStatus::kTimeLimit) {

@@ -121,8 +121,10 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that it proved the gap to be at most\n"
-      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at "
+      "most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
+      "code 1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"

@@ -851,10 +851,13 @@ TEST(DiagnosisSearch, DoesNotCallAContradictedLawAnExplanation) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
   EXPECT_TRUE(diagnosis.effects.empty());
   EXPECT_TRUE(diagnosis.after.laws.empty());
-  ASSERT_EQ(diagnosis.rejected.size(), 1U);
-  EXPECT_EQ(problem.hypotheses()[diagnosis.rejected[0].law.hypothesis].place, "second");
-  ASSERT_TRUE(diagnosis.rejected[0].held_out);
-  EXPECT_TRUE(diagnosis.rejected[0].held_out->misleads);
+  // Without it another is found there, which does no better.
+  ASSERT_GE(diagnosis.rejected.size(), 1U);
+  for (const RejectedLaw& rejected : diagnosis.rejected) {
+    EXPECT_EQ(problem.hypotheses()[rejected.law.hypothesis].place, "second");
+    ASSERT_TRUE(rejected.held_out);
+    EXPECT_TRUE(rejected.held_out->misleads);
+  }
 }
 
 TEST(DiagnosisSearch, TakesFreeMotionOutWithALawBeforeItLooksForMore) {

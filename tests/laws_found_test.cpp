@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "recorded_systems.hpp"
 
 namespace graybox {
@@ -58,10 +59,20 @@ std::set<Member> class_of(const FoundEffect& effect, std::span<const Hypothesis>
   return members;
 }
 
+std::string failed_tests(const Diagnosis& diagnosis) {
+  std::string all;
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (has_failed(reason))
+      all += fmt::format("; {}: {:.3g}", reason.test, reason.value.value_or(0.0));
+  }
+  for (const Implausibility& flaw : diagnosis.implausible) all += "; " + flaw.words;
+  return all;
+}
+
 void expect_found(const HiddenLaw& hidden, const MismatchProblem& problem) {
   const Diagnosis diagnosis = diagnose(problem);
   EXPECT_TRUE(diagnosis.verdict == Verdict::kExplained || diagnosis.verdict == Verdict::kAmbiguous)
-      << to_string(diagnosis.verdict);
+      << to_string(diagnosis.verdict) << failed_tests(diagnosis);
   ASSERT_EQ(diagnosis.effects.size(), 1U);
   const auto members = class_of(diagnosis.effects.front(), problem.hypotheses());
   std::string all;

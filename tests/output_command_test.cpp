@@ -351,7 +351,7 @@ TEST_F(OutputCommand, TheCommitAloneMakesNoOtherProgram) {
   std::string bytes = read_text(built_executable("bin/graybox"));
   const std::size_t at = bytes.find(commit);
   ASSERT_NE(at, std::string::npos);
-  bytes.replace(at, 12, "0123456789ab");
+  bytes.replace(at, 12, "f00d5eed7e57");  // digits that stand nowhere else
   write_text(file("other"), bytes);
   fs::permissions(file("other"), fs::perms::owner_all);
   const std::string command =

@@ -73,9 +73,9 @@ TEST_F(StopCommand, CommandsOfTheRobotEndAtCtrlC) {
   expect_stopped("design spectrum");
   make("problem robot -o robot.h5");
   make("solve robot.h5 -o design.json");
-  expect_stopped("design verify --design design.json -o verify");
   expect_stopped("design efficiency design.json --samples 2000 -o efficiency.csv");
   write_text(folder_.file("plan.yaml"), R"(format: graybox-plan/1
+plant: robot
 positions: [[0, 30, -60, 0, 45, 0], [45, 15, -150, 0, -90, 0], [90, 20, -90, 0, 30, 0]]
 levels: [0.5]
 realisations: 20

@@ -56,7 +56,7 @@ FilteredMotion::FilteredMotion(const Motion& piece) {
 
 VectorXd FilteredMotion::force(const Law& law, const VectorXd& input) const {
   const RecordedPlaceMotion motion{motion_.time, motion_.position * input, motion_.velocity * input,
-                           motion_.acceleration * input};
+                                   motion_.acceleration * input};
   const VectorXd force = law_force(law, motion);
   if (filters_.empty() || !force.allFinite()) {
     return force(Eigen::seq(Index{0}, Eigen::last, steps_));

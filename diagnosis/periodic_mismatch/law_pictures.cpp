@@ -63,8 +63,8 @@ double rms(const VectorXd& values) {
 
 // One law in one recording.
 ForcePicture picture_of(SteadyStateSolver& solver, const PeriodicData& data,
-                        const MatrixXcd& answer, const SteadyPlaceMotion& seen, const Location& place,
-                        const PeriodicLaw& periodic) {
+                        const MatrixXcd& answer, const SteadyPlaceMotion& seen,
+                        const Location& place, const PeriodicLaw& periodic) {
   PeriodicMotion motion, left;
   VectorXd law_force;
   solver.motion_of(seen.deflection, motion);

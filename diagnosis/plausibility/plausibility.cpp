@@ -22,6 +22,7 @@ constexpr double kCancelled = 0.2;      // of each force, left by both
 constexpr double kSameShare = 0.05;     // of the largest change
 constexpr double kOneCombination = 0.9995;
 constexpr double kWeakError = 0.2;
+constexpr double kBends = 3.0;  // of the largest velocity: beyond, a friction's curve is straight
 
 struct Remedy {
   PlausibilityRule rule;
@@ -222,6 +223,11 @@ class Examination {
     for (const double value : *motion) largest = std::max(largest, std::abs(value));
     const double beyond = quantity.value - largest;
     if (!(beyond > 0.0)) return;
+    // The curve of a friction bends below the velocity that it is named by: a small error is earned.
+    const bool is_seen = quantity.kind == QuantityKind::kRate &&
+                         quantity.value < kBends * largest &&
+                         quantity.standard_error < kWeakError * quantity.value;
+    if (is_seen) return;
     const double errors = has_error(quantity) ? beyond / quantity.standard_error : kInfinity;
     // With no error only what is far away is sure.
     const bool is_sure =
@@ -263,8 +269,25 @@ class Examination {
     return places;
   }
 
+  // Whether the laws of a place may all be passive, as far as their sizes are known: none is below
+  // zero by more than its error, and what the model has there itself may make up for the rest.
+  [[nodiscard]] bool may_be_passive(const std::string& place) const {
+    bool has_sizes = false;
+    for (const PhysicalQuantity& quantity : physics_.quantities) {
+      const LawTrace* trace = trace_of(quantity);
+      if (trace == nullptr || trace->place != place || !must_not_be_negative(quantity.kind))
+        continue;
+      has_sizes = true;
+      const double total = quantity.value + quantity.stated;  // NaN: something, but not how much
+      if (total < 0.0 && !has_error(quantity)) return false;
+      if (total < -limits_.sign_errors * quantity.standard_error) return false;
+    }
+    return has_sizes;
+  }
+
   void examine_energy() {
     for (const PlacePower& place : powers()) {
+      if (may_be_passive(place.place)) continue;
       double created = 0.0, taken = 0.0;
       for (const double power : place.power) (power < 0.0 ? created : taken) += std::abs(power);
       if (place.has_memory) created = std::max(0.0, created - taken);

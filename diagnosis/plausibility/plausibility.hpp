@@ -9,7 +9,7 @@
 //               may vanish
 //   size        a friction level or force that exceeds three times what the channel ever carried, by three errors
 //   threshold   a gap, clearance or velocity that the recorded motion never reached, by three errors where there is one
-//   energy      a passive law that gives out more than 2 % of the energy fed in at its place. The conservative part is left
+//   energy      unless the sizes of its laws leave it open: a passive law that gives out more than 2 % of the energy fed in at its place. The conservative part is left
 //               out; of the rest, f z' >= 0 at each sample, and in sum for a law with memory. Laws of one place count together
 //   pair        two laws whose forces cancel: correlation below -0.95 and a sum of less than a fifth of each
 //   homogeneous a direction that the data do not see in which all parameters change by the same share

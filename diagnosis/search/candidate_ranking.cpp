@@ -24,6 +24,13 @@ bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
   return hypothesis.is_compound && !state.compounds_are_open;
 }
 
+// Recordings kept out have spoken against it (law_rejection.hpp).
+bool is_rejected(const SearchState& state, std::size_t hypothesis) {
+  return std::ranges::any_of(state.result.rejected, [&](const RejectedLaw& rejected) {
+    return rejected.law.hypothesis == hypothesis;
+  });
+}
+
 }  // namespace
 
 bool is_excluded(const SearchState& state, const Hypothesis& hypothesis) {
@@ -135,7 +142,8 @@ void add_more_general(const SearchState& state, std::size_t found, const ScoreTa
 
 bool can_be_refitted(const SearchState& state, const HypothesisScore& score) {
   return score.score.degrees_of_freedom > 0.0 && !score.start.parameters.empty() &&
-         !is_closed(state, state.hypothesis(score.start.hypothesis));
+         !is_closed(state, state.hypothesis(score.start.hypothesis)) &&
+         !is_rejected(state, score.start.hypothesis);
 }
 
 }  // namespace graybox

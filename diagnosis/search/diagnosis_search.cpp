@@ -30,14 +30,27 @@ bool has_channel_faults(SearchState& state) {
   return true;
 }
 
-void find_laws(SearchState& state) {
+constexpr int kSearches = 4;  // each without the laws that were rejected before
+
+void find_and_weigh_laws(SearchState& state) {
   add_missing_laws(state);
   prune_laws(state);
   simplify_laws(state);
   if (!state.problem->noise_is_known()) exchange_laws(state);
   prune_laws(state);  // beside laws made plainer another may no longer be missed
   weigh_rivals(state);
-  if (reject_laws(state)) weigh_rivals(state);
+}
+
+void find_laws(SearchState& state) {
+  for (int search = 0; search < kSearches; ++search) {
+    find_and_weigh_laws(state);
+    const Rejection rejection = reject_laws(state);
+    if (rejection == Rejection::kNone) return;
+    if (rejection != Rejection::kSome || !state.proceed("searching without what was rejected")) {
+      break;
+    }
+  }
+  weigh_rivals(state);
 }
 
 void judge_plausibility(SearchState& state) {

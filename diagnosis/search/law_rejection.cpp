@@ -12,7 +12,8 @@
 namespace graybox {
 namespace {
 
-constexpr double kSignal = 100.0;  // %
+constexpr double kSignal = 100.0;    // %
+constexpr double kLeastGain = 0.03;  // of the squared error, where the noise is not known
 
 // Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty thousand.
 bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
@@ -35,6 +36,13 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
     rejected.reason = "it raises the error of recordings kept out";
     return rejected;
   }
+  if (!state.problem->noise_is_known() && rejected.held_out &&
+      rejected.held_out->gain < kLeastGain) {
+    rejected.reason =
+        fmt::format("it takes less than {:.0f} % from the squared error of recordings kept out",
+                    100.0 * kLeastGain);
+    return rejected;
+  }
   if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
     rejected.reason = "its size is not determined";
     return rejected;
@@ -43,6 +51,11 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
 }
 
 double gain_of(const RejectedLaw& law) { return law.held_out ? law.held_out->gain : 0.0; }
+
+// A law that adds next to nothing has kept no other from being found.
+bool was_in_the_way(const RejectedLaw& law) {
+  return !law.held_out || law.held_out->misleads || law.held_out->gain >= kLeastGain;
+}
 
 bool reject_worst(SearchState& state) {
   std::optional<RejectedLaw> worst;
@@ -90,10 +103,13 @@ std::optional<HeldOutEffect> held_out_effect(const SearchState& state, const Ext
   return effect;
 }
 
-bool reject_laws(SearchState& state) {
-  bool any = false;
-  while (reject_worst(state)) any = true;
-  return reject_all(state) || any;
+Rejection reject_laws(SearchState& state) {
+  Rejection outcome = Rejection::kNone;
+  while (reject_worst(state)) {
+    if (outcome == Rejection::kNone) outcome = Rejection::kLittle;
+    if (was_in_the_way(state.result.rejected.back())) outcome = Rejection::kSome;
+  }
+  return reject_all(state) ? Rejection::kAll : outcome;
 }
 
 void note_held_out_effects(SearchState& state) {

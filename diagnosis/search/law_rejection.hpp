@@ -1,10 +1,13 @@
-// What is not found although it lowers the error of the fit: laws that raise the error of recordings kept out, laws whose
-// size is not determined, and all laws where the error is as large as the signal. Recordings kept out are asked for each law
+// What is not found although it lowers the error of the fit: laws that raise the error of recordings kept
+// out, or lower its square by less than 3 % where the noise is not known, laws whose size is not determined, and all laws where the error is as large as the signal. Recordings kept out are asked for each law
 // with the others refitted without it (law_pruning.hpp). Where none were kept out nothing is rejected for what it predicts.
 //
 // Where the noise is known a law misleads only if the error is larger beyond what the errors of the fitted parameters do
 // (HeldOutPrediction::cost): recordings kept out that do not excite a law say nothing of it.
 #pragma once
+
+#include <cstdint>
+#include <optional>
 
 #include "graybox/diagnosis/search/search_state.hpp"
 
@@ -14,8 +17,15 @@ namespace graybox {
                                                            const ExtendedFit& without,
                                                            const ExtendedFit& with);
 
-// Takes them out of the model, worst first, into Diagnosis::rejected. Whether there were any.
-bool reject_laws(SearchState& state);
+enum class Rejection : std::int8_t {
+  kNone,
+  kLittle,  // laws that add next to nothing
+  kSome,    // others: with them out of the way the right ones may be found
+  kAll,     // the error is as large as the signal
+};
+
+// Takes laws out of the model, worst first, into Diagnosis::rejected.
+[[nodiscard]] Rejection reject_laws(SearchState& state);
 
 // For each law found, beside it.
 void note_held_out_effects(SearchState& state);

@@ -154,6 +154,12 @@ std::optional<VerdictReason> trouble_reason(const Diagnosis& diagnosis) {
   return {};
 }
 
+VerdictReason determination_reason(const Diagnosis& diagnosis) {
+  const std::size_t count = diagnosis.implausible.size() - excluding(diagnosis.implausible);
+  return at_most("parameters that are not determined", static_cast<double>(count), 0.0,
+                 count > 0 ? diagnosis.implausible.back().remedy : "", Verdict::kAmbiguous);
+}
+
 VerdictReason plausibility_reason(const Diagnosis& diagnosis) {
   const char* const test = "parameters and laws that no machine has";
   if (!diagnosis.plausibility_judged) return not_asked(test, 0.0, kNoTime);
@@ -218,6 +224,7 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     if (predicts.passed) predicts.next.clear();
     reasons.push_back(std::move(predicts));
   }
+  reasons.push_back(determination_reason(diagnosis));
   reasons.push_back(rivals_reason(diagnosis));
   return reasons;
 }

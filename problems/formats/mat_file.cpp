@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
@@ -149,9 +150,9 @@ void require_complete(const InputFile& file) {
 // these. matio does not notice that the disk is full, and makes the lengths in the file fit what is
 // there: nothing but the size tells.
 std::uint64_t size_of_mat(std::size_t count, std::size_t d) {
-  constexpr std::uint64_t kStart = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
+  constexpr std::uint64_t kFileHeader = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
   constexpr std::uint64_t kArray = kTag + kFlags + kSize + kName;
-  return kStart + kArray + count * (kArray + kTag + d * d * sizeof(double));
+  return kFileHeader + kArray + count * (kArray + kTag + d * d * sizeof(double));
 }
 
 }  // namespace
@@ -170,9 +171,8 @@ StoredSet stored_mat5(const std::string& path, const std::string& variable) {
   const std::string chosen = choose_variable(path, fitting_variables(file.get()), variable);
   StoredSet set;
   set.source = fmt::format("{}: variable {}", path, chosen);
-  if (const MatVariable info{Mat_VarReadInfo(file.get(), chosen.c_str())}; info != nullptr) {
-    require_plausible_size(set.source, path, *info);
-  }
+  require_plausible_size(set.source, path,
+                         *MatVariable{Mat_VarReadInfo(file.get(), chosen.c_str())});
   const MatVariable contents{Mat_VarRead(file.get(), chosen.c_str())};
   if (contents == nullptr) {
     throw InputError(set.source + ": can't be read; the file is truncated or damaged");
@@ -187,8 +187,7 @@ StoredSet stored_mat5(const std::string& path, const std::string& variable) {
 // Arguments: the file and the variable, which may be empty.
 void send_mat(const std::vector<std::string>& arguments, MessageWriter& answer) {
   const bool is_hdf5 = InputFile(arguments[0]).head(16).starts_with("MATLAB 7.3");
-  send(is_hdf5 ? stored_mat73(arguments[0], arguments[1])
-               : stored_mat5(arguments[0], arguments[1]),
+  send(is_hdf5 ? stored_mat73(arguments[0], arguments[1]) : stored_mat5(arguments[0], arguments[1]),
        answer);
 }
 
@@ -230,9 +229,10 @@ void write_mat(const std::string& path, const InformationSet& set) {
                                    full.data(), 0));
     }
     // What stdio still holds is written at the end: there a full disk shows, too.
+    std::error_code unknown;
     const bool written = Mat_VarWrite(file.get(), cell.get(), MAT_COMPRESSION_NONE) == 0;
-    if (Mat_Close(file.release()) != 0 || !written || 
-        InputFile(target.temporary(), InputUse::kOwnState).size() != size_of_mat(count, d)) {
+    if (Mat_Close(file.release()) != 0 || !written ||
+        std::filesystem::file_size(target.temporary(), unknown) != size_of_mat(count, d)) {
       throw InputError(fmt::format("{}: can't be written: disk full?", path));
     }
   }
