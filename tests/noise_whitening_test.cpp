@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
@@ -21,8 +22,6 @@ using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
 
 constexpr Index kOutputs = 4;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // Entries of variance two, as whitened residuals are.
 MatrixXcd drawn(Random& random, Index rows, Index columns) {

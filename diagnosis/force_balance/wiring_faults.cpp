@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/force_balance/rate_faults.hpp"
 #include "graybox/diagnosis/force_balance/wired_balance.hpp"
 #include "graybox/diagnosis/force_balance/wrap_faults.hpp"
+#include "graybox/problems/array_index.hpp"
 
 namespace graybox {
 namespace {
@@ -33,8 +34,6 @@ constexpr double kErrors = 3.0;        // that what can't be negative is below z
 constexpr double kSmallestGain = 0.8;  // of the error, by the other sign
 constexpr double kSmallestFactor = 3.0;
 constexpr int kMostFaults = 4;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 class Detective {
  public:

@@ -13,6 +13,7 @@
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/recording_spread.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -23,8 +24,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // How a parameter moves.
 struct Unknown {

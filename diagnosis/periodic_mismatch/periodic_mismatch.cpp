@@ -34,6 +34,7 @@
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/distributions.hpp"
 
 namespace graybox {
@@ -43,8 +44,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // How much of a b b^T can be taken from a matrix that is positive semidefinite, so that it stays so: 1/(b^T A^+ b), and
 // nothing where b is not in its range.

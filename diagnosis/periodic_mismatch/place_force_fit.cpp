@@ -10,6 +10,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/quiet_ceres.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -21,8 +22,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // What one recording says about the place.
 struct ObservedForce {

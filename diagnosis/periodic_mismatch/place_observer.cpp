@@ -1,5 +1,6 @@
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
 namespace graybox {
@@ -12,8 +13,6 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr double kSignificant = 12.0;  // power over noise
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // b_in^T X b_out
 Complex between(const MatrixXcd& receptance, const Location& place) {

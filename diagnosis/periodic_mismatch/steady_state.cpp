@@ -8,6 +8,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -20,8 +21,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 std::size_t grid_of(const SteadyStateOptions& options, Index lines) {
   const double least = options.oversampling * static_cast<double>(lines + 1);

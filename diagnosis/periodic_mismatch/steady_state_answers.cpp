@@ -5,6 +5,7 @@
 #include <complex>
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
 namespace graybox {
@@ -15,8 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 }  // namespace
 

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/stop.hpp"
 
 namespace graybox {
@@ -19,8 +20,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // Records with one plant and one noise, which share what a force at a place does to each bin.
 struct RecordGroup {

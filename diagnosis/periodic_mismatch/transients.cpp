@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/stop.hpp"
 
 namespace graybox {
@@ -38,8 +39,6 @@ constexpr int kPlainSteps = 3;  // by substitution, then by Anderson's mixing
 constexpr std::size_t kRemembered = 6;
 // Rms in standard deviations up to which a residual may be nothing but noise.
 constexpr double kNoiseAtMost = 2.0;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // A law that is a force and not linear, about the motion of a record.
 struct MeanSlope {
