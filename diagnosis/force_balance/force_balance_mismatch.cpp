@@ -95,7 +95,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else {
       result.trouble = "the laws' shapes could not be refined";
     }
-    // Without one of their number, laws that are known may leave their ranges; as they are they remain.
+    // Without one of their number, laws that are known may leave their ranges; as they are they
+    // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
       ExtendedFit held = fit_amplitudes(starts, given);
@@ -339,8 +340,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return columns;
   }
 
-  // Scores of least squares estimates by columns over the noise: row t, column k is what the residuals
-  // at time t add to the error of parameter k, x_k - truth = sum over t.
+  // Scores of least squares estimates by columns over the noise: row t, column k is what the
+  // residuals at time t add to the error of parameter k, x_k - truth = sum over t.
   [[nodiscard]] Eigen::MatrixXd influences(const Eigen::MatrixXd& columns,
                                            const BalanceFit& fitted) const {
     const Eigen::VectorXd lengths = columns.colwise().norm();
@@ -386,8 +387,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return sums;
   }
 
-  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the spread between
-  // recordings (recording_spread.hpp); NaN where the data do not see one.
+  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the
+  // spread between recordings (recording_spread.hpp); NaN where the data do not see one.
   struct Deviations {
     Eigen::VectorXd model;
     std::vector<Column> parameters;

@@ -1,6 +1,5 @@
 #include "graybox/diagnosis/force_balance/wired_balance.hpp"
 
-
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>

@@ -332,7 +332,8 @@ class Reader {
     return result;
   }
 
-  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last two.
+  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last
+  // two.
   [[nodiscard]] std::vector<Index> noise_lines() const {
     std::vector<Index> lines(data_.excited.begin(), data_.excited.end());
     const Index step = std::max<Index>(1, data_.last_line / 40);

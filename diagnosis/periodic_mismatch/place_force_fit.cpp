@@ -54,8 +54,8 @@ MatrixXcd slopes_of(const std::vector<bool>& imitated, const LinearPlant& plant,
   return slopes;
 }
 
-// A force no larger than its noise is none: the motion would have that noise in it, and any law would seem to
-// follow it.
+// A force no larger than its noise is none: the motion would have that noise in it, and any law
+// would seem to follow it.
 void leave_out_noise(const std::vector<MatrixXcd>& receptance, const Location& place,
                      ObservedForce& seen) {
   constexpr double kSignificant = 12.0;  // power over noise: once in e^12 lines
@@ -93,8 +93,8 @@ std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData
   return all;
 }
 
-// The parameters of the model that the force imitates, then the law's; unknowns are their ratios to the start, or, where
-// that is zero, themselves.
+// The parameters of the model that the force imitates, then the law's; unknowns are their ratios to
+// the start, or, where that is zero, themselves.
 struct Unknowns {
   std::vector<std::size_t> imitated;
   VectorXd own;  // of those, at the start
@@ -153,8 +153,8 @@ class ForceResidual {
     force += (seen_.imitated * changes).cwiseProduct(deflection);
   }
 
-  // The mean by Newton's method with a secant's slope, at least half of that of a place that yields freely. More
-  // precise than the differences that derivatives are taken from.
+  // The mean by Newton's method with a secant's slope, at least half of that of a place that yields
+  // freely. More precise than the differences that derivatives are taken from.
   void settle_mean(const PeriodicLaw& law, const VectorXd& changes, VectorXcd& force) const {
     constexpr int kPasses = 20;
     constexpr double kSmall = 1e-10;
@@ -240,8 +240,8 @@ double power_of(const std::vector<ObservedForce>& seen) {
   return power;
 }
 
-// The law as given, and with thresholds, velocities and other parameters in which it is not linear larger and smaller: in those
-// a regression has minima of its own.
+// The law as given, and with thresholds, velocities and other parameters in which it is not linear
+// larger and smaller: in those a regression has minima of its own.
 std::vector<std::vector<double>> starts_of(const ActingLaw& law) {
   std::vector<std::vector<double>> starts{law.parameters};
   for (const double factor : {2.0, 0.5}) {

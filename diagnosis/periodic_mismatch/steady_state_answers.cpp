@@ -1,5 +1,5 @@
-// What the outputs of a steady state do when something is added to it: a force, an input, a change of the plant or of a
-// parameter.
+// What the outputs of a steady state do when something is added to it: a force, an input, a change
+// of the plant or of a parameter.
 #include <algorithm>
 #include <cmath>
 #include <complex>

@@ -177,8 +177,8 @@ class VariationTest {
     return result;
   }
 
-  // Unknowns: Re c_m, Im c_m of m = 1 ... P - 1. A bin with the remainder r by P has the upper side of the line
-  // below, m = r, and the lower one of the line above, m = P - r.
+  // Unknowns: Re c_m, Im c_m of m = 1 ... P - 1. A bin with the remainder r by P has the upper side
+  // of the line below, m = r, and the lower one of the line above, m = P - r.
   [[nodiscard]] Variation score(const MeasuredRecord& record, const MatrixXcd& answer,
                                 const VectorXcd& motion, const MatrixXcd& left) const {
     const Index periods = record.periods, unknowns = 2 * (periods - 1);

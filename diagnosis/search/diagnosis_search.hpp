@@ -84,11 +84,12 @@
 //      of all tests (verdict_reasons.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept
-// out are more than noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
-// the catalogue may hide behind those. `unknown`:
-// something is missing that no hypothesis explains down to the noise, or whose place shows that the law found only
-// resembles it, or that changes with time; the laws found so far are reported with it.
+// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or
+// recordings kept out are more than noise (`noise_floor`) and only within the errors of the fitted
+// parameters: a law that is not in the catalogue may hide behind those. `unknown`:
+// something is missing that no hypothesis explains down to the noise, or whose place shows that the
+// law found only resembles it, or that changes with time; the laws found so far are reported with
+// it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.

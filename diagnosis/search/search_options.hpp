@@ -1,4 +1,5 @@
-// What the search for missing physics may be told (diagnosis_search.hpp has the steps that these belong to).
+// What the search for missing physics may be told (diagnosis_search.hpp has the steps that these
+// belong to).
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,6 @@
-// What the steps of the search for missing physics share: the problem, what is known so far, and the refits done.
-// A file a step: diagnosis_search.hpp has their numbers, its source file their order.
+// What the steps of the search for missing physics share: the problem, what is known so far, and
+// the refits done. A file a step: diagnosis_search.hpp has their numbers, its source file their
+// order.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +17,8 @@
 
 namespace graybox {
 
-// A small law beside others must explain this share of what the largest explains: no law of a catalogue
-// describes a real force to better than some three per cent, a thousandth in chi-square.
+// A small law beside others must explain this share of what the largest explains: no law of a
+// catalogue describes a real force to better than some three per cent, a thousandth in chi-square.
 inline constexpr double kImperfection = 1e-3;
 
 struct SearchState {
