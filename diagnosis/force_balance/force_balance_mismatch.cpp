@@ -164,6 +164,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
       channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
     }
+    add_held_out_errors(fit, channels);
     return channels;
   }
 
@@ -210,6 +211,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
+
+  void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
+    if (data_.validation.empty()) return;
+    const Eigen::MatrixXd rest = residuals(fit, data_.validation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double signal = centred_square(data_.validation.measured.col(j));
+      if (!(signal > 0.0)) continue;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse =
+          100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
 
   // With the laws' shapes as they are.
   [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
