@@ -31,11 +31,11 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 }
 
 // The robot's two files in a folder of the test's own, each with one text replaced.
-class RobotFiles : public testing::Test {
+class RobotFiles : public ::testing::Test {
  protected:
   RobotFiles() {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(testing::TempDir()) / (std::string("graybox_robot_") + test->name());
+    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(::testing::TempDir()) / (std::string("graybox_robot_") + test->name());
     fs::create_directories(folder_);
     yaml_ = read(robot_test::robot_folder() / "irb6600_like.yaml");
     urdf_ = read(robot_test::robot_folder() / "irb6600_like.urdf");

@@ -214,7 +214,7 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
                     diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
                     "a disturbance with memory, or physics that none of these laws describes: "
                     "record what may disturb "
-                    "(temperature, supply, floor), or try laws of your own (--laws)"},
+                    "(temperature, supply, floor), or try laws of your own (--laws)")},
            reasons);
     return reasons;
   }

@@ -43,13 +43,13 @@ class Slice {
 
   // Both return how many candidates were read.
   std::size_t price_all(const double* dual) {
-    constexpr std::size_t kChunk = 4096;
+    constexpr std::size_t kPricedTogether = 4096;
     const std::size_t count = set_.candidate_count(), p = set_.packed_size();
-    const std::size_t chunks = (count + kChunk - 1) / kChunk;
+    const std::size_t chunks = (count + kPricedTogether - 1) / kPricedTogether;
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-      const std::size_t from = chunk * kChunk;
-      kernels().price(set_.data() + from * p, std::min(kChunk, count - from), p, dual,
+      const std::size_t from = chunk * kPricedTogether;
+      kernels().price(set_.data() + from * p, std::min(kPricedTogether, count - from), p, dual,
                       sensitivity_.data() + from);
     }
     choose_list();
