@@ -77,7 +77,8 @@ FitQuality quality_of(const InverseDynamicsFit& fit, ExperimentRole role) {
   return quality;
 }
 
-// Every parameter of the fit has a standard error: what has no effect in the data was left out of it.
+// Every parameter of the fit has a standard error: what has no effect in the data was left out of
+// it.
 Identifiability identifiability_of(const InverseDynamicsFit& fit, const Eigen::VectorXd& values) {
   Identifiability result;
   result.covariance = fit.covariance;

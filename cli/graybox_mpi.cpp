@@ -63,8 +63,8 @@ SolveReport report_of(const MpiArguments& arguments, const DistributedSet& set,
   return report;
 }
 
-// The design in graybox-design/1: as of a set that holds the support alone, with the indices that its
-// candidates have in the whole set.
+// The design in graybox-design/1: as of a set that holds the support alone, with the indices that
+// its candidates have in the whole set.
 void write_design(const std::string& path, const InformationSet& members,
                   const DistributedDesign& design, const SolveReport& report) {
   Design weights;
@@ -82,14 +82,13 @@ std::string text_of(const SolveReport& report, std::size_t processes) {
   const Certificate& certificate = report.certificate;
   std::string text = fmt::format("{}: {}", kSolver, to_string(report.status));
   if (!report.message.empty()) text += fmt::format(" ({})", report.message);
-  return text +
-         fmt::format(
-             "\n  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
-             "  log det M     {:.12g}, support {}\n"
-             "  work          {} iterations, {:.2f} passes, {:.3g} s, {} processes\n",
-             certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
-             certificate.log_det, certificate.support_size, report.counters.iterations,
-             report.counters.passes, report.counters.seconds, processes);
+  return text + fmt::format(
+                    "\n  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
+                    "  log det M     {:.12g}, support {}\n"
+                    "  work          {} iterations, {:.2f} passes, {:.3g} s, {} processes\n",
+                    certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
+                    certificate.log_det, certificate.support_size, report.counters.iterations,
+                    report.counters.passes, report.counters.seconds, processes);
 }
 
 // What the failed write of fmt::print threw is told once, at the end.
@@ -97,8 +96,7 @@ bool standard_output_failed() { return std::ferror(stdout) != 0; }
 
 // The first process alone.
 void hand_over(const MpiArguments& arguments, const InformationSet& members,
-               const DistributedDesign& design, const SolveReport& report,
-               std::size_t projected) {
+               const DistributedDesign& design, const SolveReport& report, std::size_t projected) {
   const std::size_t processes = mpi::size_of(MPI_COMM_WORLD);
   if (!arguments.trace.empty()) write_trace(arguments.trace, design.trace);
   if (!arguments.output.empty()) write_design(arguments.output, members, design, report);

@@ -266,7 +266,8 @@ TEST_F(ForceBalance, FindsHarmonicsThatHideEachOther) {
   }
 }
 
-// No sensor errs by half of what it measures for seconds on end. What it is, such recordings do not tell.
+// No sensor errs by half of what it measures for seconds on end. What it is, such recordings do not
+// tell.
 TEST_F(ForceBalance, CallsARestThatFollowsItselfNoNoise) {
   record([](double, double) { return 0.0; }, 6.0, 9, 0.99);
   const Diagnosis slow = diagnose(*problem());
@@ -308,7 +309,8 @@ TEST(LawForce, FollowsABristleOfAnyStiffnessUnderConstantVelocity) {
   }
 }
 
-// Dahl's friction in closed form: towards the level of the direction by e^(-stiffness |dx| / level).
+// Dahl's friction in closed form: towards the level of the direction by e^(-stiffness |dx| /
+// level).
 class Bristle {
  public:
   double operator()(double x, double) {

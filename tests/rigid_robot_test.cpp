@@ -298,9 +298,9 @@ double mean_square_of_standardised_errors(const RigidRobotModel& robot, double c
   return sum / (kRuns * static_cast<double>(kArmTruth.size()));
 }
 
-// 640 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error. Kernel
-// estimates of correlated noise are known to be low in short records: at 0.7, the white formula would
-// give 4 to 6.
+// 640 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error.
+// Kernel estimates of correlated noise are known to be low in short records: at 0.7, the white
+// formula would give 4 to 6.
 TEST_F(RigidRobot, StandardErrorsHoldForWhiteAndCorrelatedNoise) {
   const RigidRobotModel robot = model(kArm + kFriction);
   EXPECT_NEAR(mean_square_of_standardised_errors(robot, 0.0), 1.0, 0.25);

@@ -221,7 +221,8 @@ InformationSet hostile_curve(std::uint64_t seed) {
 
 class HostileCurves : public testing::TestWithParam<std::uint64_t> {};
 
-// 230 of them. Before the well-conditioned start 14 of 230 such curves ended with a singular design.
+// 230 of them. Before the well-conditioned start 14 of 230 such curves ended with a singular
+// design.
 TEST_P(HostileCurves, EveryOneIsSolvedAndTheClaimIsTrue) {
   for (std::uint64_t seed = 10 * GetParam(); seed < 10 * GetParam() + 10; ++seed) {
     const InformationSet set = hostile_curve(seed);

@@ -18,8 +18,8 @@ using testing::read_text;
 using testing::write_text;
 using Json = nlohmann::json;
 
-// Far above what a command may take, also on a busy machine and under sanitizers; what does not end by
-// then is killed, exit code 137.
+// Far above what a command may take, also on a busy machine and under sanitizers; what does not end
+// by then is killed, exit code 137.
 const std::string kAfterOneSecond =
     "timeout --foreground --preserve-status --signal=INT --kill-after=20 1";
 const std::string kAtMost = "timeout --foreground --signal=KILL 30";
@@ -39,7 +39,8 @@ class StopCommand : public testing::CommandRunner {
     const Outcome made = graybox(arguments);
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
-  // One that has something to hand over (1), has nothing and ends as any program (130), or was done.
+  // One that has something to hand over (1), has nothing and ends as any program (130), or was
+  // done.
   void expect_stopped(const std::string& arguments) {
     SCOPED_TRACE(arguments);
     const Outcome outcome = graybox(arguments, kAfterOneSecond);
@@ -107,8 +108,9 @@ TEST_F(StopCommand, ADiagnosisHandsOverWhatItHasAtItsTimeLimit) {
   make("simulate rotor.yaml rotor_plan.yaml -o campaign");
   for (const char* limit : {"0.01", "0.1", "0.3", "1"}) {
     SCOPED_TRACE(limit);
-    const Outcome outcome = graybox(
-        "diagnose rotor.yaml campaign --json -o report --time-limit " + std::string(limit), kAtMost);
+    const Outcome outcome =
+        graybox("diagnose rotor.yaml campaign --json -o report --time-limit " + std::string(limit),
+                kAtMost);
     ASSERT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1) << outcome.err;
     const Json found = Json::parse(outcome.out);
     EXPECT_EQ(found["interrupted"].get<bool>(), found["verdict"] == "unknown") << outcome.out;
@@ -128,7 +130,8 @@ TEST_F(StopCommand, TheExchangeThatNeverEndedEnds) {
       for (int c = 0; c <= r; ++c) {
         double sum = 0.0;
         for (int k = 0; k < (i % 2 == 0 ? 5 : 1); ++k) sum += hash(i, r, k) * hash(i, c, k);
-        lines += std::to_string(1e6 * sum * (i % 2 == 0 ? 1e-6 : 1.0)) + (r == 4 && c == 4 ? "\n" : ",");
+        lines +=
+            std::to_string(1e6 * sum * (i % 2 == 0 ? 1e-6 : 1.0)) + (r == 4 && c == 4 ? "\n" : ",");
       }
     }
   }

@@ -1,4 +1,5 @@
-// Finding D4: what a command prints and writes is the same to the last bit for any number of threads.
+// Finding D4: what a command prints and writes is the same to the last bit for any number of
+// threads.
 #include <gtest/gtest.h>
 
 #include <cmath>

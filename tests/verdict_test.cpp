@@ -460,7 +460,8 @@ outputs: [{name: speed, mass: motor, quantity: velocity}]
   EXPECT_EQ(added.elements[0].parameters, extended.elements[0].parameters);
 }
 
-// Laws that a model has already, of robots, too: estimates without a unit are no factors, and a parameter may have been left out.
+// Laws that a model has already, of robots, too: estimates without a unit are no factors, and a
+// parameter may have been left out.
 TEST_F(ExtendedModel, TakesTheEstimatesOfItsOwnLaws) {
   const std::string elements = R"(
 elements:

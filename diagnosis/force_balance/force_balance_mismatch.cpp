@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
@@ -57,6 +58,13 @@ struct Column {
   std::size_t law = 0, parameter = 0;
 };
 
+// Every joint has friction and most sensors an offset; then come loads and coupled joints.
+int rank_of(std::string_view law, const CandidatePlace& place) {
+  const bool is_plain = law == "viscous" || law == "coulomb" || law == "offset";
+  if (is_plain) return place.is_compound ? 1 : 0;
+  return law == "payload" || law == "inertia" ? 1 : 2;
+}
+
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
   ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
@@ -95,7 +103,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else {
       result.trouble = "the laws' shapes could not be refined";
     }
-    // Without one of their number, laws that are known may leave their ranges; as they are they remain.
+    // Without one of their number, laws that are known may leave their ranges; as they are they
+    // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
       ExtendedFit held = fit_amplitudes(starts, given);
@@ -163,6 +172,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
       channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
     }
+    add_held_out_errors(fit, channels);
     return channels;
   }
 
@@ -210,6 +220,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
 
+  void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
+    if (data_.validation.empty()) return;
+    const Eigen::MatrixXd rest = residuals(fit, data_.validation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double signal = centred_square(data_.validation.measured.col(j));
+      if (!(signal > 0.0)) continue;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse =
+          100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
+
   // With the laws' shapes as they are.
   [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
                                            std::span<const RefinedLaw> refined) const {
@@ -249,7 +270,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                .special_cases = special_cases_of(*entry, false),
                                .is_compound = place.is_compound,
                                .repeatable = entry->name == "ripple",
-                               .characteristic = characteristic_of(*entry, place)});
+                               .characteristic = characteristic_of(*entry, place),
+                               .rank = rank_of(entry->name, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }
@@ -339,8 +361,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return columns;
   }
 
-  // Scores of least squares estimates by columns over the noise: row t, column k is what the residuals
-  // at time t add to the error of parameter k, x_k - truth = sum over t.
+  // Scores of least squares estimates by columns over the noise: row t, column k is what the
+  // residuals at time t add to the error of parameter k, x_k - truth = sum over t.
   [[nodiscard]] Eigen::MatrixXd influences(const Eigen::MatrixXd& columns,
                                            const BalanceFit& fitted) const {
     const Eigen::VectorXd lengths = columns.colwise().norm();
@@ -386,8 +408,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return sums;
   }
 
-  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the spread between
-  // recordings (recording_spread.hpp); NaN where the data do not see one.
+  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the
+  // spread between recordings (recording_spread.hpp); NaN where the data do not see one.
   struct Deviations {
     Eigen::VectorXd model;
     std::vector<Column> parameters;

@@ -185,7 +185,8 @@ ceres::Solver::Options solver_options(const StretchFitOptions& options) {
   result.initial_trust_region_radius = 100.0;
   result.logging_type = ceres::SILENT;
   result.max_num_consecutive_invalid_steps = 20;
-  // Cubic interpolation asks for all derivatives again at each step that is searched along its line.
+  // Cubic interpolation asks for all derivatives again at each step that is searched along its
+  // line.
   result.line_search_interpolation_type = ceres::QUADRATIC;
   return result;
 }

@@ -193,17 +193,17 @@ void check_wild_samples(const Campaign& campaign, const ChannelColumn& channel,
   const std::vector<Index> wild = wild_samples(values.segment(first, size));
   if (wild.empty()) return;
   const Index row = first + wild.front();
-  const double time = times.size() > 0
-                          ? times(row)
-                          : static_cast<double>(row) * campaign.sample_time.value_or(0.0);
+  const double time =
+      times.size() > 0 ? times(row) : static_cast<double>(row) * campaign.sample_time.value_or(0.0);
   const std::string more =
       wild.size() > 1 ? fmt::format(", and so are {} more", wild.size() - 1) : std::string();
   add_warning(
       recording, "wild sample",
-      fmt::format("{}: {}: row {} ({:g} s) is {:g}, alone between {:g} and {:g}{}; is it a fault of "
-                  "the recording? repair it or use segments without it",
-                  channel.file->path, channel.channel->name, row + 1, time, values(row),
-                  values(row - 1), values(row + 1), more));
+      fmt::format(
+          "{}: {}: row {} ({:g} s) is {:g}, alone between {:g} and {:g}{}; is it a fault of "
+          "the recording? repair it or use segments without it",
+          channel.file->path, channel.channel->name, row + 1, time, values(row), values(row - 1),
+          values(row + 1), more));
 }
 
 void check_piece(const Campaign& campaign, const Experiment& experiment,
@@ -328,7 +328,8 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
     const Eigen::VectorXd& time = recording.data.pieces.back().time;
     recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
   }
-  preprocess(fmt::format("{}: {}", campaign.file.string(), experiment.name), campaign.preprocess, recording.data);
+  preprocess(fmt::format("{}: {}", campaign.file.string(), experiment.name), campaign.preprocess,
+             recording.data);
   return recording;
 }
 

@@ -29,16 +29,16 @@ struct ExperimentRecording {
 // Reads and checks; faults of the data are findings. Checked: the time axis of every file
 // (time_axis.hpp), every signal (signal_checks.hpp), files of one experiment against each other
 // (length, times), units and sample times that files state, names and units that contradict each
-// other, segments and periods against the length. Throws InputError for files that can't be read and
-// for columns that are not there.
+// other, segments and periods against the length. Throws InputError for files that can't be read
+// and for columns that are not there.
 [[nodiscard]] ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index);
 
 // The same; throws InputError with the first error that was found.
 [[nodiscard]] ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index);
 
-// What the campaign file itself makes doubtful: channels that read each other's columns, columns whose
-// name ends in another unit than the stated one ("position_deg" in rad), and validation on samples
-// that are for estimation too.
+// What the campaign file itself makes doubtful: channels that read each other's columns, columns
+// whose name ends in another unit than the stated one ("position_deg" in rad), and validation on
+// samples that are for estimation too.
 [[nodiscard]] std::vector<Finding> examine_campaign(const Campaign& campaign);
 
 }  // namespace graybox

@@ -57,11 +57,13 @@ struct Signals {
 
 // Throws InputError (`source` begins its line) if a step can't be done: a filter above the Nyquist
 // frequency or of irregular samples, pieces too short, decimation that would fold, a period that
-// the factor doesn't divide or a trim would cut, channels of a transmission in different or unfit units.
+// the factor doesn't divide or a trim would cut, channels of a transmission in different or unfit
+// units.
 void preprocess(const std::string& source, const std::vector<PreprocessStep>& steps,
                 Signals& signals);
 
-// The filter of low_pass. `frequency` as a share of the sample rate, below 1/2; at least two values.
+// The filter of low_pass. `frequency` as a share of the sample rate, below 1/2; at least two
+// values.
 [[nodiscard]] Eigen::VectorXd zero_phase_low_pass(const Eigen::Ref<const Eigen::VectorXd>& values,
                                                   double frequency, int order);
 

@@ -46,8 +46,7 @@ FieldSplitter::FieldSplitter(std::string_view first_line) {
 const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) {
   fields_.clear();
   while (true) {
-    const std::size_t end =
-        separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);
+    const std::size_t end = separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);
     std::string_view field = trimmed(line.substr(0, end));
     if (field.size() >= 2 && field.front() == '"' && field.back() == '"') {
       field = trimmed(field.substr(1, field.size() - 2));
