@@ -13,7 +13,7 @@ function(graybox_link_include_tree)
   endforeach()
 endfunction()
 
-# graybox_unity(target): with GRAYBOX_UNITY, compiles the target's sources in groups
+# graybox_unity(target [--uses]): with GRAYBOX_UNITY, compiles the target's sources in groups
 # (scripts/unity_groups), because reading the headers is most of the work. Kernels stay apart: they
 # are the same code for several processors. So does what has options of its own.
 function(graybox_unity target)
@@ -27,7 +27,8 @@ function(graybox_unity target)
     return()
   endif()
   execute_process(
-    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/scripts/unity_groups ${GRAYBOX_UNITY_SIZE} ${sources}
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/scripts/unity_groups ${GRAYBOX_UNITY_SIZE} ${ARGN}
+      ${sources}
     WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
   string(REGEX MATCHALL "[^\n]+" groups "${groups}")
   foreach(line IN LISTS groups)
@@ -109,10 +110,11 @@ function(graybox_executable name)
   target_link_libraries(${name} PRIVATE ${arg_LINK})
   if(arg_UNSANITIZED)
     graybox_compile_options(${name} UNSANITIZED)
+    graybox_unity(${name} --uses)  # tests use many short names
   else()
     graybox_compile_options(${name})
+    graybox_unity(${name})
   endif()
-  graybox_unity(${name})
   # Whatever reads HDF5 or MAT files starts it.
   if(NOT name STREQUAL "graybox_reader" AND NOT GRAYBOX_FUZZ)
     add_dependencies(${name} graybox_reader)
