@@ -30,7 +30,7 @@ bool is_position(const std::string& set, const std::string& file, const std::str
   if (set == "TX40") return file.starts_with("pos");
   if (set == "TIAGo") return file.ends_with("position.csv");
   if (set == "UR10e") return std::stoi(column) <= 7;
-  if (set == "ODrive_cogging") return column == "2";
+  if (set == "ODrive_cogging") return false;  // its times are uneven
   if (set == "BRFD") return column == "data[2]";
   if (column.find("ref") != std::string::npos) return false;
   return column == "qm" || column.starts_with("theta") || column.find("_pos_") != std::string::npos;

@@ -13,7 +13,7 @@ struct RecordedChannel {
   std::string file;
   std::string column;
   double sample_time;  // s
-  bool is_position;    // measured
+  bool is_position;    // measured, at even times
   Eigen::VectorXd values;
 };
 

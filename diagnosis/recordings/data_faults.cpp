@@ -24,12 +24,11 @@ using Index = Eigen::Index;
 constexpr double kStuckTime = 0.05;  // s
 
 // One line: where, what, how sure, what else, what to write.
-Finding finding_of(const std::string& source, const ChannelSamples& samples, Index row,
-                   const char* check, double strength, const std::string& what,
-                   std::string otherwise, std::string mend) {
+Finding finding_of(const ChannelSamples& samples, Index row, const char* check, double strength,
+                   const std::string& what, std::string otherwise, std::string mend) {
   const double time = samples.time(row);
   std::string message = fmt::format(
-      "{}: {}: row {} ({:g} s) {}; {:.2g} times the threshold; could also be {}; {}", source,
+      "{}: {}: row {} ({:g} s) {}; {:.2g} times the threshold; could also be {}; {}", samples.file,
       samples.channel->name, samples.first_sample + static_cast<std::size_t>(row) + 1, time, what,
       strength, otherwise, mend);
   return {.severity = Severity::kWarning,
@@ -73,8 +72,7 @@ std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spi
                      samples.channel->name, lowest - margin, highest + margin);
 }
 
-void add_spikes(const std::string& source, const ChannelSamples& samples,
-                std::vector<Finding>& findings) {
+void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings) {
   std::set<Index> rows;
   double strength = 1.0;
   for (const Spike& spike : find_spikes(samples.values)) {
@@ -88,7 +86,7 @@ void add_spikes(const std::string& source, const ChannelSamples& samples,
   const double after = samples.values(std::min(row + 1, samples.values.size() - 1));
   const std::string more =
       rows.size() > 1 ? fmt::format(" (and {} more)", rows.size() - 1) : std::string();
-  findings.push_back(finding_of(source, samples, row, "spike", strength,
+  findings.push_back(finding_of(samples, row, "spike", strength,
                                 fmt::format("is {:g}, alone between {:g} and {:g}{}",
                                             samples.values(row), before, after, more),
                                 "a knock or an impact", spike_mend(samples, rows)));
@@ -110,8 +108,8 @@ std::string others_meanwhile(const std::vector<ChannelSamples>& piece,
   return fmt::format(" while {} of {} other channels go on", moving, others);
 }
 
-void add_stuck_run(const std::string& source, const std::vector<ChannelSamples>& piece,
-                   const ChannelSamples& samples, std::vector<Finding>& findings) {
+void add_stuck_run(const std::vector<ChannelSamples>& piece, const ChannelSamples& samples,
+                   std::vector<Finding>& findings) {
   const Index last = samples.time.size() - 1;
   const bool is_command = samples.channel->role == ChannelRole::kReference;  // may be held
   if (last < 1 || is_command) return;
@@ -122,7 +120,7 @@ void add_stuck_run(const std::string& source, const std::vector<ChannelSamples>&
   const std::optional<StuckRun> run = find_stuck_run(samples.values, shortest);
   if (!run) return;
   findings.push_back(
-      finding_of(source, samples, run->first, "stuck sensor", run->strength,
+      finding_of(samples, run->first, "stuck sensor", run->strength,
                  fmt::format("holds {:g} for {:.3g} s{}", samples.values(run->first),
                              samples.time(run->last) - samples.time(run->first),
                              others_meanwhile(piece, samples, *run)),
@@ -136,8 +134,7 @@ double turn_of(const Channel& channel) {
   return channel.unit == "rad" ? 2.0 * std::numbers::pi / std::abs(channel.factor) : 0.0;
 }
 
-void add_wrap(const std::string& source, const ChannelSamples& samples,
-              std::vector<Finding>& findings) {
+void add_wrap(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const double turn = turn_of(*samples.channel);
   const std::optional<CounterWrap> wrap = find_wrap(samples.values, turn);
   if (!wrap) return;
@@ -145,7 +142,7 @@ void add_wrap(const std::string& source, const ChannelSamples& samples,
   const std::string period =
       is_turn ? std::string() : fmt::format(", bits: {}", std::log2(wrap->period));
   findings.push_back(finding_of(
-      source, samples, wrap->first, "wrap", wrap->strength,
+      samples, wrap->first, "wrap", wrap->strength,
       fmt::format(
           "is the first of {} of {}",
           wrap->count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap->count),
@@ -155,8 +152,7 @@ void add_wrap(const std::string& source, const ChannelSamples& samples,
 }
 
 // Jumps of a position that wraps are told as that.
-void add_lost_samples(const std::string& source, const ChannelSamples& samples,
-                      std::vector<Finding>& findings) {
+void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const Channel& channel = *samples.channel;
   const bool is_measured = channel.role == ChannelRole::kOutput;
   if (!is_measured || (channel.unit != "rad" && channel.unit != "m")) return;
@@ -167,7 +163,7 @@ void add_lost_samples(const std::string& source, const ChannelSamples& samples,
       lost->places > 1 ? fmt::format(" (and at {} more places)", lost->places - 1) : std::string();
   const Index last = samples.values.size() - 1;
   findings.push_back(
-      finding_of(source, samples, lost->first, "lost samples", lost->strength,
+      finding_of(samples, lost->first, "lost samples", lost->strength,
                  fmt::format("jumps by {:g}{}: were samples cut out?", lost->jump, places),
                  "a slip, an impact or a position that was set anew",
                  fmt::format("segments: [[{}, {}], [{}, {}]]", samples.first_sample,
@@ -176,12 +172,11 @@ void add_lost_samples(const std::string& source, const ChannelSamples& samples,
                              samples.first_sample + static_cast<std::size_t>(last))));
 }
 
-void add_quantisation(const std::string& source, const ChannelSamples& samples,
-                      std::vector<Finding>& findings) {
+void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const std::optional<Quantisation> coarse = find_coarse_quantisation(samples.values);
   if (!coarse) return;
   findings.push_back(finding_of(
-      source, samples, 0, "quantisation", coarse->strength,
+      samples, 0, "quantisation", coarse->strength,
       fmt::format("and on has steps of {:g} {}: rounding alone is {:.2g} % of its deviation",
                   coarse->step, samples.channel->recorded_unit, 100.0 * coarse->error),
       "a command that is given in steps",
@@ -190,15 +185,14 @@ void add_quantisation(const std::string& source, const ChannelSamples& samples,
 
 }  // namespace
 
-void find_data_faults(const std::string& source, const std::vector<ChannelSamples>& piece,
-                      std::vector<Finding>& findings) {
+void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings) {
   for (const ChannelSamples& samples : piece) {
     if (samples.values.size() < 3) continue;
-    add_wrap(source, samples, findings);
-    add_spikes(source, samples, findings);
-    add_stuck_run(source, piece, samples, findings);
-    add_lost_samples(source, samples, findings);
-    add_quantisation(source, samples, findings);
+    add_wrap(samples, findings);
+    add_spikes(samples, findings);
+    add_stuck_run(piece, samples, findings);
+    add_lost_samples(samples, findings);
+    add_quantisation(samples, findings);
   }
 }
 

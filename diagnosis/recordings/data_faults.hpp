@@ -18,15 +18,15 @@ namespace graybox {
 
 // Consecutive samples of one channel as recorded.
 struct ChannelSamples {
+  std::string file;  // its name, for messages
   const Channel* channel;
   Eigen::VectorXd values;    // recorded unit
   Eigen::VectorXd time;      // s
   std::size_t first_sample;  // in the file
 };
 
-// Adds warnings about the channels of one piece of an experiment; `source` is its name.
+// Adds warnings about the channels of one piece of an experiment.
 // Cost: O(samples) a channel, some sorting.
-void find_data_faults(const std::string& source, const std::vector<ChannelSamples>& piece,
-                      std::vector<Finding>& findings);
+void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings);
 
 }  // namespace graybox

@@ -231,9 +231,10 @@ void check_piece(const Campaign& campaign, const Experiment& experiment, const S
     const auto values = piece.values.col(static_cast<Index>(k));
     check_signal(fmt::format("{}: {}", experiment.name, channel.name), values, channel.range,
                  piece.first_sample, recording.findings);
-    samples.push_back({&channel, values, piece.time, piece.first_sample});
+    samples.push_back({experiment.files.at(channel.file).filename().string(), &channel, values,
+                       piece.time, piece.first_sample});
   }
-  if (recording.sound()) find_data_faults(experiment.name, samples, recording.findings);
+  if (recording.sound()) find_data_faults(samples, recording.findings);
   const auto size = static_cast<std::size_t>(piece.time.size());
   check_period(experiment, {piece.first_sample, piece.first_sample + size - 1}, recording);
 }
