@@ -270,7 +270,11 @@ int design_under_limit(const RobustArguments& arguments) {
         "--largest-share and --of-positions go together: at most this share of the experiments in "
         "this fraction of the positions");
   }
-  const ProjectedSet read = single_set(arguments);
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, "the information set");
+    return single_set(arguments);
+  }();
+  catch_interrupts();
   const InformationSet& set = read.set;
   const ConcentrationLimit limit =
       concentration_limit(*arguments.largest_share, *arguments.of_positions, set.candidate_count());

@@ -37,8 +37,9 @@ function(graybox_unity target)
     set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
   endforeach()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  # A class may hold what is private to its source file; in a group the compiler can't see that.
-  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+  # A class may hold what is private to its source file, and a local name may be one that another file
+  # keeps to itself; in a group the compiler can't see that.
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage -Wshadow=local)
   # Another grouping where names change: the build looks again by itself.
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/scripts/unity_groups)
 endfunction()

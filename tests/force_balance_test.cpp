@@ -24,11 +24,11 @@ namespace {
 namespace fs = std::filesystem;
 
 // A carriage moved along a sum of sines; the force is that of its mass, a law and noise.
-class ForceBalance : public testing::Test {
+class ForceBalance : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = fs::path(::testing::TempDir()) /
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::create_directories(folder_);
     std::ofstream(folder_ / "drive.yaml") << R"(format: graybox-rigid-robot/1
 gravity: [0, 0, -9.81]

@@ -63,6 +63,7 @@ TEST_F(StopCommand, CommandsOfSetsEndAtCtrlC) {
   expect_stopped("exact cube.h5 -M 12:40 --table table.csv");
   expect_stopped("check set.h5 design.json");
   expect_stopped("design criteria set.h5 --gap 1e-14");
+  expect_stopped("design robust set.h5 --largest-share 0.5 --of-positions 0.01 --gap 1e-14");
 }
 
 TEST_F(StopCommand, CommandsOfTheRobotEndAtCtrlC) {
@@ -72,6 +73,8 @@ TEST_F(StopCommand, CommandsOfTheRobotEndAtCtrlC) {
   expect_stopped("design sequential --repetitions 50");
   expect_stopped("design continuous --refined 10000000");
   expect_stopped("design spectrum");
+  expect_stopped("design verify --grid 500 --recordings 0 --repetitions 5000 -o responses");
+  expect_stopped("design verify --grid 500 --recordings 100 --repetitions 0 -o recordings");
   make("problem robot -o robot.h5");
   make("solve robot.h5 -o design.json");
   expect_stopped("design efficiency design.json --samples 2000 -o efficiency.csv");

@@ -389,11 +389,11 @@ TEST(SvgChart, LeavesOutWhatCanNotBeShown) {
   EXPECT_EQ(empty.find("inf"), std::string::npos);
 }
 
-class ExtendedModel : public testing::Test {
+class ExtendedModel : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
@@ -56,6 +57,13 @@ double centred_square(const Eigen::MatrixXd& values) {
 struct Column {
   std::size_t law = 0, parameter = 0;
 };
+
+// Every joint has friction and most sensors an offset; then come loads and coupled joints.
+int rank_of(std::string_view law, const CandidatePlace& place) {
+  const bool is_plain = law == "viscous" || law == "coulomb" || law == "offset";
+  if (is_plain) return place.is_compound ? 1 : 0;
+  return law == "payload" || law == "inertia" ? 1 : 2;
+}
 
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
@@ -164,6 +172,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
       channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
     }
+    add_held_out_errors(fit, channels);
     return channels;
   }
 
@@ -211,6 +220,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
 
+  void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
+    if (data_.validation.empty()) return;
+    const Eigen::MatrixXd rest = residuals(fit, data_.validation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double signal = centred_square(data_.validation.measured.col(j));
+      if (!(signal > 0.0)) continue;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse =
+          100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
+
   // With the laws' shapes as they are.
   [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
                                            std::span<const RefinedLaw> refined) const {
@@ -250,7 +270,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                .special_cases = special_cases_of(*entry, false),
                                .is_compound = place.is_compound,
                                .repeatable = entry->name == "ripple",
-                               .characteristic = characteristic_of(*entry, place)});
+                               .characteristic = characteristic_of(*entry, place),
+                               .rank = rank_of(entry->name, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }

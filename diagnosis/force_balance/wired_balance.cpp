@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "graybox/problems/array_index.hpp"
+
 namespace graybox {
 namespace {
 

@@ -46,6 +46,9 @@ struct Hypothesis {
   bool only_named = false;
   // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
   Characteristic characteristic = Characteristic::kNone;
+  // Laws of a lower rank are taken first, as many as are there: what every machine has before what
+  // few have.
+  int rank = 0;
 };
 
 struct LawParameterEstimate {
@@ -178,6 +181,8 @@ struct ChannelRest {
   double nrmse = 0.0;                 // 100 rms(rest) / std(signal), %
   double structure = 0.0;             // share that depends on the motion, 0 to 1
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
+  // Of recordings kept out of the fit; none where there are none.
+  std::optional<double> held_out_nrmse = {};
 };
 
 // The picture of a law: the force that the data ask for at a place, with its noise, against the

@@ -38,8 +38,8 @@ bool differs_between_positions(const CandidatePlace& place, std::size_t position
 // Elsewhere one turn or a good part of it in each recording is needed to tell a balancer from a
 // spring.
 std::vector<LawShape> balancer(const CandidatePlace& place, const MotionScale& scale) {
-  constexpr double kEnough = 0.3;  // rad
-  if (!place.shifts_rest && scale.range < kEnough) return {};
+  constexpr double kRangeToBeSeen = 0.3;  // rad
+  if (!place.shifts_rest && scale.range < kRangeToBeSeen) return {};
   return balancer_shapes({0.2, 0.5, 0.8}, {0.0, 0.4, 0.8}, 12);
 }
 

@@ -43,13 +43,13 @@ class Slice {
 
   // Both return how many candidates were read.
   std::size_t price_all(const double* dual) {
-    constexpr std::size_t kChunk = 4096;
+    constexpr std::size_t kPricedTogether = 4096;
     const std::size_t count = set_.candidate_count(), p = set_.packed_size();
-    const std::size_t chunks = (count + kChunk - 1) / kChunk;
+    const std::size_t chunks = (count + kPricedTogether - 1) / kPricedTogether;
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-      const std::size_t from = chunk * kChunk;
-      kernels().price(set_.data() + from * p, std::min(kChunk, count - from), p, dual,
+      const std::size_t from = chunk * kPricedTogether;
+      kernels().price(set_.data() + from * p, std::min(kPricedTogether, count - from), p, dual,
                       sensitivity_.data() + from);
     }
     choose_list();
@@ -106,8 +106,8 @@ class Slice {
   std::vector<double> list_sensitivity_;
 };
 
-// Rows for the start: one candidate of each of so many stretches of the slice, its share of
-// `wanted`, gathered on the first process.
+// Rows for the start: one candidate of each of so many stretches of the slice, its share of `wanted`,
+// gathered on the first process.
 std::vector<double> gather_sample(MPI_Comm communicator, const InformationSet& set,
                                   std::size_t first_index, std::size_t total, std::size_t wanted,
                                   Random& random) {
@@ -335,8 +335,8 @@ void publish(MPI_Comm communicator, DistributedDesign& design) {
   }
 }
 
-// The slice in coordinates where the mean of all candidates is the identity. Nothing where that
-// mean is singular even in extended precision.
+// The slice in coordinates where the mean of all candidates is the identity. Nothing where that mean is
+// singular even in extended precision.
 std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationSet& slice,
                                        int threads) {
   const std::size_t p = slice.packed_size(), count = slice.candidate_count();
