@@ -3,7 +3,8 @@
 #pragma once
 
 #include <cstddef>
-#include <fstream>
+#include <istream>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,6 +19,8 @@ namespace graybox {
 class LineReader {
  public:
   explicit LineReader(const std::string& path);
+  // Of a text that is in memory already; `path` is for messages.
+  LineReader(const std::string& path, std::string text);
 
   // The line is valid until the next call. Throws InputError if the file can't be read.
   bool next(std::string_view& line);
@@ -25,7 +28,7 @@ class LineReader {
 
  private:
   std::string path_;
-  std::ifstream stream_;
+  std::unique_ptr<std::istream> stream_;
   std::string text_;
   std::size_t number_ = 0;
 };
