@@ -267,7 +267,7 @@ TEST_F(RobotFiles, FixedLinksAreFoldedIn) {
   const RobotModel beyond = load(replaced(yaml_, "tip: flange", "tip: payload"), urdf);
   // A joint beside the chain is locked.
   const RobotModel locked =
-      load(yaml_, replaced(urdf, "\"mount\" type=\"fixed\"", "\"mount\" type=\"prismatic\""));
+      load(yaml_, replaced(urdf, "\"mount\" type=\"fixed\"", "\"mount\" type=\"continuous\""));
   for (const RobotModel* robot : {&beside, &beyond, &locked}) {
     const RigidBody body = robot->chain.rotations().back().body;
     EXPECT_NEAR(body.mass, plain.mass + 10.0, 1e-12);
