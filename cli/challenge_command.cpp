@@ -24,7 +24,7 @@ namespace {
 constexpr std::size_t kAllCases = 400;
 constexpr std::size_t kQuickCases = 40;
 
-// ---- make ----------------------------------------------------------------------------------------
+// ---- make ---------------------------------------------------------------------------------------
 
 struct MakeArguments {
   bench::MakeOptions options;
@@ -114,7 +114,7 @@ void add_make(CLI::App& app, Invocation& invocation) {
   command->callback([arguments, &invocation] { invocation.exit_code = make(*arguments); });
 }
 
-// ---- run -----------------------------------------------------------------------------------------
+// ---- run ----------------------------------------------------------------------------------------
 
 struct RunArguments {
   bench::RunOptions options;
@@ -199,7 +199,7 @@ void add_run(CLI::App& app, Invocation& invocation) {
   command->callback([arguments, &invocation] { invocation.exit_code = run(*arguments); });
 }
 
-// ---- score ---------------------------------------------------------------------------------------
+// ---- score --------------------------------------------------------------------------------------
 
 struct ScoreArguments {
   std::string cases, answers, truth, left_out, output, history;

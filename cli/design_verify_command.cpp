@@ -55,7 +55,7 @@ struct VerifyArguments {
 constexpr const char* kSingle = "best_single_position";
 constexpr const char* kRandom = "random_positions";
 
-// ---- the designs ---------------------------------------------------------------------------------
+// ---- the designs --------------------------------------------------------------------------------
 
 StudiedDesign design_of(const std::string& name, const PositionTable& positions,
                         const std::vector<std::int64_t>& counts) {
@@ -125,7 +125,7 @@ StudyDesigns make_designs(const VerifyArguments& arguments, const RobotModel& ro
   return result;
 }
 
-// ---- rows ------------------------------------------------------------------------------------------
+// ---- rows ---------------------------------------------------------------------------------------
 
 std::vector<double> packed(const Eigen::MatrixXd& symmetric) {
   const auto dimension = static_cast<std::size_t>(symmetric.rows());
@@ -244,7 +244,7 @@ std::vector<StudyTask> open_tasks(const VerifyArguments& arguments, const StudyD
   return tasks;
 }
 
-// ---- tables ----------------------------------------------------------------------------------------
+// ---- tables -------------------------------------------------------------------------------------
 
 std::string cells(const Interval& interval) {
   return fmt::format(",{:.6g},{:.6g},{:.6g}", interval.estimate, interval.lower, interval.upper);

@@ -91,9 +91,6 @@ std::string text_of(const SolveReport& report, std::size_t processes) {
                     report.counters.passes, report.counters.seconds, processes);
 }
 
-// What the failed write of fmt::print threw is told once, at the end.
-bool standard_output_failed() { return std::ferror(stdout) != 0; }
-
 // The first process alone.
 void hand_over(const MpiArguments& arguments, const InformationSet& members,
                const DistributedDesign& design, const SolveReport& report, std::size_t projected) {

@@ -14,17 +14,17 @@ namespace graybox::cli {
 
 enum class OnStop {
   kHandsOver,     // the work asks stop.hpp, and the command then hands over what it has
-  kLosesNothing,  // all that was done is on disk, or nothing would be handed over: where the work does
-                  // not end in time by itself, the program ends
+  kLosesNothing,  // all that was done is on disk, or nothing would be handed over: where the work
+                  // does not end in time by itself, the program ends
 };
 
 // From now on the first signal stops the work.
 void catch_interrupts(OnStop on_stop = OnStop::kHandsOver);
 [[nodiscard]] bool interrupted();
 
-// --time-limit, from here on, reading included. While the object lives nothing is there to hand over:
-// half a second after the limit the program ends with one line and exit code 1. What follows asks
-// stop.hpp. Infinity: no limit.
+// --time-limit, from here on, reading included. While the object lives nothing is there to hand
+// over: half a second after the limit the program ends with one line and exit code 1. What follows
+// asks stop.hpp. Infinity: no limit.
 class ReadingLimit {
  public:
   // `what` is being read. Throws InputError for a limit that is not positive.

@@ -50,9 +50,6 @@ int complain(const std::string& line) {
   return graybox::cli::kBadInput;
 }
 
-// What the failed write of fmt::print threw is told once, at the end.
-bool standard_output_failed() { return std::ferror(stdout) != 0; }
-
 int run(int argc, char** argv) {
   CLI::App app("Optimal experiment design for gray-box models, with a certificate.", "graybox");
   app.require_subcommand(1);
@@ -99,7 +96,7 @@ int run(int argc, char** argv) {
              " MB are there; use fewer candidates, samples or threads, or a machine with more");
     return graybox::cli::kShort;
   } catch (const std::exception& error) {
-    if (standard_output_failed()) return graybox::cli::kShort;
+    if (graybox::cli::standard_output_failed()) return graybox::cli::kShort;
     complain(std::string("internal error: ") + error.what());
     return graybox::cli::kShort;
   }

@@ -35,10 +35,12 @@ void start_up() {
   silence_hdf5();
 }
 
+bool standard_output_failed() { return std::ferror(stdout) != 0; }
+
 int finish(int exit_code, const char* program) {
   errno = 0;
   const bool flushed = std::fflush(stdout) == 0;
-  if (flushed && std::ferror(stdout) == 0) return exit_code;
+  if (flushed && !standard_output_failed()) return exit_code;
   std::fprintf(stderr, "%s: standard output can't be written: %s\n", program,
                errno != 0 ? std::strerror(errno) : "disk full?");
   return exit_code == kDone ? kShort : exit_code;

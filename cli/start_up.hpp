@@ -7,6 +7,9 @@ namespace graybox::cli {
 // past a file-size limit fail as a full disk does.
 void start_up();
 
+// Where it did, what the failed write threw is told once, by finish().
+[[nodiscard]] bool standard_output_failed();
+
 // The exit code in the end: kShort, with a line on stderr, where standard output did not take all.
 [[nodiscard]] int finish(int exit_code, const char* program = "graybox");
 

@@ -13,7 +13,7 @@ function(graybox_link_include_tree)
   endforeach()
 endfunction()
 
-# graybox_unity(target [--uses]): with GRAYBOX_UNITY, compiles the target's sources in groups
+# graybox_unity(target): with GRAYBOX_UNITY, compiles the target's sources in groups
 # (scripts/unity_groups), because reading the headers is most of the work. Kernels stay apart: they
 # are the same code for several processors. So does what has options of its own.
 function(graybox_unity target)
@@ -26,9 +26,9 @@ function(graybox_unity target)
   if(count LESS 2)
     return()
   endif()
+  set(grouping "${CMAKE_SOURCE_DIR}/scripts/unity_groups")
   execute_process(
-    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/scripts/unity_groups ${GRAYBOX_UNITY_SIZE} ${ARGN}
-      ${sources}
+    COMMAND ${Python3_EXECUTABLE} ${grouping} ${GRAYBOX_UNITY_SIZE} ${sources}
     WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
   string(REGEX MATCHALL "[^\n]+" groups "${groups}")
   foreach(line IN LISTS groups)
@@ -38,11 +38,11 @@ function(graybox_unity target)
     set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
   endforeach()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  # A class may hold what is private to its source file, and a local name may be one that another file
-  # keeps to itself; in a group the compiler can't see that.
-  target_compile_options(${target} PRIVATE -Wno-subobject-linkage -Wshadow=local)
-  # Another grouping where names change: the build looks again by itself.
-  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/scripts/unity_groups)
+  # A class may hold what is private to its source file; in a group the compiler can't see that.
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+  # Groups are made when CMake runs. Where a new name meets another of its group the compiler says
+  # so: run cmake again.
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${grouping})
 endfunction()
 
 # graybox_compile_options(target [UNSANITIZED]): UNSANITIZED links the sanitizers' runtime alone.
@@ -110,11 +110,10 @@ function(graybox_executable name)
   target_link_libraries(${name} PRIVATE ${arg_LINK})
   if(arg_UNSANITIZED)
     graybox_compile_options(${name} UNSANITIZED)
-    graybox_unity(${name} --uses)  # tests use many short names
   else()
     graybox_compile_options(${name})
-    graybox_unity(${name})
   endif()
+  graybox_unity(${name})
   # Whatever reads HDF5 or MAT files starts it.
   if(NOT name STREQUAL "graybox_reader" AND NOT GRAYBOX_FUZZ)
     add_dependencies(${name} graybox_reader)

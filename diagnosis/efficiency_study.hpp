@@ -5,11 +5,12 @@
 // Two depths of simulation:
 //   kResponses   frequency responses G_hat = G + eta, eta drawn from formula (12), which the fit
 //                knows (simulate_measurement());
-//   kRecordings  recordings in the time domain: multisine references, sampled controller, noise on the
-//                velocities, settled (simulation/closed_loop.hpp) on the exactly sampled local model;
-//                then a fit of the responses estimated from them (responses/) and, from there, of the
-//                spectral lines themselves (robot_line_fit.hpp), which is what one has in practice.
-//                Each experiment is one realisation of n_u sub-experiments with phases of its own.
+//   kRecordings  recordings in the time domain: multisine references, sampled controller, noise on
+//                the velocities, settled (simulation/closed_loop.hpp) on the exactly sampled local
+//                model; then a fit of the responses estimated from them (responses/) and, from
+//                there, of the spectral lines themselves (robot_line_fit.hpp), which is what one
+//                has in practice. Each experiment is one realisation of n_u sub-experiments with
+//                phases of its own.
 //
 // Predicted covariance. For responses H^-1, H = sum_i m_i H_i. For recordings H_i is that of (12)
 // at the excited lines with the amplitude of the multisine, times P for P periods, and kappa

@@ -6,8 +6,9 @@
 //
 // so that, exactly for every n > d,
 //
-//   determinant   (det Sigma / det C)^(1/d): det S / det(Sigma H) ~ product of independent chi-squares
-//                 with n-1, ..., n-d degrees of freedom (Muirhead 1982, theorem 3.2.15);
+//   determinant   (det Sigma / det C)^(1/d): det S / det(Sigma H) ~ product of independent
+//                 chi-squares with n-1, ..., n-d degrees of freedom (Muirhead 1982, theorem
+//                 3.2.15);
 //   trace         tr(H Sigma) / d: tr S ~ chi-square with d (n-1) where Sigma is proportional to C;
 //   variances     Sigma_pp / C_pp: each sample variance is chi-square with n-1;
 //   eigenvalues   of S / (n-1): where Sigma = C, those of Wishart_d(n-1, I) / (n-1);

@@ -10,13 +10,13 @@
 //   vec(dG_p)^H Lambda^-1 vec(dG_q) = w^2 |h|^2 k_p k_q (l_p^H Phi_v^-1 l_q) (l_p^H [U U^H]^T l_q),
 //   [U U^H]^T = rho conj(s) s^T,   s = (G + F^-1)^-1 e_a,   t_p = l_p^T s:
 //
-//   rho H_{i,w,a},   H_{i,w,a} = 2 w^2 |h|^2 k_p k_q Re[ (l_p^H Phi_v^-1 l_q) conj(t_p) t_q ].    (1)
+//   rho H_{i,w,a},   H_{i,w,a} = 2 w^2 |h|^2 k_p k_q Re[ (l_p^H Phi_v^-1 l_q) conj(t_p) t_q ].  (1)
 //
 // (Lambda itself is infinite for one axis alone: what one reference tells of G is its product with
 // one direction. Its inverse, the information, is finite.) U U^H is linear in R R^H, so a reference
 // with R R^H = sum_a rho_a e_a e_a^T at each frequency (axes excited in turn or uncorrelated) has
 //
-//   H_i(rho) = sum_{w,a} rho_{w,a} H_{i,w,a},                                                     (2)
+//   H_i(rho) = sum_{w,a} rho_{w,a} H_{i,w,a},                                                   (2)
 //
 // and rho_{w,a} = Phi_r / n_y gives the H_i of robot_information.hpp back.
 //
@@ -25,7 +25,7 @@
 // whole is sum_i tau_i sum_{w,a} rho_{i,w,a} H_{i,w,a}; more power never hurts, so the limit is
 // reached, and with
 //
-//   lambda_{i,w,a} = tau_i rho_{i,w,a} / P_i >= 0:    sum lambda = 1,                              (3)
+//   lambda_{i,w,a} = tau_i rho_{i,w,a} / P_i >= 0:    sum lambda = 1,                           (3)
 //   M = sum lambda_{i,w,a} (P_i H_{i,w,a}),
 //
 // the joint design is (9) with the matrices P_i H_{i,w,a}. Conversely tau_i = sum_{w,a}

@@ -4,7 +4,8 @@
 //
 //   flat                 equal weights within a block, D-optimal mixture of blocks
 //   blocks_first         the blocks of `flat`, then D-optimal over all candidates of these
-//   two_step             D-optimal within each block alone, then D-optimal mixture (two_step_design)
+//   two_step             D-optimal within each block alone, then D-optimal mixture
+//                        (two_step_design)
 //   joint                D-optimal over all candidates
 //   joint, limited       the same with at most a share of the weight in any block (block_limited)
 //

@@ -2,7 +2,7 @@
 // into B blocks, no block gets more than the share c of the weight,
 //
 //   maximise  log det M(lambda)   subject to   lambda in L = { lambda >= 0,  sum_i lambda_i = 1,
-//                                              sum_{i in block b} lambda_i <= c for every b }.   (1)
+//                                             sum_{i in block b} lambda_i <= c for every b }.   (1)
 //
 // Bound. For any lambda' in L, by the concavity of log det and of the logarithm,
 //

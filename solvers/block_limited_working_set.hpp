@@ -2,7 +2,8 @@
 // restricted to some dozens or hundreds of candidates, by a primal-dual interior point: the inner
 // problem of block_limited_column_generation.
 //
-//   minimise  -log det M(lambda)   subject to   1^T lambda = 1,   E lambda + s = c 1,   lambda, s >= 0,
+//   minimise  -log det M(lambda)   subject to   1^T lambda = 1,   E lambda + s = c 1,
+//   lambda, s >= 0,
 //
 // E the incidence matrix of the blocks that occur. With multipliers nu, kappa_b >= 0 (of the
 // limits) and z_i >= 0 (of lambda_i >= 0) the optimality conditions are

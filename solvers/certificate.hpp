@@ -28,15 +28,15 @@
 //          of 1/g_k with g_k(M) = 1/(k^T M^-1 k) = min {x^T M x : k^T x = 1}, a minimum of linear
 //          functions; the harmonic sum of concave positive functions is concave. The efficiency is
 //          phi(M*) / phi(M): gap 0.01 says that phi is at most 1 % above the best.
-//   Ds     S = M_ss - M_sn M_nn^-1 M_ns is concave in the Loewner order (x^T S x is the minimum over y
-//          of the quadratic form of M at (x, y)) and det^(1/s) is concave and increasing. By the
-//          Schur determinant log det S = log det M - log det M_nn, whence G; s tr(G H_i) is w_i. The
-//          log det gap is s log(1 + gap).
+//   Ds     S = M_ss - M_sn M_nn^-1 M_ns is concave in the Loewner order (x^T S x is the minimum
+//          over y of the quadratic form of M at (x, y)) and det^(1/s) is concave and increasing. By
+//          the Schur determinant log det S = log det M - log det M_nn, whence G; s tr(G H_i) is
+//          w_i. The log det gap is s log(1 + gap).
 //   E      lambda_min(M) = min {tr(E M) : E >= 0, tr E = 1}: (a) holds for any such E, that is
 //          lambda_min(M*) <= max_i tr(E H_i). E is the design's dual_matrix, made positive
 //          semidefinite and of trace one here (dual_repair says by how much), or where it has none
-//          that of the best design, which is looked for (criterion_column_generation.hpp). A wrong E
-//          can only loosen the bound.
+//          that of the best design, which is looked for (criterion_column_generation.hpp). A wrong
+//          E can only loosen the bound.
 //
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
 // to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).

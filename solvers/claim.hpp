@@ -4,7 +4,8 @@
 // M + E with |E_ab| <= (d + 1) u sqrt(M_aa M_bb) to first order (Higham 2002, theorem 10.3), so
 // that sensitivities are relatively wrong by about
 //
-//   gap_rounding = 2 d u s,   s = sum_a M_aa (M^-1)_aa   (the trace of the inverse of M scaled to unit
+//   gap_rounding = 2 d u s,   s = sum_a M_aa (M^-1)_aa
+//   (the trace of the inverse of M scaled to unit
 //                                                         diagonal, d for a diagonal M),
 //
 // an estimate, not a bound: the checker alone proves. A solver stops a little below the gap asked,

@@ -2,8 +2,8 @@
 // interior point whose matrix is A A^T + diag(f)^2. A is n x m, row i being column i of the
 // least-squares matrix J = [A^T; diag(f)]; f > 0, so that J has full rank whatever A is.
 //
-//   normal equations   Cholesky of A A^T + diag(f)^2: n^2 m / 2 + n^3 / 6 multiply-adds. Errors grow
-//                      with the square of the condition of J.
+//   normal equations   Cholesky of A A^T + diag(f)^2: n^2 m / 2 + n^3 / 6 multiply-adds. Errors
+//                      grow with the square of the condition of J.
 //   orthogonal         Householder QR of J, its rows sorted by size (Cox and Higham 1998):
 //                      n^2 (m + 2n/3) multiply-adds. Errors grow with the condition of J.
 #pragma once

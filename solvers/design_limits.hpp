@@ -1,7 +1,8 @@
 // DesignLimits: the limits that a design was made under, so that its file can say so and the
 // checker hold it to them. One kind at a time, criterion D:
 //
-//   concentration   no more than the share alpha in any r candidates (robust/concentration_limit.hpp)
+//   concentration   no more than the share alpha in any r candidates
+//                   (robust/concentration_limit.hpp)
 //   block share     no more than the share c in any block of consecutive candidates, all blocks of
 //                   one size (block_limited_certificate.hpp)
 //

@@ -33,7 +33,8 @@
 //             in the form of augmented_system.hpp.
 //
 // Predictor and corrector as in Mehrotra 1992. Start: lambda_i = 1/Q, where M = I, and W = I; nu =
-// 1.1 max tr B_i, s = nu - tr B_i: feasible, and all of (a) but the last holds. Every lambda > 0 gives a design whose true gap is evaluated
+// 1.1 max tr B_i, s = nu - tr B_i: feasible,
+// and all of (a) but the last holds. Every lambda > 0 gives a design whose true gap is evaluated
 // each iteration and ends the run; nothing relies on W. 8 to 20 iterations.
 #pragma once
 

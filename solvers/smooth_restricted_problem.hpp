@@ -12,11 +12,12 @@
 // In the frame X^, D of criterion_frame.hpp and with B_i = X^ H_i X^^T, w_i = tr(G H_i) = sum_a D_a
 // (B_i)_aa and
 //
-//   gradient  1 - w_i,     Hessian  S_ij = sum_ab Omega_ab (B_i)_ab (B_j)_ab   [- w_i w_j for A, L],
+//   gradient  1 - w_i,    Hessian  S_ij = sum_ab Omega_ab (B_i)_ab (B_j)_ab   [- w_i w_j for A, L],
 //
-//   A, L   Omega_ab = D_a + D_b: the second derivative of tr C is 2 tr(M^-1 K K^T M^-1 H_i M^-1 H_j);
-//   Ds     Omega_ab = max(D_a, D_b): tr(B_i B_j)/s, less the same for the block of B beside the range
-//          of P, whose determinant is what log det M has more than log det C^-1.
+//   A, L   Omega_ab = D_a + D_b: the second derivative of tr C is 2 tr(M^-1 K K^T M^-1 H_i M^-1
+//          H_j);
+//   Ds     Omega_ab = max(D_a, D_b): tr(B_i B_j)/s, less the same for the block of B beside the
+//          range of P, whose determinant is what log det M has more than log det C^-1.
 //
 // S lambda = w, since sum_i lambda_i B_i = I, so the model in the new weights mu is, as for D
 // (working_set.hpp),  minimise mu^T S mu / 2 - (2 w - 1)^T mu,  mu >= 0: nonnegative_quadratic.hpp.

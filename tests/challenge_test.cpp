@@ -77,7 +77,7 @@ Motion slide(const Law& law, double rate) {
       law, [&](double t) { return rate * t; }, [&](double) { return rate; }, 0.5, 1e-5);
 }
 
-// ---- hidden laws ---------------------------------------------------------------------------------
+// ---- hidden laws --------------------------------------------------------------------------------
 
 TEST(HiddenLaws, CoverTheCatalogueInItsOwnTerms) {
   for (const LawEntry& entry : law_catalogue()) {
@@ -206,7 +206,7 @@ TEST(HiddenLaws, FrictionTakesEnergyAndSpringsKeepIt) {
   }
 }
 
-// ---- detectability -------------------------------------------------------------------------------
+// ---- detectability ------------------------------------------------------------------------------
 
 // On r = J x + effect + noise the lack of fit after least squares is chi-square with the
 // non-centrality that left_over() says.
@@ -313,7 +313,7 @@ TEST(ChallengeComposition, AddsNothingToWhatIsFitted) {
   }
 }
 
-// ---- composition and draws -----------------------------------------------------------------------
+// ---- composition and draws ----------------------------------------------------------------------
 
 TEST(ChallengeComposition, HasTheSharesPromised) {
   const auto outlines = compose_challenge(400, 11);
@@ -371,7 +371,7 @@ TEST(ChallengeDraw, DependsOnTheSeedAloneAndIsDetectable) {
   EXPECT_EQ(to_json(truth_from_json(to_json(truth), "file")), to_json(truth));
 }
 
-// ---- seal and cases ------------------------------------------------------------------------------
+// ---- seal and cases -----------------------------------------------------------------------------
 
 HiddenEffect effect_of(const std::string& place, const std::string& law, double value) {
   HiddenEffect effect{place, law};
@@ -438,7 +438,7 @@ TEST(Seal, SeedOfACommitIsItsSha256) {
   EXPECT_EQ(seed_of_commit("abc"), 0xba7816bf8f01cfeaULL);
 }
 
-// ---- scoring -------------------------------------------------------------------------------------
+// ---- scoring ------------------------------------------------------------------------------------
 
 TEST(Score, OnlyWholeRunsEnterTheHistory) {
   const testing::TemporaryFolder folder;

@@ -292,7 +292,7 @@ TEST_F(CommandLine, AGapBelowRoundingIsANumericalFailureNotAWrongClaim) {
   }
 }
 
-// ---- sets that are nearly semidefinite -----------------------------------------------------------
+// ---- sets that are nearly semidefinite ----------------------------------------------------------
 
 // Lower triangles of v v^T for a few vectors, in single precision: eigenvalues of about -1e-8.
 std::string single_precision_set(double sign = 1.0) {

@@ -77,7 +77,7 @@ class DamagedFiles : public CommandRunner {
   }
 };
 
-// ---- HDF5 and MAT --------------------------------------------------------------------------------
+// ---- HDF5 and MAT -------------------------------------------------------------------------------
 
 // Finding C1. Two of these crash libhdf5 1.10, two send it into an endless loop, and one lets it
 // print a page on its way out.
@@ -211,7 +211,7 @@ TEST_F(DamagedFiles, RobotsWhoseJointsFormALoopAreRefused) {
   expect_refused_soon("problem robot --model robot.yaml -o s.h5", "the joints form a loop");
 }
 
-// ---- links that lead nowhere ---------------------------------------------------------------------
+// ---- links that lead nowhere --------------------------------------------------------------------
 
 // Finding C3.
 TEST_F(DamagedFiles, LoopsOfLinksAreBadInputForEveryReader) {
@@ -237,7 +237,7 @@ TEST_F(DamagedFiles, LoopsOfLinksAreBadInputForEveryReader) {
   expect_refused_soon("recordings .", "l.csv");
 }
 
-// ---- CSV -----------------------------------------------------------------------------------------
+// ---- CSV ----------------------------------------------------------------------------------------
 
 InformationSet read_table(const TemporaryFolder& folder, const std::string& text) {
   write_text(folder.file("set.csv"), text);
@@ -294,7 +294,7 @@ TEST(CsvHeader, ThatContradictsItselfIsRefused) {
   refused("H_1_1", "1 columns are named, but a line has 3 numbers");
 }
 
-// ---- recordings ----------------------------------------------------------------------------------
+// ---- recordings ---------------------------------------------------------------------------------
 
 // Finding C7.
 TEST_F(DamagedFiles, OneWildSampleIsNamedWithFileChannelRowAndTime) {

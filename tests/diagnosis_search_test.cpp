@@ -87,9 +87,6 @@ class RegressionProblem : public MismatchProblem {
     further_information_[index_of(law)] = information;
   }
 
-  void rank_last(const std::string& law) {
-    for (Hypothesis& hypothesis : hypotheses_) hypothesis.rank = hypothesis.law == law ? 1 : 0;
-  }
   void describe(const std::string& law, Characteristic characteristic) {
     hypotheses_[index_of(law)].characteristic = characteristic;
   }
@@ -369,18 +366,6 @@ TEST(DiagnosisSearch, GivesUpWhereNoLawExplainsEnough) {
 }
 
 // Five effects where the search takes four: none of them is said to be better than its rivals.
-// Two laws that are nearly one: the same recordings name whichever comes first.
-TEST(DiagnosisSearch, TakesLawsOfALowerRankFirst) {
-  RegressionProblem problem;
-  const Eigen::VectorXd effect = scaled_effect(problem, "step", 30.0);
-  for (const auto& [first, last] :
-       {std::pair("step", "slanted_step"), std::pair("slanted_step", "step")}) {
-    problem.rank_last(last);
-    const Diagnosis diagnosis = diagnose_effect(problem, effect, 79);
-    ASSERT_EQ(diagnosis.effects.size(), 1U);
-    EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of(first));
-  }
-}
 TEST(DiagnosisSearch, WeighsNoRivalsOfLawsThatLeaveMoreThanNoise) {
   RegressionProblem problem;
   Eigen::VectorXd effect = Eigen::VectorXd::Zero(kSamples);
@@ -1061,7 +1046,7 @@ TEST(DiagnosisSearch, DoesNotSayNoneWhereItWasStopped) {
   EXPECT_EQ(stopped.verdict, Verdict::kUnknown);
 }
 
-// Of the laws whose size can't be negative, noise gives about half a negative one: they were looked
+// Noise gives about half of the laws whose size can't be negative a negative one: they were looked
 // for all the same.
 TEST(DiagnosisSearch, ASignThatALawCanNotHaveHidesNothing) {
   RegressionProblem problem;

@@ -409,8 +409,8 @@ TEST_F(ElementFiles, PayloadAndInertiaAreBuiltIntoTheRobot) {
   EXPECT_NEAR(with.mass_matrix(q)(9, 9) - before.mass_matrix(q)(9, 9), 3.0, 1e-9);
 }
 
-// Of all values of its parameters none makes what others make as well, but for those that are said
-// to set the scale of others: a fit that moves both finds no end.
+// No values of a law's parameters make what other values make as well, but for parameters that are
+// said to set the scale of others: a fit that moves both finds no end.
 TEST(LawCatalogue, OnlyDeclaredParametersSetTheScaleOfOthers) {
   for (const LawEntry& entry : all_laws()) {
     if (!entry.make) continue;

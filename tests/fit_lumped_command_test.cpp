@@ -114,7 +114,7 @@ TEST_F(FitLumped, TellsDivergenceAndWhatIsNotSeenByItsExitCode) {
   EXPECT_TRUE(fit["parameters"][1]["standard_error"].is_null());
 }
 
-// ---- real recordings -------------------------------------------------------------------------------
+// ---- real recordings ----------------------------------------------------------------------------
 
 class RealAxes : public FitLumped {
  protected:

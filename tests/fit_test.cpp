@@ -39,7 +39,7 @@ bool mentions(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// ---- identifiability -------------------------------------------------------------------------------
+// ---- identifiability ----------------------------------------------------------------------------
 
 const std::vector<std::string> kNames{"shaft", "belt", "mount"};
 
@@ -147,7 +147,7 @@ TEST(Identifiability, RefusesWhatDoesNotFit) {
                InputError);
 }
 
-// ---- the report ------------------------------------------------------------------------------------
+// ---- the report ---------------------------------------------------------------------------------
 
 TEST(FitReport, WritesWhatIsKnownAndNullForTheRest) {
   FitReport report;
@@ -183,7 +183,7 @@ TEST(FitReport, WritesWhatIsKnownAndNullForTheRest) {
   EXPECT_TRUE(mentions(text, "warning: not determined: belt")) << text;
 }
 
-// ---- covariances against predictions ---------------------------------------------------------------
+// ---- covariances against predictions ------------------------------------------------------------
 
 // Estimates that are normal with this covariance.
 MatrixXd estimates_of(Eigen::Index count, const VectorXd& theta, const MatrixXd& covariance,
@@ -283,7 +283,7 @@ TEST(EstimatorStatistics, RefusesWhatHasNoCovariance) {
   EXPECT_THROW((void)share_of(1, 0), InputError);
 }
 
-// ---- simulated campaigns ---------------------------------------------------------------------------
+// ---- simulated campaigns ------------------------------------------------------------------------
 
 // One position, as long as the study records. Noise makes the inputs, by way of the controller;
 // taken for excitation it would promise errors up to 30 % smaller here. Free motion costs what the

@@ -31,7 +31,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// ---- preprocessing -------------------------------------------------------------------------------
+// ---- preprocessing ------------------------------------------------------------------------------
 
 const std::string kHead = R"(format: graybox-campaign/1
 sample_time: 0.001
@@ -211,7 +211,7 @@ TEST_F(LogReading, WrongStepsAreRefusedInOneLine) {
   refused("[{kind: advance, of: [q], time: 100}]", "longer than a piece");
 }
 
-// ---- JSON records and gzip -----------------------------------------------------------------------
+// ---- JSON records and gzip ----------------------------------------------------------------------
 
 void write_gzip(const std::string& path, const std::string& text) {
   gzFile file = gzopen(path.c_str(), "wb");
@@ -284,7 +284,7 @@ TEST_F(LogReading, GzippedTextsAreReadAsTheyAre) {
   fails("x.mat.gz", packed, "unknown ending '.mat.gz'");
 }
 
-// ---- pairs of one motion -------------------------------------------------------------------------
+// ---- pairs of one motion ------------------------------------------------------------------------
 
 struct Motion {
   VectorXd time, position, velocity;

@@ -118,7 +118,7 @@ void record(const LumpedModel& model, OutputErrorData& data, double noise, std::
   }
 }
 
-// ---- inputs between samples ------------------------------------------------------------------------
+// ---- inputs between samples ---------------------------------------------------------------------
 
 TEST(NodeInputs, FollowTheirHold) {
   Eigen::MatrixXd values(4, 1);
@@ -183,7 +183,7 @@ TEST(NodeInputs, DelayedHoldsKeepTheirMoments) {
   }
 }
 
-// ---- trajectories ----------------------------------------------------------------------------------
+// ---- trajectories -------------------------------------------------------------------------------
 
 // A linear oscillator under a held step: the closed form, at any number of steps.
 TEST(Trajectory, IsExactForLinearModels) {
@@ -412,7 +412,7 @@ TEST(Trajectory, ImposedMotionTakesTheForceOfItsElements) {
       1e-12);
 }
 
-// ---- sensors that come late or pick up other signals -----------------------------------------------
+// ---- sensors that come late or pick up other signals --------------------------------------------
 
 // Two readings of one imposed angle, the second late, with what a measured torque adds to it.
 std::string two_encoders(double time, double gain) {
@@ -490,7 +490,7 @@ TEST(OutputErrorFit, FindsTheSkewOfTwoEncodersAndTheComplianceBetweenThem) {
   EXPECT_LE(fit.validation.deviation(0), fit.validation.rms(0));
 }
 
-// ---- fits ------------------------------------------------------------------------------------------
+// ---- fits ---------------------------------------------------------------------------------------
 
 // Sizes off by orders of magnitude: linear ones come to their optimum at once, and others stay.
 TEST(LinearStart, FindsTheSizesOfLawsUnderImposedMotion) {

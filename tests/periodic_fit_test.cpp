@@ -287,8 +287,8 @@ TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
   }
 }
 
-// Of five positions the three that have the most information of all choices of three, or nearly; of
-// few all.
+// The three of five positions that have the most information of all choices of three, or nearly;
+// all where there are few.
 TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
   const RecordedArm arm(
       "[1.0]", "[[20, 30, 40], [21, 30, 40], [22, 31, 40], [-60, 80, -70], [0, -40, 90]]", {});

@@ -224,8 +224,8 @@ PeriodicMotion motion_of_three_tones(double size) {
   return motion;
 }
 
-// Of a force that remembers as well: against the force of a motion that is a little larger and
-// later.
+// The tangents are compared with the force of a motion that is a little larger and later, also
+// where the force remembers.
 TEST(PeriodicLaw, TangentsAreThoseOfDifferences) {
   struct Example {
     const char* law;

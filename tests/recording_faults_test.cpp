@@ -55,7 +55,7 @@ double deviation_of(const VectorXd& values) {
   return std::sqrt((values.array() - values.mean()).square().mean());
 }
 
-// ---- each by itself ------------------------------------------------------------------------------
+// ---- each by itself -----------------------------------------------------------------------------
 
 TEST(SampleStatistics, MediansAndQuantilesAreThoseOfTheSortedValues) {
   const std::vector<double> numbers = {3, 1, 2, 9, 5, 4, 8};
@@ -195,7 +195,7 @@ TEST(DataFaults, SayWhereHowSureWhatElseAndWhatMendsThem) {
       << finding.mend;
 }
 
-// ---- all channels of the real recordings ---------------------------------------------------------
+// ---- all channels of the real recordings --------------------------------------------------------
 
 class RecordingFaultRates : public ::testing::Test {
  protected:

@@ -167,7 +167,7 @@ TEST_F(RecordingFormats, UnknownEndingsAreRefused) {
   expect_refused("run.xlsx", "unknown ending '.xlsx'; known: .csv");
 }
 
-// ---- real recordings -----------------------------------------------------------------------------
+// ---- real recordings ----------------------------------------------------------------------------
 
 Campaign real_campaign(const std::string& name) {
   return read_campaign(GRAYBOX_SOURCE_DIR "/diagnosis/campaigns/" + name + ".yaml");

@@ -80,7 +80,7 @@ class Recordings : public testing::CommandRunner {
   }
 };
 
-// ---- the campaign file ---------------------------------------------------------------------------
+// ---- the campaign file --------------------------------------------------------------------------
 
 TEST_F(Recordings, AreReadAndConverted) {
   const Campaign campaign = read_campaign(folder_.file(""));
@@ -160,7 +160,7 @@ experiments: [{file: "${GRAYBOX_TEST_DATA}/a.csv"}]
   EXPECT_EQ(load_experiment(read_campaign(logs_.file("elsewhere.yaml")), 0).samples, 200U);
 }
 
-// ---- faults of the data --------------------------------------------------------------------------
+// ---- faults of the data -------------------------------------------------------------------------
 
 TEST_F(Recordings, WrongColumnNamesAreNamedWithThoseThereAre) {
   write_campaign("unit: rpm", "unit: rpm, column: speed");
@@ -285,7 +285,7 @@ TEST_F(Recordings, TimesAreUsedOrIgnoredAsTheCampaignSays) {
   expect_refused("recordings .", "there is no column 't'; there are: time, u, y");
 }
 
-// ---- time axes -----------------------------------------------------------------------------------
+// ---- time axes ----------------------------------------------------------------------------------
 
 Eigen::VectorXd even_times(Eigen::Index count) {
   return Eigen::VectorXd::LinSpaced(count, 0.0, 0.001 * static_cast<double>(count - 1));
@@ -347,7 +347,7 @@ TEST(TimeAxis, ContradictionsWithTheSampleTimeAreErrors) {
   EXPECT_EQ(found(times, std::nullopt).at(0).severity, Severity::kError);
 }
 
-// ---- clipping ------------------------------------------------------------------------------------
+// ---- clipping -----------------------------------------------------------------------------------
 
 TEST(ClippedSamples, AreFoundAndQuantisedOrSwitchingSignalsAreNot) {
   const Eigen::ArrayXd t = Eigen::ArrayXd::LinSpaced(2000, 0.0, 40.0);
@@ -360,7 +360,7 @@ TEST(ClippedSamples, AreFoundAndQuantisedOrSwitchingSignalsAreNot) {
   EXPECT_EQ(clipped_samples(Eigen::VectorXd::Constant(100, 3.0)), 0U);
 }
 
-// ---- preprocessing -------------------------------------------------------------------------------
+// ---- preprocessing ------------------------------------------------------------------------------
 
 Eigen::VectorXd cosine(double frequency, Eigen::Index count) {
   const auto last = static_cast<double>(count - 1);
@@ -544,7 +544,7 @@ TEST(Units, AreConsistent) {
   EXPECT_EQ(find_unit("furlong"), nullptr);
 }
 
-// ---- the command ---------------------------------------------------------------------------------
+// ---- the command --------------------------------------------------------------------------------
 
 TEST_F(Recordings, CommandSummarisesAndTellsUsableFromUnusable) {
   const Outcome good = graybox("recordings . -o summary.json");

@@ -561,8 +561,8 @@ joints:
                           "the joint at this place in arm.urdf is 'shoulder'");
 }
 
-// A lift that carries one link: its force is (m1 + m2) (q'' + g), and the arm's weight acts with its
-// lever; the head beside them is locked and carried, too.
+// A lift that carries one link: its force is (m1 + m2) (q'' + g), and the arm's weight acts with
+// its lever; the head beside them is locked and carried, too.
 TEST_F(RigidRobot, ReadsPrismaticJointsFromAUrdfAndLocksThoseBesideTheChain) {
   testing::write_text(folder_.file("lift.urdf"), R"(<robot name="lift">
   <link name="base"/>
@@ -604,7 +604,7 @@ joints:
   EXPECT_NEAR(forces(1), 2.0 * 0.5 * (3.0 + 9.81), 1e-9);
 }
 
-// ---- real recordings -----------------------------------------------------------------------------
+// ---- real recordings ----------------------------------------------------------------------------
 
 class RealRobots : public ::testing::Test {
  protected:

@@ -23,7 +23,7 @@ void shuffle(std::vector<Value>& values, Random& random) {
   for (std::size_t k = values.size(); k > 1; --k) std::swap(values[k - 1], values[random.below(k)]);
 }
 
-// ---- composition ---------------------------------------------------------------------------------
+// ---- composition --------------------------------------------------------------------------------
 
 // Whole numbers that sum to `total` in these proportions (largest remainders).
 std::vector<std::size_t> apportion(std::size_t total, const std::vector<double>& shares) {
@@ -141,7 +141,7 @@ bool fits(const HiddenLaw& law, const ChallengePlace& place) {
   return law.use != LawUse::kInertia || (place.location.takes_inertia && !place.inertia_is_fitted);
 }
 
-// ---- the size of an effect -----------------------------------------------------------------------
+// ---- the size of an effect ----------------------------------------------------------------------
 
 struct SizeSearch {
   const CaseSystem& system;

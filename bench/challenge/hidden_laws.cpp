@@ -27,7 +27,7 @@ class SimulatedLaw : public Law {
   }
 };
 
-// ---- springs -------------------------------------------------------------------------------------
+// ---- springs ------------------------------------------------------------------------------------
 
 // A law of the deflection (or signal) alone.
 template <typename Function>
@@ -98,7 +98,7 @@ std::shared_ptr<const Law> spring_balancer(Parameters p) {
   });
 }
 
-// ---- friction ------------------------------------------------------------------------------------
+// ---- friction -----------------------------------------------------------------------------------
 
 std::shared_ptr<const Law> damper(Parameters p) {
   return static_law([d = p[0]](double, double rate) { return d * rate; });
@@ -224,7 +224,7 @@ std::shared_ptr<const Law> loaded_friction(Parameters p) {
   return friction({.level = p[1], .static_level = p[1], .stiffness = p[2], .load_level = p[0]});
 }
 
-// ---- memory --------------------------------------------------------------------------------------
+// ---- memory -------------------------------------------------------------------------------------
 
 // Dahl's law for the force itself: dF/dt = s (z' - |z'| F / F_c).
 class PreslidingForce final : public SimulatedLaw {
@@ -310,7 +310,7 @@ class Absorber final : public SimulatedLaw {
   double inertia_, stiffness_, damping_;
 };
 
-// ---- signals -------------------------------------------------------------------------------------
+// ---- signals ------------------------------------------------------------------------------------
 
 std::shared_ptr<const Law> rounded_saturation(Parameters p) {
   return static_law([limit = p[0], corner = p[1]](double s, double) {
@@ -340,7 +340,7 @@ class FirstOrderLag final : public SimulatedLaw {
   double rate_;
 };
 
-// ---- what the catalogue lacks --------------------------------------------------------------------
+// ---- what the catalogue lacks -------------------------------------------------------------------
 
 // A stop beyond a clearance that loses energy at impact (Hunt and Crossley 1975): on penetration p,
 // k p (1 + d p'), never pulling.
@@ -379,7 +379,7 @@ std::shared_ptr<const Law> make(Parameters p) {
   return std::make_shared<const Kind>(p);
 }
 
-// ---- the list ------------------------------------------------------------------------------------
+// ---- the list -----------------------------------------------------------------------------------
 
 using Shape = std::span<const double>;
 

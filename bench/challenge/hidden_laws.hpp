@@ -3,8 +3,9 @@
 // diagnosis is not asked to recover its own formulas:
 //
 //   play, dead zones, saturations   corners rounded as by elastic contact: |x| is sqrt(x^2 + c^2)
-//   dry friction                    a sign rounded as by a lubricant's film; bristles before sliding are
-//                                   laws of their own (Dahl, LuGre), also in the catalogue
+//   dry friction                    a sign rounded as by a lubricant's film; bristles before
+//                                   sliding are laws of their own (Dahl, LuGre), also in the
+//                                   catalogue
 //   friction outside the catalogue  LuGre's bristles, with a level that varies
 //   hardening springs, ripple       a small higher term on top
 //   Dahl, Bouc-Wen                  with the force or the share of the yield force as state

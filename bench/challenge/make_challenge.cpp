@@ -57,7 +57,7 @@ void write_case_recording(const CaseSystem& system, const Recording& recording,
   write_recording(file, system.plan().sample_time, channels);
 }
 
-// ---- campaign.yaml: numbers of fixed width, so that its size tells nothing ------------------------
+// ---- campaign.yaml: numbers of fixed width, so that its size tells nothing ----------------------
 
 void append_channels(std::string& text, const std::vector<std::string>& names,
                      const std::vector<std::string>& units, const char* is) {
@@ -110,7 +110,7 @@ std::string campaign_text(const CaseSystem& system) {
   return text;
 }
 
-// ---- folders -------------------------------------------------------------------------------------
+// ---- folders ------------------------------------------------------------------------------------
 
 void make_folder(const fs::path& folder) {
   std::error_code error;
@@ -180,7 +180,7 @@ CaseTruth read_truth(const fs::path& file) {
   return truth_from_json(json, file.string());
 }
 
-// ---- the two rounds: truths, then recordings -----------------------------------------------------
+// ---- the two rounds: truths, then recordings ----------------------------------------------------
 
 class Rounds {
  public:

@@ -51,7 +51,7 @@ struct Interval {
 // (p + z^2/2n +- z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n), z = 1.96 (97.5 %); [0, 1] for n = 0.
 [[nodiscard]] Interval wilson_interval(const Rate& rate);
 
-// ---- answers -------------------------------------------------------------------------------------
+// ---- answers ------------------------------------------------------------------------------------
 
 struct AnsweredParameter {
   double value = 0.0, standard_error = 0.0;
@@ -73,7 +73,7 @@ struct Answer {
 // Of one case's folder of answers. Throws InputError for a verdict.json that is no verdict.
 [[nodiscard]] Answer read_answer(const std::filesystem::path& folder);
 
-// ---- one case ------------------------------------------------------------------------------------
+// ---- one case -----------------------------------------------------------------------------------
 
 struct ScoredCase {
   CaseTruth truth;
@@ -91,7 +91,7 @@ struct ScoredCase {
 };
 [[nodiscard]] ScoredCase score_case(const CaseTruth& truth, const Answer& answer);
 
-// ---- all -----------------------------------------------------------------------------------------
+// ---- all ----------------------------------------------------------------------------------------
 
 struct Score {
   ChallengeOrigin origin;

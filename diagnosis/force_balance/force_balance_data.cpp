@@ -14,8 +14,8 @@ namespace graybox {
 namespace {
 
 constexpr Eigen::Index kFewestSamples = 50;
-// Of the estimation data. Samples closer than residuals forget each other say little more, but laws
-// with memory take their time for each.
+// So many samples of the estimation data are used at most. Samples closer than residuals forget
+// each other say little more, but laws with memory take their time for each.
 constexpr Eigen::Index kMostSamples = 6000;
 // What is left of a column after projection on the others, below which these data can't tell it
 // from them.
@@ -120,7 +120,7 @@ void keep_base_parameters(const TorqueColumns& columns, ForceBalanceData& data) 
   keep(base.columns, data.validation.model);
 }
 
-// ---- places ---------------------------------------------------------------------------------------
+// ---- places -------------------------------------------------------------------------------------
 
 PlaceUnits units_of(const RobotJoint& joint) {
   return joint.is_prismatic ? PlaceUnits{"N", "m", "kg"} : PlaceUnits{"N m", "rad", "kg m^2"};

@@ -58,8 +58,8 @@ struct ForceBalanceData {
   std::vector<Motion> recorded;      // for estimation, every sample
 };
 
-// Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can
-// tell apart. Throws InputError as force_balance_problem does.
+// Reads the model of a rigid robot (graybox-rigid-robot/1) and its recordings. Base parameters are
+// those that the estimation data can tell apart. Throws InputError as force_balance_problem does.
 [[nodiscard]] ForceBalanceData load_force_balance_data(
     const std::filesystem::path& model, const Campaign& campaign,
     std::span<const std::filesystem::path> place_files = {});

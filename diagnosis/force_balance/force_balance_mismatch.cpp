@@ -640,7 +640,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   std::vector<MotionScale> scales_;  // of each place
 };
 
-// ---- scores ---------------------------------------------------------------------------------------
+// ---- scores -------------------------------------------------------------------------------------
 
 // Root mean squares by coordinate.
 Eigen::VectorXd rms_of(const Eigen::MatrixXd& residuals) {

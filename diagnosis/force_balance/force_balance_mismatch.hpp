@@ -1,7 +1,8 @@
 // Large motions of a rigid robot (graybox-rigid-robot/1), or of any drive whose motion and force
 // are both measured, as the search for missing physics sees them (mismatch_problem.hpp):
 //
-//   N^T u = known(q, q', q'') + W(q, q', q'') p + sum of b_out f(z, z', x; parameters),   z = b_in^T q
+//   N^T u = known(q, q', q'') + W(q, q', q'') p + sum of b_out f(z, z', x; parameters),
+//   z = b_in^T q
 //
 // The force of each place is balanced directly, so a hypothesis is more columns beside W: no
 // simulation, no start values, and the picture of a law is the residual at its place.

@@ -2,22 +2,26 @@
 // themselves must tell (channel_faults.hpp has those of flexible models, whose responses are
 // known). Four questions:
 //
-//   0. Do positions or velocities jump as counters do that wrap (wrap_faults.hpp)? Then only that is said.
-//   1. Are recorded velocities and accelerations those of the recorded positions (rate_faults.hpp)? Where they are not
-//      only that is said.
-//   2. Would the force balance (wired_balance.hpp) fit if wires were others? Every exchange of two joints' forces or
-//      motions or both, every other sign of these, forces in thousandths or on the gear's other side, and angles in
-//      degrees or radians are tried. A fault is claimed where undoing it brings the mean relative error of the joints
-//      where it shows from 0.1 or more to at most 0.6 of what it was (0.4 where forces and motions are exchanged) and
-//      below 0.6, the sum over all joints down, and lets no joint gain energy by friction (3). The best is undone, then
-//      the next is looked for; others of its joints that do about as well are named with it: "one of". With a factor of a
-//      force the error of some joint must be half of that with factors 30 times larger and smaller: a force that
-//      outweighs all others keeps the masses that they share to itself. Angles that turn more than twice may be degrees,
-//      and others radians where degrees are stated.
-//   3. Does a joint move against the force that drives it? Then what friction takes, by that fit, is negative, by more than
-//      3 jackknife errors (tenths of the recordings left out), and so is its inertia, or the other sign makes the error a
-//      fifth smaller. A missing spring may make the inertia negative, a late force the friction; a stiff spring and a
-//      late force together may look like a wrong sign. Joints that share motors are passed over.
+//   0. Do positions or velocities jump as counters do that wrap (wrap_faults.hpp)? Then only that
+//      is said.
+//   1. Are recorded velocities and accelerations those of the recorded positions (rate_faults.hpp)?
+//      Where they are not only that is said.
+//   2. Would the force balance (wired_balance.hpp) fit if wires were others? Every exchange of two
+//      joints' forces or motions or both, every other sign of these, forces in thousandths or on
+//      the gear's other side, and angles in degrees or radians are tried. A fault is claimed where
+//      undoing it brings the mean relative error of the joints where it shows from 0.1 or more to
+//      at most 0.6 of what it was (0.4 where forces and motions are exchanged) and below 0.6, the
+//      sum over all joints down, and lets no joint gain energy by friction (3). The best is undone,
+//      then the next is looked for; others of its joints that do about as well are named with it:
+//      "one of". With a factor of a force the error of some joint must be half of that with factors
+//      30 times larger and smaller: a force that outweighs all others keeps the masses that they
+//      share to itself. Angles that turn more than twice may be degrees, and others radians where
+//      degrees are stated.
+//   3. Does a joint move against the force that drives it? Then what friction takes, by that fit,
+//      is negative, by more than 3 jackknife errors (tenths of the recordings left out), and so is
+//      its inertia, or the other sign makes the error a fifth smaller. A missing spring may make
+//      the inertia negative, a late force the friction; a stiff spring and a late force together
+//      may look like a wrong sign. Joints that share motors are passed over.
 //
 // Masses that are not known take what they can of a fault. What changes no more than their values
 // can't be found: a unit of all forces, or the mirror image of an upright axis. With one joint the

@@ -35,8 +35,8 @@ struct LawShape {
   // The law's parameters at given amplitudes, within their ranges; empty where none are possible
   // (a friction that drives).
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
-  // Of the score statistic, where shapes are compared: of one that leaves a parameter at its
-  // physical value.
+  // Added to the score statistic where shapes are compared: a shape that leaves a parameter at its
+  // physical value is preferred by so much.
   double head_start = 0.0;
   [[nodiscard]] bool allows(const Eigen::VectorXd& amplitudes) const {
     return !parameters(amplitudes).empty();
@@ -55,8 +55,8 @@ struct LawShape {
                                                     const std::vector<double>& free_lengths,
                                                     int angles);
 
-// Of laws with a force, and inertia. Empty where there was no motion that could show the law, and
-// for laws of several parameters that have no shapes.
+// The shapes to try for a law with a force, or for inertia. The list is empty where no motion could
+// show the law, and for laws of several parameters that have no shapes.
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                                const MotionScale& scale);
 

@@ -46,9 +46,6 @@ struct Hypothesis {
   bool only_named = false;
   // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
   Characteristic characteristic = Characteristic::kNone;
-  // Laws of a lower rank are taken first, as many as are there: what every machine has before what
-  // few have.
-  int rank = 0;
 };
 
 struct LawParameterEstimate {
@@ -56,8 +53,8 @@ struct LawParameterEstimate {
   std::string unit;
   double value = 0.0;
   double standard_error = 0.0;  // NaN where the data do not see it
-  // Of a size that recordings tell only for a given scale (LawParameter::is_relative), where that
-  // stays as it is.
+  // The standard error of a size that recordings tell only for a given scale
+  // (LawParameter::is_relative), where that scale stays as it is.
   double conditional_error = std::numeric_limits<double>::quiet_NaN();
   bool sets_scale = false;  // stated, as LawParameter's
 };
@@ -104,8 +101,8 @@ struct HeldOutPrediction {
   // What the errors of the fitted parameters do to these recordings counted as noise: recordings
   // that see a parameter better than those of the fit do differ by it.
   Assessment within_errors;
-  // -2 log of their density given the recordings of the fit, up to a constant that all fits of the problem share; none
-  // where the noise is not known.
+  // -2 log of their density given the recordings of the fit, up to a constant that all fits of the
+  // problem share; none where the noise is not known.
   std::optional<double> cost;
 };
 
@@ -181,7 +178,7 @@ struct ChannelRest {
   double nrmse = 0.0;                 // 100 rms(rest) / std(signal), %
   double structure = 0.0;             // share that depends on the motion, 0 to 1
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
-  // Of recordings kept out of the fit; none where there are none.
+  // The same as nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
 };
 

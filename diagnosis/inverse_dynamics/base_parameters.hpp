@@ -47,8 +47,8 @@ struct BaseParameters {
 [[nodiscard]] QuantityKind base_parameter_kind(const std::string& name, const std::string& unit,
                                                const std::vector<std::string>& relations);
 
-// Of the model: at random positions, velocities and accelerations, the same each time. What no
-// motion whatever can tell apart.
+// The base parameters of the model, found at random positions, velocities and accelerations, the
+// same each time. They regroup what no motion whatever can tell apart.
 [[nodiscard]] BaseParameters structural_base_parameters(TorqueColumns& columns,
                                                         Eigen::Index joints);
 

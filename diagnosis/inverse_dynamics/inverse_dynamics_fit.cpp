@@ -24,7 +24,7 @@ constexpr int kMaxRounds = 20;            // of weights and refinement in turn
 constexpr double kRoundTolerance = 1e-6;  // relative change of the refined values
 constexpr double kSlopeStep = 1e-5;       // relative, for the covariance of refined values
 
-// ---- rows ----------------------------------------------------------------------------------------
+// ---- rows ---------------------------------------------------------------------------------------
 
 std::vector<const MotionRecord*> with_role(const std::vector<MotionRecord>& records,
                                            ExperimentRole role) {
@@ -135,7 +135,7 @@ void keep_columns(const std::vector<Index>& columns, TorqueRows& rows) {
   rows.columns = rows.columns(Eigen::all, columns).eval();
 }
 
-// ---- what can be seen ----------------------------------------------------------------------------
+// ---- what can be seen ---------------------------------------------------------------------------
 
 // Columns that the fit estimates, with their names after regrouping.
 struct SeenColumns {
@@ -198,7 +198,7 @@ SeenColumns seen_columns(const RigidRobotModel& robot,
   return result;
 }
 
-// ---- refinement ----------------------------------------------------------------------------------
+// ---- refinement ---------------------------------------------------------------------------------
 
 Eigen::VectorXd refined_values(const RigidRobotModel& robot) {
   Eigen::VectorXd values(static_cast<Index>(robot.refined.size()));

@@ -5,9 +5,9 @@
 //   2. base parameters of the model (base_parameters.hpp), then of these data: what the recorded
 //      motion can't tell apart is regrouped too and named in `unseen`
 //   3. weighted least squares, noise of each joint estimated (weighted_regression.hpp); parameters
-//      listed under `refine`, in which the torque is not linear, by variable projection: the residual
-//      of the linear fit as a function of them alone (Golub and Pereyra 1973), minimised by Ceres from
-//      the values in the model file
+//      listed under `refine`, in which the torque is not linear, by variable projection: the
+//      residual of the linear fit as a function of them alone (Golub and Pereyra 1973), minimised
+//      by Ceres from the values in the model file
 //   4. the covariance of all of them together, from W and the slopes of W p
 //   5. errors of every record, also of those the fit did not see
 //

@@ -3,9 +3,9 @@
 //
 //   zero          u(t) = u_k within sample k
 //   first         straight from u_k to u_(k+1)
-//   band_limited  the sinc series, cut off after 24 samples either side by a Kaiser window (beta = 8):
-//                 gain within 1e-4 of one up to 0.9 of the Nyquist frequency. Beyond the ends the
-//                 record goes on as its odd reflection.
+//   band_limited  the sinc series, cut off after 24 samples either side by a Kaiser window (beta =
+//                 8): gain within 1e-4 of one up to 0.9 of the Nyquist frequency. Beyond the ends
+//                 the record goes on as its odd reflection.
 //
 // Delays shift the input: u(t - tau). A held input then jumps within a step, and its three values
 // are those of the parabola with the same integrals against 1, t and t^2, so that what a smooth

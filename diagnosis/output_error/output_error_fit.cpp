@@ -33,7 +33,7 @@ Initial initial_states(const OutputErrorProblem& problem, std::span<const Stretc
   return initial;
 }
 
-// ---- starts ---------------------------------------------------------------------------------------
+// ---- starts -------------------------------------------------------------------------------------
 
 // Every value off by a factor up to `spread` either way; zeros stay.
 Eigen::VectorXd random_start(const OutputErrorProblem& problem, const OutputErrorOptions& options,
@@ -65,7 +65,7 @@ std::vector<OutputErrorStart> all_starts(const OutputErrorProblem& problem,
   return starts;
 }
 
-// ---- the way down ---------------------------------------------------------------------------------
+// ---- the way down -------------------------------------------------------------------------------
 
 bool has_law_states(const LumpedModel& model) {
   return std::ranges::any_of(model.parts, [](const Element& part) {
@@ -226,7 +226,7 @@ class Search {
   int iterations_ = 0;
 };
 
-// ---- scores ---------------------------------------------------------------------------------------
+// ---- scores -------------------------------------------------------------------------------------
 
 class ScoreSum {
  public:
@@ -325,7 +325,7 @@ void score(const OutputErrorProblem& problem, const OutputErrorOptions& options,
   }
 }
 
-// ---- the result -----------------------------------------------------------------------------------
+// ---- the result ---------------------------------------------------------------------------------
 
 void check(const OutputErrorProblem& problem) {
   if (problem.free_parameters().empty()) {

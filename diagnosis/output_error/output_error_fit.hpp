@@ -11,19 +11,19 @@
 //
 // Getting there. A free run forgives no bad start: a wrong resonance leaves one period behind, a
 // wrong friction lets an axis drift away. Therefore
-//   1. the equation error (equation_error.hpp), where all masses are measured, gives starts from the
-//      data alone; the model's own values and values off by up to `start_spread` either way are
+//   1. the equation error (equation_error.hpp), where all masses are measured, gives starts from
+//      the data alone; the model's own values and values off by up to `start_spread` either way are
 //      further ones; where all motion is imposed, the parameters that are linear there go to their
 //      optimum first (linear_start.hpp);
-//   2. the starts with the least error over short windows, each from its own initial state (multiple
-//      shooting without its constraints), are fitted to these windows;
+//   2. the starts with the least error over short windows, each from its own initial state
+//      (multiple shooting without its constraints), are fitted to these windows;
 //   3. the best go on to whole recordings; where a whole run still diverges, over longer windows.
 //
 // Covariance. With J the whitened derivatives less what initial states explain, and r the
 // residuals,
 //   white   (J^T J)^-1, times the residual's variance if sigma is not stated
-//   robust  (J^T J)^-1 V (J^T J)^-1, V = sum_l w_l sum_t J_t^T r_t r_(t+l)^T J_(t+l): the sandwich of
-//           Newey and West (Econometrica 55, 1987), Bartlett weights w_l, lags by the rule of
+//   robust  (J^T J)^-1 V (J^T J)^-1, V = sum_l w_l sum_t J_t^T r_t r_(t+l)^T J_(t+l): the sandwich
+//           of Newey and West (Econometrica 55, 1987), Bartlett weights w_l, lags by the rule of
 //           Andrews (Econometrica 59, 1991, (6.2) and (6.4)), scores whitened first (Andrews and
 //           Monahan, Econometrica 60, 1992).
 // Residuals of real recordings are not white: the robust one is what is reported. From three

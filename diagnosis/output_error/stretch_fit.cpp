@@ -50,8 +50,9 @@ struct ParameterTransform {
 
 // Simulates all stretches once for each point that Ceres looks at.
 //
-// Ceres eliminates the initial states in the order of their addresses, and the order of its sums decides
-// the last digits. So they lie in one array: apart, each run of a program might order them differently.
+// Ceres eliminates the initial states in the order of their addresses, and the order of its sums
+// decides the last digits. So they lie in one array: apart, each run of a program might order them
+// differently.
 class SharedSimulation final : public ceres::EvaluationCallback {
  public:
   SharedSimulation(const OutputErrorProblem& problem, std::span<const StretchOf> stretches,

@@ -271,7 +271,8 @@ MatrixXd NoiseDraws::products(const MatrixXcd& whitened) const {
 
 // The variance of J^H W e over what it is taken for, J^H W J, with W = (q - n) S^-1 as estimated
 // from q samples of n outputs (noise_whitening.hpp): (J^H W W J) / (J^H W J) is, whatever J,
-//   (q - n) / g_(q-n+1) (1 + g_(n-1) / g_(q-n+2)),   g_m independent, of the gamma distribution with mean m,
+//   (q - n) / g_(q-n+1) (1 + g_(n-1) / g_(q-n+2)),
+//   g_m independent, of the gamma distribution with mean m,
 // by S^-1's partition into J and the rest: the first factor, of mean one, is what is left of S
 // along J, the second the squared slope of J on the other outputs.
 void NoiseDraws::scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {

@@ -4,7 +4,8 @@
 // The free motion of a record (transients.hpp) is known with an error of covariance I^-1. What that
 // error does to the whitened outputs, m (over outputs and lines), adds to their unit covariance:
 //
-//   Cov = 1 + m I^-1 m^T = 1 + Q diag(v) Q^T,   Q orthonormal, a column or two for each mode in the band.
+//   Cov = 1 + m I^-1 m^T = 1 + Q diag(v) Q^T,
+//   Q orthonormal, a column or two for each mode in the band.
 //
 // Near a sharp mode v is about one: neighbouring lines and all outputs err together. Tests and fits
 // that take lines for independent see structure in that which is none, up to 30 in chi-square for

@@ -34,9 +34,9 @@ namespace graybox {
                                                const PeriodicFitOptions& options);
 
 // A strong law leaves a model without it far off, its parameters with it. Three steps lead to both:
-//   1. any force may act at the law's place (PeriodicFitOptions::freed), so that nothing is left for the other
-//      parameters to take, and no law needs to be known: where this does not come near, no law at that place
-//      alone explains the data;
+//   1. any force may act at the law's place (PeriodicFitOptions::freed), so that nothing is left
+//      for the other parameters to take, and no law needs to be known: where this does not come
+//      near, no law at that place alone explains the data;
 //   2. the law, and the parameters that such a force imitates, from that force and the motion there
 //      (place_force_fit.hpp; of signals the law as it is given);
 //   3. all together, through the shares above.

@@ -37,10 +37,12 @@ namespace graybox {
 // Chi-square of residuals that were whitened with estimated covariances, over its degrees of
 // freedom, scatters more than a chi-square variable does: it is about one over these degrees of
 // freedom instead, of which its variance is that of
-//   chi^2 = sum_k sum_r e^H W_k e,   W = (q - n) S^-1,   S a complex Wishart matrix of n outputs and q samples,
+//   chi^2 = sum_k sum_r e^H W_k e,   W = (q - n) S^-1,
+//   S a complex Wishart matrix of n outputs and q samples,
 // with E W = 1, the same for all records of a group at line k. By its moments (Shaman, J.
 // Multivariate Anal. 10, 1980)
-//   Var = sum_groups 2 N a + 2 N^2 b / (2 n m),   N numbers, m complex degrees of freedom in the group,
+//   Var = sum_groups 2 N a + 2 N^2 b / (2 n m),
+//   N numbers, m complex degrees of freedom in the group,
 //   a = E tr W^2 / n = q (q - n) / ((q - n)^2 - 1),   b = (q / n) Var tr W = q^2 / ((q - n)^2 - 1),
 // a, b -> 1 for many samples, which is Fisher's F. `degrees_of_freedom`: of the records' numbers,
 // those of the fitted parameters taken off. The same where the noise is stated.

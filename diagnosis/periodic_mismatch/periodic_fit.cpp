@@ -78,8 +78,8 @@ constexpr int kSmallSteps = 4;
 constexpr int kStepsAtLeast = 10;
 constexpr std::size_t kRecentSteps = 5;
 
-// Of Levenberg and Marquardt's steps, by the share of the predicted gain that was found (Nielsen
-// 1999).
+// The damping of Levenberg and Marquardt's steps follows the share of the predicted gain that was
+// found (Nielsen 1999).
 struct Damping {
   double value = kFirstDamping;
   double failed = 0.0;  // the most with which a step led up since one led on
@@ -448,8 +448,8 @@ class PeriodicFitter {
     return imitated;
   }
 
-  // Of parameters that act as forces at the freed place nothing but rounding is left, or little
-  // where laws couple lines: they stay as they are.
+  // Parameters that act as forces at the freed place stay as they are: nothing but rounding is left
+  // of them, or little where laws couple lines.
   static void hold_unseen(const std::vector<RecordSums>& sums, Evaluation& result) {
     constexpr double kLeft = 1e-8;
     VectorXd left = VectorXd::Zero(result.gradient.size()), seen = left;

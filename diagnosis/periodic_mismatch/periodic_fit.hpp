@@ -46,8 +46,8 @@ struct PeriodicFit {
   bool has_steady_state =
       false;  // under the laws (rms over the recordings); a fit without one has not converged
   int iterations = 0;
-  // Of the model's parameters those that a force at the freed place imitates (springs and dampers
-  // beside it), which stay as they were; empty if no place is freed.
+  // The model's parameters that a force at the freed place imitates (springs and dampers beside
+  // it). They stay as they were. Empty if no place is freed.
   std::vector<bool> imitated{};
 };
 

@@ -26,7 +26,7 @@ MatrixXcd controller_inverse(const PiController& controller, double w, double sa
   return controller_response(controller, w, sample_time).cwiseInverse().asDiagonal();
 }
 
-// ---- robots --------------------------------------------------------------------------------------
+// ---- robots -------------------------------------------------------------------------------------
 
 class RobotOwnForce : public OwnForce {
  public:
@@ -284,7 +284,7 @@ class LocalRobotFamily : public RobotFamily {
   }
 };
 
-// ---- lumped models -------------------------------------------------------------------------------
+// ---- lumped models ------------------------------------------------------------------------------
 
 class LumpedFamily : public PlantFamily {
  public:
@@ -419,8 +419,8 @@ class LumpedFamily : public PlantFamily {
     if (derivative.stiffness.size() > 0) fixed_.stiffness += parameter.value * derivative.stiffness;
   }
 
-  // Of masses that no spring holds the control holds those whose velocity it controls by the force
-  // on them, whatever other forces act. (Where it acts elsewhere, the mean of other forces moves
+  // Masses that no spring holds may be held by the control: those whose velocity it controls by the
+  // force on them, whatever other forces act. (Where it acts elsewhere, the mean of other forces moves
   // them.) Without it they stand where their sensors of position say, as they are: laws of the
   // model at sensors don't change the mean.
   void list_held() {

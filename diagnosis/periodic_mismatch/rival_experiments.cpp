@@ -28,9 +28,9 @@ constexpr std::array<double, 3> kLevelFactors{0.5, 1.0, 2.0};
 constexpr int kThirds = 3;
 constexpr std::size_t kTemplates = 2;
 
-// Of steady states, in whitened rms: explanations are one system where they differ by a fiftieth
-// over all lines of all recordings (diagnosis_search.hpp), which what fits are content with would
-// hide.
+// The tolerance of steady states, in whitened rms. Explanations are one system where they differ by
+// a fiftieth over all lines of all recordings (diagnosis_search.hpp); the tolerance of fits would
+// hide that.
 constexpr double kTolerance = 1e-4;
 
 // Excited lines from `first` to `last`; the whole band, then its thirds.

@@ -7,7 +7,8 @@
 // sampling folds them back: A = sum over m != 0 of h(w_m) (S_0 + j w_m S_1) D(w_m)^-1 B. Above all
 // modes, with (j w)^-1 = s,
 //
-//   D^-1 = s^2 (a_1 + a_2 s + a_3 s^2 + ...),   M a_1 = I,   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
+//   D^-1 = s^2 (a_1 + a_2 s + a_3 s^2 + ...),   M a_1 = I,
+//   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
 //
 // which converges where |w_m| is above the plant's fastest pole. Images that are not well above it
 // are taken as they are, of the others six terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m

@@ -44,7 +44,7 @@ SteadyStateSolver::SteadyStateSolver(const PlantFamily& family, const PeriodicDa
       static_cast<double>(data.period) * data.sample_time / static_cast<double>(transform_.grid());
 }
 
-// ---- the equation --------------------------------------------------------------------------------
+// ---- the equation -------------------------------------------------------------------------------
 
 void SteadyStateSolver::list_laws(const ModelState& model) {
   force_laws_.clear();
@@ -624,7 +624,7 @@ void SteadyStateSolver::filter_images(const PeriodicLaw& law, Index channel) {
   }
 }
 
-// ---- laws ------------------------------------------------------------------------------------------
+// ---- laws ---------------------------------------------------------------------------------------
 
 void SteadyStateSolver::motion_of(const VectorXcd& deflection, PeriodicMotion& motion) {
   motion.step = static_cast<double>(data_.period) * data_.sample_time /

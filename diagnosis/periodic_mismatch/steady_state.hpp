@@ -1,7 +1,8 @@
 // The steady state of a model with laws under the recorded inputs, line by line: what the recording
 // would be if the model were true.
 //
-//   q(k) = D^-1 [h B u + f_own - sum_l b_out,l F_l],   F_l = law(z_l),  z_l = b_in,l^T (q_rest + q),
+//   q(k) = D^-1 [h B u + f_own - sum_l b_out,l F_l],
+//   F_l = law(z_l),  z_l = b_in,l^T (q_rest + q),
 //   y(k) = (S_0 + j w S_1) q + A u + laws of the sensors,   u with the laws of the actuators.
 //
 // Inputs are taken as recorded, whatever feedback made of them, so that Y - y is the plant's own

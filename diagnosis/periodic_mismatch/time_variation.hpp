@@ -53,7 +53,7 @@ struct VariationScore {
   std::vector<double> course;  // s at equal steps through the record
 };
 
-// Of all places of the family but couplings, sums and differences of places and the flange, over
+// Tests all places of the family but couplings, sums and differences of places and the flange, over
 // all records that were freed of free motion; empty without any. Not seen: what changes from record
 // to record only, and, but for its edges, what changes as fast as the period or faster.
 // Results do not depend on the threads.

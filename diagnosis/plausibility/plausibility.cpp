@@ -239,10 +239,10 @@ class Examination {
         is_sure);
   }
 
-  // ---- laws along the motion ----------------------------------------------------------------------
+  // ---- laws along the motion --------------------------------------------------------------------
 
-  // Of all laws at one place together: dry friction may well fall with speed by a negative viscous
-  // part.
+  // All laws at one place count together: dry friction may well fall with speed by a negative
+  // viscous part.
   struct PlacePower {
     std::string place, names;
     std::vector<double> power;
@@ -327,7 +327,7 @@ class Examination {
            (of_first + of_second).norm() < kCancelled * std::min(norm_1, norm_2);
   }
 
-  // ---- what the data do not tell ------------------------------------------------------------------
+  // ---- what the data do not tell ----------------------------------------------------------------
 
   void examine_directions() {
     for (const UnseenDirection& unseen : physics_.unseen) {

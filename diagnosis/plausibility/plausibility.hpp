@@ -2,23 +2,30 @@
 // have told.
 //
 // Rules, one function each. z is a value over its standard error.
-//   sign        mass, inertia, stiffness, damping or friction below zero (with what the model states there) by
-//               `sign_errors` standard errors
-//   zero        of these, one that is smaller than its error (so also a zero of the search with an error), or negative
-//               without any: not determined
-//   bound       a value at a bound of the search, or `runaway` times its start or more away from it; damping and friction
-//               may vanish
-//   size        a friction level or force that exceeds three times what the channel ever carried, by three errors
-//   threshold   a gap, clearance or velocity that the recorded motion never reached, by three errors where there is one
-//   energy      unless the sizes of its laws leave it open: a passive law that gives out more than 2 % of the energy fed in at its place. The conservative part is left
-//               out; of the rest, f z' >= 0 at each sample, and in sum for a law with memory. Laws of one place count together
-//   pair        two laws whose forces cancel: correlation below -0.95 and a sum of less than a fifth of each
-//   homogeneous a direction that the data do not see in which all parameters change by the same share
-//   poor input  two parameters that the data see in one combination only, or with errors correlated by more than 0.9995
-//               and relative errors above a fifth each
-//   body        a body that can't exist: its pseudo-inertia [tr(I)/2 1 - I, m c; (m c)^T, m] is not positive definite
-//               (Wensing, Kim and Slotine, IEEE Robotics and Automation Letters 3, 2018), or the principal moments about its
-//               centre of mass break the triangle inequalities
+//   sign        mass, inertia, stiffness, damping or friction below zero (with what the model
+//               states there) by `sign_errors` standard errors
+//   zero        of these, one that is smaller than its error (so also a zero of the search with an
+//               error), or negative without any: not determined
+//   bound       a value at a bound of the search, or `runaway` times its start or more away from
+//               it; damping and friction may vanish
+//   size        a friction level or force that exceeds three times what the channel ever carried,
+//               by three errors
+//   threshold   a gap, clearance or velocity that the recorded motion never reached, by three
+//               errors where there is one
+//   energy      unless the sizes of its laws leave it open: a passive law that gives out more than
+//               2 % of the energy fed in at its place. The conservative part is left out; of the
+//               rest, f z' >= 0 at each sample, and in sum for a law with memory. Laws of one place
+//               count together
+//   pair        two laws whose forces cancel: correlation below -0.95 and a sum of less than a
+//               fifth of each
+//   homogeneous a direction that the data do not see in which all parameters change by the same
+//               share
+//   poor input  two parameters that the data see in one combination only, or with errors correlated
+//               by more than 0.9995 and relative errors above a fifth each
+//   body        a body that can't exist: its pseudo-inertia [tr(I)/2 1 - I, m c; (m c)^T, m] is not
+//               positive definite (Wensing, Kim and Slotine, IEEE Robotics and Automation Letters
+//               3, 2018), or the principal moments about its centre of mass break the triangle
+//               inequalities
 // Each says which parameter, by how many standard errors, and what such a thing usually means.
 //
 //   for (const Implausibility& flaw : implausibilities(physics)) fmt::print("{}\n", flaw.words);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <numbers>
 #include <set>
 #include <string_view>
 
@@ -34,7 +35,7 @@ std::size_t index_in(const YamlField& field) {
   return static_cast<std::size_t>(value);
 }
 
-// ---- channels ------------------------------------------------------------------------------------
+// ---- channels -----------------------------------------------------------------------------------
 
 // gain: {value: 0.12, unit: N m/A}: what one recorded unit is worth.
 void apply_gain(const YamlField& field, Channel& channel) {
@@ -104,7 +105,7 @@ void read_noise(const YamlField& field, std::vector<Channel>& channels) {
   }
 }
 
-// ---- experiments ---------------------------------------------------------------------------------
+// ---- experiments --------------------------------------------------------------------------------
 
 // "${NAME}/x" with the environment's value of NAME.
 std::string expanded(const YamlField& field) {
@@ -221,7 +222,7 @@ Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   return experiment;
 }
 
-// ---- the whole -----------------------------------------------------------------------------------
+// ---- the whole ----------------------------------------------------------------------------------
 
 void read_time(const YamlField& root, Campaign& campaign) {
   const YamlField sample_time = root.at("sample_time");
@@ -250,6 +251,10 @@ InputHold hold_in(const YamlField& field) {
 }
 
 }  // namespace
+
+double Channel::turn() const {
+  return unit == "rad" ? 2.0 * std::numbers::pi / std::abs(factor) : 0.0;
+}
 
 const char* name_of(ChannelRole role) {
   switch (role) {

@@ -44,6 +44,9 @@ struct Channel {
   std::string file;                                // key of the experiment's `files`, or empty
   std::optional<std::pair<double, double>> range;  // of the sensor or actuator, recorded unit
   double noise = 0.0;                              // standard deviation in `unit`; 0: not known
+
+  // A whole turn in the recorded unit; 0 of what has no turns.
+  [[nodiscard]] double turn() const;
 };
 
 struct TimeColumn {

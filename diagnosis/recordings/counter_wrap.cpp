@@ -33,7 +33,7 @@ std::optional<CounterWrap> wrap_of(const Eigen::VectorXd& steps, double period,
     largest = std::max(largest, std::abs(mended(k)));
     first = std::min(first, k);
   }
-  // Of the mended signal: its steps where it does not wrap, at least one count.
+  // The usual steps of the mended signal, where it does not wrap; not zero at standstill.
   const double usual = kOthers * std::max(quantile(others, 0.99), 1e-9 * period);
   if (largest > kMended * period || largest > usual) return {};
   const double strength = kMended * period / std::max(largest, 1e-3 * period);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
@@ -26,19 +25,15 @@ constexpr double kStuckTime = 0.05;  // s
 // One line: where, what, how sure, what else, what to write.
 Finding finding_of(const ChannelSamples& samples, Index row, const char* check, double strength,
                    const std::string& what, std::string otherwise, std::string mend) {
+  const std::string& name = samples.channel->name;
   const double time = samples.time(row);
-  std::string message = fmt::format(
-      "{}: {}: row {} ({:g} s) {}; {:.2g} times the threshold; could also be {}; {}", samples.file,
-      samples.channel->name, samples.first_sample + static_cast<std::size_t>(row) + 1, time, what,
-      strength, otherwise, mend);
-  return {.severity = Severity::kWarning,
-          .check = check,
-          .message = std::move(message),
-          .channel = samples.channel->name,
-          .time = time,
-          .strength = strength,
-          .otherwise = std::move(otherwise),
-          .mend = std::move(mend)};
+  Finding finding =
+      data_fault(check, name,
+                 fmt::format("{}: {}: row {} ({:g} s) {};", samples.file, name,
+                             samples.first_sample + static_cast<std::size_t>(row) + 1, time, what),
+                 strength, std::move(otherwise), std::move(mend));
+  finding.time = time;
+  return finding;
 }
 
 // Segments of the piece without rows first to last.
@@ -54,7 +49,7 @@ std::string segments_without(const ChannelSamples& samples, Index first, Index l
   return text + "]";
 }
 
-// ---- spikes --------------------------------------------------------------------------------------
+// ---- spikes -------------------------------------------------------------------------------------
 
 // A range that all other samples keep and these do not, or segments without the first.
 std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spikes) {
@@ -92,7 +87,7 @@ void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings) {
                                 "a knock or an impact", spike_mend(samples, rows)));
 }
 
-// ---- stuck sensors -------------------------------------------------------------------------------
+// ---- stuck sensors ------------------------------------------------------------------------------
 
 std::string others_meanwhile(const std::vector<ChannelSamples>& piece,
                              const ChannelSamples& samples, const StuckRun& run) {
@@ -128,35 +123,28 @@ void add_stuck_run(const std::vector<ChannelSamples>& piece, const ChannelSample
                  segments_without(samples, run->first, run->last)));
 }
 
-// ---- wraps, lost samples, resolution -------------------------------------------------------------
+// ---- wraps, lost samples, resolution ------------------------------------------------------------
 
-double turn_of(const Channel& channel) {
-  return channel.unit == "rad" ? 2.0 * std::numbers::pi / std::abs(channel.factor) : 0.0;
-}
-
-void add_wrap(const ChannelSamples& samples, std::vector<Finding>& findings) {
-  const double turn = turn_of(*samples.channel);
-  const std::optional<CounterWrap> wrap = find_wrap(samples.values, turn);
-  if (!wrap) return;
-  const bool is_turn = wrap->period == turn;
+void add_wrap(const ChannelSamples& samples, const CounterWrap& wrap,
+              std::vector<Finding>& findings) {
+  const bool is_turn = wrap.period == samples.channel->turn();
   const std::string period =
-      is_turn ? std::string() : fmt::format(", bits: {}", std::log2(wrap->period));
+      is_turn ? std::string() : fmt::format(", bits: {}", std::log2(wrap.period));
   findings.push_back(finding_of(
-      samples, wrap->first, "wrap", wrap->strength,
+      samples, wrap.first, "wrap", wrap.strength,
       fmt::format(
           "is the first of {} of {}",
-          wrap->count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap->count),
-          is_turn ? std::string("a whole turn") : fmt::format("2^{}", std::log2(wrap->period))),
+          wrap.count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap.count),
+          is_turn ? std::string("a whole turn") : fmt::format("2^{}", std::log2(wrap.period))),
       "a counter that is reset",
       fmt::format("preprocess: [{{kind: unwrap, of: [{}]{}}}]", samples.channel->name, period)));
 }
 
-// Jumps of a position that wraps are told as that.
+// For positions that do not wrap.
 void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const Channel& channel = *samples.channel;
   const bool is_measured = channel.role == ChannelRole::kOutput;
   if (!is_measured || (channel.unit != "rad" && channel.unit != "m")) return;
-  if (find_wrap(samples.values, turn_of(channel))) return;
   const std::optional<LostSamples> lost = find_lost_samples(samples.time, samples.values);
   if (!lost) return;
   const std::string places =
@@ -188,10 +176,11 @@ void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findi
 void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings) {
   for (const ChannelSamples& samples : piece) {
     if (samples.values.size() < 3) continue;
-    add_wrap(samples, findings);
+    const std::optional<CounterWrap> wrap = find_wrap(samples.values, samples.channel->turn());
+    if (wrap) add_wrap(samples, *wrap, findings);
     add_spikes(samples, findings);
     add_stuck_run(piece, samples, findings);
-    add_lost_samples(samples, findings);
+    if (!wrap) add_lost_samples(samples, findings);
     add_quantisation(samples, findings);
   }
 }

@@ -32,7 +32,7 @@ void add_warning(ExperimentRecording& recording, const char* check, const std::s
   recording.findings.push_back({Severity::kWarning, check, text});
 }
 
-// ---- columns -------------------------------------------------------------------------------------
+// ---- columns ------------------------------------------------------------------------------------
 
 struct ChannelColumn {
   const Channel* channel;
@@ -73,7 +73,7 @@ void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRec
   }
 }
 
-// ---- time ----------------------------------------------------------------------------------------
+// ---- time ---------------------------------------------------------------------------------------
 
 // Seconds, from the first file that has the column; empty if none has.
 Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files, Index samples,
@@ -122,7 +122,7 @@ void check_stated_sample_times(const Campaign& campaign, const FilesByKey& files
   }
 }
 
-// ---- pieces --------------------------------------------------------------------------------------
+// ---- pieces -------------------------------------------------------------------------------------
 
 // The segments, or all samples; empty with a finding if one lies outside.
 std::vector<Segment> used_segments(const Experiment& experiment, std::size_t samples,
@@ -222,7 +222,7 @@ void read_pieces(const Campaign& campaign, const Experiment& experiment,
   recording.data.excitation = experiment.excitation;
 }
 
-// Of numbers as recorded.
+// Checks numbers as they were recorded.
 void check_piece(const Campaign& campaign, const Experiment& experiment, const SignalPiece& piece,
                  ExperimentRecording& recording) {
   std::vector<ChannelSamples> samples;

@@ -36,8 +36,8 @@ enum class MotionPairs { kIgnored, kCompared };
 // (time_axis.hpp), every signal (signal_checks.hpp), files of one experiment against each other
 // (length, times), data faults (data_faults.hpp), units and sample times that files state, names
 // and units that contradict each other, segments and periods against the length. Numbers are mended
-// first as the campaign's first steps say (mends_recorded), which is a warning, and what is mended is
-// checked. Throws InputError for files that can't be read and for columns that are not there.
+// first as the campaign's first steps say (mends_recorded), which is a warning, and what is mended
+// is checked. Throws InputError for files that can't be read and for columns that are not there.
 [[nodiscard]] ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index,
                                                      MotionPairs pairs = MotionPairs::kIgnored);
 

@@ -121,7 +121,7 @@ class PairFinder {
   double sample_time_;
 };
 
-// ---- words ---------------------------------------------------------------------------------------
+// ---- words --------------------------------------------------------------------------------------
 
 std::string partner_words(const Signals& data, const Pair& pair) {
   const std::string& name = data.signals[pair.from].name;
@@ -133,19 +133,14 @@ Finding finding_of(const std::string& source, const Signals& data, const Pair& p
                    std::string otherwise, std::string mend) {
   const std::string& channel = data.signals[pair.to].name;
   const double time = data.pieces.front().time(0);
-  std::string message = fmt::format(
-      "{}: {} {} (from {:g} s on; {:.2g} % of it is left, {:.2g} as recorded), {:.2g} "
-      "times the threshold; could also be {}; {}",
-      source, channel, what, time, 100.0 * pair.comparison.best().misfit,
-      100.0 * pair.comparison.in_time.misfit, strength, otherwise, mend);
-  return {.severity = Severity::kWarning,
-          .check = check,
-          .message = std::move(message),
-          .channel = channel,
-          .time = time,
-          .strength = strength,
-          .otherwise = std::move(otherwise),
-          .mend = std::move(mend)};
+  Finding finding = data_fault(
+      check, channel,
+      fmt::format("{}: {} {} (from {:g} s on; {:.2g} % of it is left, {:.2g} as recorded),", source,
+                  channel, what, time, 100.0 * pair.comparison.best().misfit,
+                  100.0 * pair.comparison.in_time.misfit),
+      strength, std::move(otherwise), std::move(mend));
+  finding.time = time;
+  return finding;
 }
 
 bool is_one_motion(const Pair& pair) {
@@ -206,17 +201,13 @@ void add_gain(const std::string& source, const Signals& data, const Pair& pair,
 void add_no_rate(const std::string& source, const Signals& data, std::size_t to, double misfit,
                  std::vector<Finding>& findings) {
   const std::string& channel = data.signals[to].name;
-  findings.push_back({.severity = Severity::kWarning,
-                      .check = "rate",
-                      .message = fmt::format(
-                          "{}: {} is not the derivative of the position beside it: {:.2g} % of "
-                          "it is left, {:.2g} times the threshold; could also be the velocity of "
-                          "another body; leave it out, or preprocess: derivative of the position",
-                          source, channel, 100.0 * misfit, misfit / kNoRate),
-                      .channel = channel,
-                      .strength = misfit / kNoRate,
-                      .otherwise = "the velocity of another body",
-                      .mend = "leave it out, or preprocess: derivative of the position"});
+  findings.push_back(
+      data_fault("rate", channel,
+                 fmt::format("{}: {} is not the derivative of the position beside it: {:.2g} % of "
+                             "it is left,",
+                             source, channel, 100.0 * misfit),
+                 misfit / kNoRate, "the velocity of another body",
+                 "leave it out, or preprocess: derivative of the position"));
 }
 
 }  // namespace

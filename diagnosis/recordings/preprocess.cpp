@@ -19,7 +19,7 @@ namespace {
 
 using Index = Eigen::Index;
 
-// ---- filter --------------------------------------------------------------------------------------
+// ---- filter -------------------------------------------------------------------------------------
 
 // y(t) = b0 x(t) + b1 x(t-1) + b2 x(t-2) - a1 y(t-1) - a2 y(t-2), gain 1 at frequency zero.
 struct Section {
@@ -63,7 +63,7 @@ Index reflected_samples(double frequency, int order, Index size) {
   return static_cast<Index>(std::min(std::ceil(settling), static_cast<double>(size - 1)));
 }
 
-// ---- steps ---------------------------------------------------------------------------------------
+// ---- steps --------------------------------------------------------------------------------------
 
 class Preprocessor : private PreprocessData {
  public:

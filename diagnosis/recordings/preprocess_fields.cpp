@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <string>
 #include <utility>
 
@@ -29,12 +28,9 @@ class ChannelNames {
     for (const Channel& channel : channels) names_.push_back(channel.name);
   }
   std::vector<std::string> existing(const YamlField& field) const {
-    for (const YamlField& item : field.items()) {
-      if (!contains(item.text())) {
-        item.fail(fmt::format("no such channel; there are: {}", fmt::join(names_, ", ")));
-      }
-    }
-    return words_in(field);
+    std::vector<std::string> names;
+    for (const YamlField& item : field.items()) names.push_back(existing_name(item));
+    return names;
   }
   std::string existing_name(const YamlField& field) const {
     if (!contains(field.text())) {
@@ -67,6 +63,11 @@ class ChannelNames {
   std::vector<std::string> names_;
 };
 
+std::optional<ChannelRole> optional_role(const YamlField& field) {
+  if (!field.has("is")) return {};
+  return channel_role_in(field.at("is"));
+}
+
 LowPass low_pass_in(const YamlField& field, const ChannelNames& names) {
   field.allow_keys({"kind", "frequency", "order", "channels"});
   LowPass step{.frequency = field.at("frequency").positive(), .order = 4, .channels = {}};
@@ -87,7 +88,7 @@ Derivative derivative_in(const YamlField& field, ChannelNames& names) {
   }
   step.of = names.existing(field.at("of"));
   step.names = names.added(field.at("name"), step.of.size());
-  if (field.has("is")) step.role = channel_role_in(field.at("is"));
+  step.role = optional_role(field);
   return step;
 }
 
@@ -123,16 +124,11 @@ Transmission transmission_in(const YamlField& field, ChannelNames& names) {
   step.of = names.existing(field.at("of"));
   step.names = names.added(field.at("name"), step.of.size());
   step.matrix = transmission_matrix(field, step.of.size());
-  if (field.has("is")) step.role = channel_role_in(field.at("is"));
+  step.role = optional_role(field);
   return step;
 }
 
-std::optional<ChannelRole> optional_role(const YamlField& field) {
-  if (!field.has("is")) return {};
-  return channel_role_in(field.at("is"));
-}
-
-// ---- steps that mend -----------------------------------------------------------------------------
+// ---- steps that mend ----------------------------------------------------------------------------
 
 std::pair<double, double> range_in(const YamlField& field) {
   const std::vector<double> limits = field.numbers(2);
@@ -158,13 +154,11 @@ ValidSamples rows_in(const YamlField& field, const ChannelNames& names) {
   return {{names.existing_name(field.at("by"))}, range.first, range.second};
 }
 
-// A turn in the channel's recorded unit.
 double turn_of(const YamlField& field, const Channel& channel) {
-  if (channel.unit != "rad") {
-    field.fail(fmt::format("{} is in {}, which has no turns; state bits: 8, 16 or 32, or a period",
-                           channel.name, channel.unit));
-  }
-  return 2.0 * std::numbers::pi / std::abs(channel.factor);
+  const double turn = channel.turn();
+  if (turn > 0.0) return turn;
+  field.fail(fmt::format("{} is in {}, which has no turns; state bits: 8, 16 or 32, or a period",
+                         channel.name, channel.unit));
 }
 
 double period_in(const YamlField& field, const Channel& channel) {
@@ -193,7 +187,7 @@ Scale scale_in(const YamlField& field, const ChannelNames& names) {
   return {names.existing(field.at("of")), factor};
 }
 
-// ---- steps that add channels ---------------------------------------------------------------------
+// ---- steps that add channels --------------------------------------------------------------------
 
 Integral integral_in(const YamlField& field, ChannelNames& names) {
   field.allow_keys({"kind", "of", "name", "is"});
@@ -238,7 +232,7 @@ MotorTorque motor_torque_in(const YamlField& field, ChannelNames& names) {
   return step;
 }
 
-// ---- the list ------------------------------------------------------------------------------------
+// ---- the list -----------------------------------------------------------------------------------
 
 // Those that add no channel.
 void add_change(const YamlField& item, const std::string& kind, const ChannelNames& names,

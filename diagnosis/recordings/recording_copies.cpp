@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "graybox/problems/families/candidate_stream.hpp"
+
 namespace graybox {
 namespace {
 
@@ -14,14 +16,9 @@ constexpr std::uint64_t kKeptOneIn = 64;
 constexpr std::size_t kFewestShared = 4;
 constexpr std::uint64_t kBase = 0x9E3779B97F4A7C15ULL;  // odd, so that it has an inverse
 
-// Spreads all bits (the finaliser of splitmix64).
-std::uint64_t mixed(std::uint64_t x) {
-  x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9ULL;
-  x = (x ^ (x >> 27U)) * 0x94D049BB133111EBULL;
-  return x ^ (x >> 31U);
+std::uint64_t bits_of(double value) {
+  return scatter_bits(std::bit_cast<std::uint64_t>(value + 0.0));
 }
-
-std::uint64_t bits_of(double value) { return mixed(std::bit_cast<std::uint64_t>(value + 0.0)); }
 
 std::uint64_t power(std::uint64_t base, Index exponent) {
   std::uint64_t result = 1;
@@ -45,7 +42,7 @@ SampleFingerprint::SampleFingerprint(const Eigen::Ref<const Eigen::VectorXd>& va
       changes -= changed(k - kWindow);
     }
     if (k + 1 < kWindow || changes < kFewestChanges) continue;
-    const std::uint64_t key = mixed(hash);
+    const std::uint64_t key = scatter_bits(hash);
     if (key % kKeptOneIn == 0) windows_.try_emplace(key, static_cast<std::size_t>(k + 1 - kWindow));
   }
 }

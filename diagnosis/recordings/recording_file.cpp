@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <optional>
-#include <utility>
-#include <vector>
 
 #include "graybox/diagnosis/recordings/gzip_text.hpp"
 #include "graybox/diagnosis/recordings/recording_formats.hpp"
@@ -42,24 +39,21 @@ std::string names_in(const RecordingFile& file) {
                   name, ending));
 }
 
-// None for endings of other formats.
-std::optional<RecordingFile> read_text(const std::string& name, const std::string& ending,
-                                       formats::PackedText text) {
-  if (ending == ".csv" || ending == ".txt") {
-    return formats::read_csv_recording(name, std::move(text));
-  }
-  if (ending == ".json") return formats::read_json_recording(name, std::move(text));
-  if (ending == ".jsonl" || ending == ".ndjson") {
-    return formats::read_json_lines(name, std::move(text));
-  }
-  return {};
+using TextReader = RecordingFile (*)(const std::string& path, formats::PackedText text);
+
+// Null for endings of other formats.
+TextReader text_reader(const std::string& ending) {
+  if (ending == ".csv" || ending == ".txt") return &formats::read_csv_recording;
+  if (ending == ".json") return &formats::read_json_recording;
+  if (ending == ".jsonl" || ending == ".ndjson") return &formats::read_json_lines;
+  return nullptr;
 }
 
 RecordingFile read_packed(const std::filesystem::path& path, const std::string& name) {
   const std::string inner = path.stem().extension().string();
-  static const std::vector<std::string> kTexts = {".csv", ".txt", ".json", ".jsonl", ".ndjson"};
-  if (std::ranges::find(kTexts, inner) == kTexts.end()) fail_ending(name, inner + ".gz");
-  return read_text(name, inner, unpacked_gzip(name)).value();
+  const TextReader read = text_reader(inner);
+  if (read == nullptr) fail_ending(name, inner + ".gz");
+  return read(name, unpacked_gzip(name));
 }
 
 RecordingFile read_by_ending(const std::filesystem::path& path, const std::string& name) {
@@ -70,9 +64,9 @@ RecordingFile read_by_ending(const std::filesystem::path& path, const std::strin
   }
   if (ending == ".mat") return formats::read_isolated(formats::kReadMatRecording, name);
   if (ending == ".npy") return formats::read_npy_recording(name);
-  std::optional<RecordingFile> file = read_text(name, ending, {});
-  if (!file) fail_ending(name, ending);
-  return *std::move(file);
+  const TextReader read = text_reader(ending);
+  if (read == nullptr) fail_ending(name, ending);
+  return read(name, {});
 }
 
 }  // namespace

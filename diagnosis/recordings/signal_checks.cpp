@@ -4,28 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+
+#include "graybox/diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {
 
 using Index = Eigen::Index;
 
-constexpr std::size_t kSwitchingValues = 16;
 constexpr double kWildSpreads = 20.0;  // median absolute deviations
 constexpr double kWildSteps = 10.0;
 constexpr double kLargestValue = 1e50;
 constexpr Index kFlatRun = 4;
 constexpr std::size_t kFlatRuns = 2;
-
-bool switches(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  std::set<double> seen;
-  for (const double value : values) {
-    seen.insert(value);
-    if (seen.size() > kSwitchingValues) return false;
-  }
-  return true;
-}
 
 struct StepSizes {
   double rms = 0.0;
@@ -63,22 +54,15 @@ std::size_t clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double l
   return runs >= kFlatRuns && entered_abruptly ? samples : 0;
 }
 
-// The value that a share of all values stays below.
-double quantile_of(Eigen::VectorXd values, double share) {
-  const auto rank = static_cast<Index>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + rank, values.end());
-  return values(rank);
-}
-
 }  // namespace
 
 std::vector<Index> wild_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
   std::vector<Index> wild;
   const Index size = values.size();
-  if (size < 3 || switches(values)) return wild;
-  const double median = quantile_of(values, 0.5);
-  const double spread = quantile_of((values.array() - median).abs(), 0.5);
-  const double step = quantile_of((values.tail(size - 1) - values.head(size - 1)).cwiseAbs(), 0.95);
+  if (size < 3 || has_few_levels(values)) return wild;
+  const double median = quantile(values, 0.5);
+  const double spread = quantile((values.array() - median).abs(), 0.5);
+  const double step = quantile(steps_of(values).cwiseAbs(), 0.95);
   for (Index k = 1; k + 1 < size; ++k) {
     const double distance = std::abs(values(k) - median);
     if (distance <= kWildSpreads * spread) continue;
@@ -91,7 +75,7 @@ std::vector<Index> wild_samples(const Eigen::Ref<const Eigen::VectorXd>& values)
 }
 
 std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  if (values.size() < 2 || switches(values)) return 0;
+  if (values.size() < 2 || has_few_levels(values)) return 0;
   const StepSizes sizes = step_sizes(values);
   return clipped_at(values, values.maxCoeff(), sizes) +
          clipped_at(values, values.minCoeff(), sizes);

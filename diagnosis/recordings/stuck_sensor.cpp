@@ -15,7 +15,8 @@ constexpr Index kBefore = 5;  // steps
 constexpr double kJump = 5.0;
 constexpr double kMotion = 0.5;
 
-// Of the run that begins at `first` and ends before `end`; 0 if nothing is odd about it.
+// The evidence of the run that begins at `first` and ends before `end`; 0 if nothing is odd about
+// it.
 double strength_of(const Eigen::VectorXd& steps, Index first, Index end, double jump,
                    double motion) {
   const double after = std::abs(steps(end - 1)) / jump;

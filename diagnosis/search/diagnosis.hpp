@@ -69,8 +69,8 @@ struct HeldOutEffect {
 
 struct FoundEffect {
   FittedLaw law;
-  // Of the excess of chi-square that was there before it, and BIC of the model without it,
-  // likewise; NaN where that model could not be fitted.
+  // The share that the law explains of the excess of chi-square before it, and how much worse BIC is
+  // without it; NaN where the model without it could not be fitted.
   double explained_share = std::numeric_limits<double>::quiet_NaN();
   double bic_difference = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> rivals;           // not excluded

@@ -23,8 +23,8 @@ void forget_effects(SearchState& state) {
   state.class_fits.clear();
 }
 
-// Of another law than the one found: which excludes that, with recordings kept out; else, of
-// several, one that does not merely generalise it, by BIC.
+// A trial of another law than the one found: one that excludes it, with recordings kept out; else,
+// where there are several laws, one of lower BIC that does not merely generalise it.
 const Trial* better_than_found(const SearchState& state, const FoundEffect& effect,
                                const std::vector<Trial>& trials) {
   if (!state.problem->noise_is_known()) return nullptr;

@@ -85,7 +85,7 @@ bool shares_a_characteristic(const SearchState& state, std::size_t hypothesis) {
          });
 }
 
-// Of another characteristic than the law that is there, it may be a second effect: if nothing
+// A law of another characteristic than the one that is there may be a second effect: if nothing
 // departs from both.
 bool add_departing_law(SearchState& state) {
   if (state.result.departures.empty() || state.result.after.laws.size() >= state.effect_limit()) {

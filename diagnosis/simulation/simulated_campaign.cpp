@@ -159,7 +159,7 @@ Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan
   }
 }
 
-// ---- campaign.yaml -------------------------------------------------------------------------------
+// ---- campaign.yaml ------------------------------------------------------------------------------
 
 void append_channels(fmt::memory_buffer& text, const SimulatedSystem& system) {
   const auto out = std::back_inserter(text);
@@ -240,7 +240,7 @@ std::string campaign_text(const SimulatedSystem& system, const ExcitationPlan& p
   return fmt::to_string(text);
 }
 
-// ---- the folder ----------------------------------------------------------------------------------
+// ---- the folder ---------------------------------------------------------------------------------
 
 // What a run may leave that was killed before it had stated what it simulates.
 bool is_leftover(const fs::path& file) {

@@ -4,8 +4,8 @@
 // The text is the original's as YAML (comments are lost), with
 //   - estimated parameters in place of the model's: "joint_2.gearbox" of a robot (the spring's
 //     stiffness; an estimate without unit multiplies it), "shaft.stiffness" or "motor.inertia" of a
-//     lumped model, "friction.damping" of an element. Base parameters of a rigid robot stand in the list
-//     `base_parameters`: no body has just these, so that its bodies stay unknown;
+//     lumped model, "friction.damping" of an element. Base parameters of a rigid robot stand in the
+//     list `base_parameters`: no body has just these, so that its bodies stay unknown;
 //   - the found elements behind the list `elements`, laws that users have defined in `laws`;
 //   - relative paths (urdf) leading to where they did.
 #pragma once

@@ -21,7 +21,8 @@ namespace graybox {
 // What a law does to recordings kept out, one sentence; empty where it could not be asked.
 [[nodiscard]] std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis);
 
-// "Checked on ...: velocity of carriage -0.2 to 0.2 m/s, ...; nothing is said beyond." Empty where it is not known.
+// "Checked on ...: velocity of carriage -0.2 to 0.2 m/s, ...; nothing is said beyond." Empty where
+// it is not known.
 [[nodiscard]] std::string range_words(const CheckedRange& range);
 
 [[nodiscard]] nlohmann::ordered_json reasons_json(const Diagnosis& diagnosis);

@@ -11,7 +11,8 @@ namespace graybox {
 
 // "cubic spring at joint_3.gearbox".
 [[nodiscard]] std::string hypothesis_words(const Hypothesis& hypothesis);
-// "1.9e+09 +- 0.1e+09 N m/rad^3": value and standard error to the same digit, two digits of the error.
+// "1.9e+09 +- 0.1e+09 N m/rad^3": value and standard error to the same digit,
+// two digits of the error.
 [[nodiscard]] std::string estimate_words(const LawParameterEstimate& estimate);
 
 // "in position [0, 30, -60] at level 3 from 1 to 10 Hz".

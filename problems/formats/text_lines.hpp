@@ -19,7 +19,7 @@ namespace graybox {
 class LineReader {
  public:
   explicit LineReader(const std::string& path);
-  // Of a text that is in memory already; `path` is for messages.
+  // Reads a text that is in memory already; `path` is for messages.
   LineReader(const std::string& path, std::string text);
 
   // The line is valid until the next call. Throws InputError if the file can't be read.

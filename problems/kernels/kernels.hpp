@@ -23,7 +23,8 @@ struct Kernels {
                      const double* weights, double* sum);
 
   // Pricing, a multiplicative step and the new sum in one read of the data: with s_i = tr(W H_i),
-  //   out_i = s_i,   weights_i <- max(weights_i s_i factor, kSmallestWeight),   sum += weights_i H_i.
+  //   out_i = s_i,   weights_i <- max(weights_i s_i factor, kSmallestWeight),
+  //   sum += weights_i H_i.
   void (*reweigh)(const double* data, std::size_t count, std::size_t packed_size,
                   const double* dual, double factor, double* weights, double* out, double* sum);
 

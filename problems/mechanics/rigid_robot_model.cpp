@@ -31,7 +31,7 @@ Vector3d read_vector(const YamlField& field) {
   return {values[0], values[1], values[2]};
 }
 
-// ---- bodies --------------------------------------------------------------------------------------
+// ---- bodies -------------------------------------------------------------------------------------
 
 Eigen::Matrix3d read_inertia(const YamlField& field) {
   field.allow_keys({"xx", "yy", "zz", "xy", "xz", "yz"});
@@ -57,7 +57,7 @@ RigidBody read_body(const YamlField& field) {
   return body;
 }
 
-// ---- joints --------------------------------------------------------------------------------------
+// ---- joints -------------------------------------------------------------------------------------
 
 struct Drive {
   double gear_ratio = 1.0;
@@ -188,7 +188,7 @@ void check_names(const YamlField& joints, const RigidRobotModel& model) {
   }
 }
 
-// ---- elements ------------------------------------------------------------------------------------
+// ---- elements -----------------------------------------------------------------------------------
 
 class RigidRobotPlaces : public Places {
  public:
@@ -329,7 +329,7 @@ void add_refined(const std::string& source, const std::string& text, RigidRobotM
   model.refined.push_back(place);
 }
 
-// ---- channels ------------------------------------------------------------------------------------
+// ---- channels -----------------------------------------------------------------------------------
 
 std::vector<std::string> read_names(const YamlField& field, std::size_t size) {
   std::vector<std::string> names;

@@ -95,15 +95,14 @@ class UrdfReader {
 
   // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
   // Joints beside the chain stand at zero.
-  [[nodiscard]] RigidBody body(const std::string& link_name, const urdf::JointSharedPtr& next,
-                               std::vector<std::string>& locked) const {
+  [[nodiscard]] RigidBody body(const std::string& link_name,
+                               const urdf::JointSharedPtr& next) const {
     const urdf::LinkConstSharedPtr link = model_->getLink(link_name);
     RigidBody result = own_body(*link);
     for (const urdf::JointSharedPtr& joint : link->child_joints) {
       if (joint == next) continue;
-      if (joint->type != urdf::Joint::FIXED) locked.push_back(joint->name);
       const Eigen::Isometry3d pose = to_eigen(joint->parent_to_joint_origin_transform);
-      result = joined(result, moved(body(joint->child_link_name, nullptr, locked), pose));
+      result = joined(result, moved(body(joint->child_link_name, nullptr), pose));
     }
     return result;
   }
@@ -210,7 +209,7 @@ UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string&
   for (std::size_t j = 0; j < path.size(); ++j) {
     const urdf::Joint& joint = *path[j];
     const urdf::JointSharedPtr next = j + 1 < path.size() ? path[j + 1] : nullptr;
-    const RigidBody body = reader.body(joint.child_link_name, next, chain.locked);
+    const RigidBody body = reader.body(joint.child_link_name, next);
     offset = offset * to_eigen(joint.parent_to_joint_origin_transform);
     if (!reader.is_fixed(joint)) {
       chain.joints.push_back({joint.name, offset, reader.axis(joint), body});

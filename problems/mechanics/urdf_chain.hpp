@@ -16,14 +16,13 @@ struct UrdfChain {
   // One for each joint that moves, named like it. A prismatic joint's `axis` is that along which it
   // moves, its limits are in m.
   std::vector<ChainRotation> joints;
-  std::vector<bool> is_prismatic;   // of each
-  std::vector<std::string> locked;  // joints that move bodies beside the chain (heads, hands)
+  std::vector<bool> is_prismatic;  // of each
 };
 
 // The chain from `base` to `tip`. Joints beside it are locked at zero: their bodies count as fixed.
 // Throws InputError for a missing or broken file, an unknown link, a tip that is not beyond the
-// base, joints of the chain that are neither revolute, continuous, prismatic nor fixed, mimic joints
-// in it, and masses or inertias that no body has.
+// base, joints of the chain that are neither revolute, continuous, prismatic nor fixed, mimic
+// joints in it, and masses or inertias that no body has.
 [[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
                                          const std::string& tip);
 

@@ -106,8 +106,8 @@ class Slice {
   std::vector<double> list_sensitivity_;
 };
 
-// Rows for the start: one candidate of each of so many stretches of the slice, its share of `wanted`,
-// gathered on the first process.
+// Rows for the start: one candidate of each of so many stretches of the slice, its share of
+// `wanted`, gathered on the first process.
 std::vector<double> gather_sample(MPI_Comm communicator, const InformationSet& set,
                                   std::size_t first_index, std::size_t total, std::size_t wanted,
                                   Random& random) {
@@ -335,8 +335,8 @@ void publish(MPI_Comm communicator, DistributedDesign& design) {
   }
 }
 
-// The slice in coordinates where the mean of all candidates is the identity. Nothing where that mean is
-// singular even in extended precision.
+// The slice in coordinates where the mean of all candidates is the identity. Nothing where that
+// mean is singular even in extended precision.
 std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationSet& slice,
                                        int threads) {
   const std::size_t p = slice.packed_size(), count = slice.candidate_count();

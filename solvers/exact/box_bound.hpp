@@ -5,15 +5,15 @@
 // g_i = tr(W H_i). The arithmetic mean of eigenvalues is at least the geometric one, so
 //
 //   log det M(m) = -log det W + log det(W^1/2 M(m) W^1/2)
-//               <= -log det W + d log(tr(W M(m)) / d),        tr(W M(m)) = sum_i m_i g_i.        (1)
+//               <= -log det W + d log(tr(W M(m)) / d),        tr(W M(m)) = sum_i m_i g_i.       (1)
 //
 // The right side grows with P = max sum_i m_i g_i over the box: a knapsack, solved by filling the
 // largest g_i first. With nu the last value filled (its multiplier), linear programming duality
 // says
 //
-//   P = M nu + sum_i [ l_i min(g_i - nu, 0) + u_i max(g_i - nu, 0) ].                            (2)
+//   P = M nu + sum_i [ l_i min(g_i - nu, 0) + u_i max(g_i - nu, 0) ].                           (2)
 //
-//   bound = d log(P / d) - log det W.                                                             (3)
+//   bound = d log(P / d) - log det W.                                                           (3)
 //
 // Nothing about W is assumed, so (3) holds for whatever iterate a solver stopped at; it is sharp
 // where W is the inverse of the box's best relaxed information matrix.
@@ -22,14 +22,14 @@
 // i with g_i < nu, then l_i may be replaced by l_i + k in (2) and P falls by k (nu - g_i). By (3)
 // such a design exceeds T only if P - k (nu - g_i) > P_T, P_T = d exp((T + log det W) / d). Hence
 //
-//   m_i <= l_i + (P - P_T) / (nu - g_i)   where g_i < nu,                                         (4)
-//   m_i >= u_i - (P - P_T) / (g_i - nu)   where g_i > nu.                                         (5)
+//   m_i <= l_i + (P - P_T) / (nu - g_i)   where g_i < nu,                                       (4)
+//   m_i >= u_i - (P - P_T) / (g_i - nu)   where g_i > nu.                                       (5)
 //
 // Before branching l = 0, u = M, W = M(lambda)^-1 / M for the relaxed optimum lambda, so that nu =
 // max_i w_i / M = d (1 + gap) / M, P = d (1 + gap), and with the loss of the incumbent beta = log
 // det M(lambda) - log det(M(m) / M), (4) reads: at most
 //
-//   M (d (1 + gap) - d e^(-beta / d)) / (d (1 + gap) - w_i)  <=  M (beta + d gap) / (d - w_i)     (6)
+//   M (d (1 + gap) - d e^(-beta / d)) / (d (1 + gap) - w_i)  <=  M (beta + d gap) / (d - w_i)   (6)
 //
 // repetitions of candidate i in any design that is no worse than the incumbent, and none where that
 // is below one. It takes no more than the certificate of the relaxed problem and one good design:

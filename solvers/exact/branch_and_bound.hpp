@@ -2,10 +2,11 @@
 //
 //   root       the relaxation over the whole set (column_generation), and a design by exchange;
 //   screening  candidates and repetitions that no better design can have go away for good
-//              (exact_screening.hpp); the rest, whitened, is the pool: for the robot some tens of 7920;
-//   tree       best first over boxes of counts. Each node is bounded, shrunk, probed and branched by
-//              NodeRelaxation; its rounded point, and the exchange started from it now and then, may
-//              be a better design, after which every open node is held to the new threshold.
+//              (exact_screening.hpp); the rest, whitened, is the pool: for the robot some tens of
+//              7920;
+//   tree       best first over boxes of counts. Each node is bounded, shrunk, probed and branched
+//              by NodeRelaxation; its rounded point, and the exchange started from it now and then,
+//              may be a better design, after which every open node is held to the new threshold.
 //
 // Threshold. With the incumbent v = log det M(m) and tolerance = d log(1 + gap) (a hundredth less,
 // for rounding), parts of the tree that can't exceed v + tolerance are given up. At any time

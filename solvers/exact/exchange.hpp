@@ -1,13 +1,13 @@
 // exchange: Fedorov's exchange (local_exchange.hpp) from many starts, on the candidates that
 // survive screening.
 //
-//   1. The paper's rounding, efficient rounding and a design grown one run at a time are improved on
-//      a small pool: the relaxation's support and the candidates of the largest sensitivities.
-//   2. The best of them screens the set (exact_screening.hpp): no optimal design is lost, and nor is
-//      any exchange that could lead to a better one.
-//   3. On the survivors: all of these again, random starts drawn from lambda, then rounds of iterated
-//      local search, each of which replaces one to three runs of the best design at random and
-//      improves the result, until 48 in a row gain nothing. A better design screens again.
+//   1. The paper's rounding, efficient rounding and a design grown one run at a time are improved
+//      on a small pool: the relaxation's support and the candidates of the largest sensitivities.
+//   2. The best of them screens the set (exact_screening.hpp): no optimal design is lost, and nor
+//      is any exchange that could lead to a better one.
+//   3. On the survivors: all of these again, random starts drawn from lambda, then rounds of
+//      iterated local search, each of which replaces one to three runs of the best design at random
+//      and improves the result, until 48 in a row gain nothing. A better design screens again.
 //
 // What it proves is the relaxation's bound. Randomised by the seed; the same answer for any number
 // of threads. A start costs about as many exchange steps as the start differs from its optimum,

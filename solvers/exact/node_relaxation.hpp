@@ -2,7 +2,7 @@
 //
 // A node is a box of counts over the pool, l_i <= m_i <= u_i, sum_i m_i = M. Its relaxation,
 //
-//   maximise f(x) = log det sum_i x_i B_i   over real x in the box,                              (1)
+//   maximise f(x) = log det sum_i x_i B_i   over real x in the box,                             (1)
 //
 // is solved by Newton's method on a working set: the variables strictly inside their limits and
 // those at a limit that want to leave it. With X = sum_i x_i B_i, g_i = tr(X^-1 B_i) and K_ij =
@@ -13,12 +13,12 @@
 //
 //   limits    (4), (5) of box_bound.hpp with the W at hand;
 //   probing   for a count i and an integer a, the half m_i <= a (or m_i >= a + 1) is bounded by (3)
-//             with the W of one Newton step towards it: on the free set F, with C = K_FF^-1 and
-//             C' = C - C 1 1^T C / (1^T C 1), forcing m_i to move by s moves x_F by y = s C'_i / C'_ii
-//             and costs about s^2 / (2 C'_ii). K holds the whole B_i, so here their trace-free parts
-//             count. If one half is no better than the threshold the other is the node; if both are,
-//             the node is done; otherwise the bounds choose the branching variable (strong branching:
-//             the largest product of the two losses) and go with the children;
+//             with the W of one Newton step towards it: on the free set F, with C = K_FF^-1 and C'
+//             = C - C 1 1^T C / (1^T C 1), forcing m_i to move by s moves x_F by y = s C'_i / C'_ii
+//             and costs about s^2 / (2 C'_ii). K holds the whole B_i, so here their trace-free
+//             parts count. If one half is no better than the threshold the other is the node; if
+//             both are, the node is done; otherwise the bounds choose the branching variable
+//             (strong branching: the largest product of the two losses) and go with the children;
 //   repeated  until nothing moves.
 //
 // A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run

@@ -1,7 +1,8 @@
 // The relaxed problem (paper, formula (9)) as every exact method needs it: weights lambda*, what
 // the checker proves about them, and the bound that they put on all exact designs,
 //
-//   log det M(m) <= d log M + log det M(lambda) + d log(1 + duality_gap)   for every m, sum m_i = M,
+//   log det M(m) <= d log M + log det M(lambda) + d log(1 + duality_gap)
+//   for every m, sum m_i = M,
 //
 // since m / M is a point of the simplex (certificate.hpp). In the paper's words, V(M lambda*) <=
 // V(m*). Rounding: gap and log det are raised by the checker's own bound of their error.

@@ -1,7 +1,8 @@
 // WhitenedPool: the candidates that an exact method still considers, in coordinates where the
 // relaxed optimum is the identity:
 //
-//   B_i = X H_i X^T,   X M(lambda) X^T = I,   log det sum_i m_i H_i = log det sum_i m_i B_i + shift,
+//   B_i = X H_i X^T,   X M(lambda) X^T = I,
+//   log det sum_i m_i H_i = log det sum_i m_i B_i + shift,
 //   shift = -2 log det X.
 //
 // Any regular X would do; this one makes plain double arithmetic accurate, since M(m)/M is close to
