@@ -1,6 +1,7 @@
 #include "graybox/solvers/ipopt/ipopt_run.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <IpIpoptApplication.hpp>
 #include <IpIpoptCalculatedQuantities.hpp>
@@ -11,6 +12,9 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -56,6 +60,21 @@ class Turn {
   }
   bool has_come_ = false;
 };
+
+// Ends a process that has left a factorisation behind. It goes on until the very end, and the
+// destructors of the linear algebra libraries would take its memory away.
+void end_without_destructors(int exit_code, void*) {
+  std::cout.flush();
+  std::fflush(nullptr);
+  _exit(exit_code);
+}
+
+void leave_behind(std::thread& thread) {
+#ifdef __GLIBC__
+  [[maybe_unused]] static const int registered = on_exit(end_without_destructors, nullptr);
+#endif
+  thread.detach();
+}
 
 std::string_view reason(Ipopt::ApplicationReturnStatus status) {
   switch (status) {
@@ -355,7 +374,7 @@ Solution run(const InformationSet& set, const SolveOptions& options, SolveObserv
   if (done) {
     thread.join();
   } else {
-    thread.detach();
+    leave_behind(thread);
   }
   return solution;
 }
