@@ -1,0 +1,157 @@
+#include "graybox/diagnosis/prediction_error/final_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kSkill = 0.5;  // of the signal
+constexpr int kIterations = 25;
+constexpr Index kInitialSamples = 200;
+constexpr double kUnseen = 1e-10;  // of a scaled normal matrix
+
+// The same run from its first samples alone.
+PredictionTask beginning_of(const PredictionTask& task) {
+  PredictionTask start = task;
+  for (PredictionRun& run : start.runs) {
+    run.samples = std::min(run.samples, kInitialSamples);
+    run.counted.resize(static_cast<std::size_t>(run.samples));
+    if (!run.seen.empty()) run.seen.resize(run.counted.size());
+  }
+  return start;
+}
+
+// Covariance of the first `parameters` columns.
+MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian) {
+  const Index n = jacobian.rows(), p = jacobian.cols();
+  const VectorXd scale = jacobian.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  const MatrixXd j = jacobian * scale.asDiagonal();
+  const MatrixXd normal = j.transpose() * j;
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(normal);
+  inverse.setThreshold(kUnseen);
+  MatrixXd middle = MatrixXd::Zero(p, p);
+  for (Index b = 0; b < kLeftOutBlocks; ++b) {
+    const Index from = n * b / kLeftOutBlocks, count = n * (b + 1) / kLeftOutBlocks - from;
+    const VectorXd g = j.middleRows(from, count).transpose() * residuals.segment(from, count);
+    middle += g * g.transpose();
+  }
+  const auto counted = static_cast<double>((residuals.array() != 0.0).count());
+  const double white = residuals.squaredNorm() / std::max(1.0, counted - static_cast<double>(p));
+  const MatrixXd pinv = inverse.pseudoInverse();
+  const MatrixXd robust = pinv * middle * pinv, plain = white * pinv;
+  MatrixXd covariance = robust;
+  for (Index i = 0; i < p; ++i) {
+    covariance(i, i) = std::max(robust(i, i), plain(i, i)) * scale(i) * scale(i);
+    if (inverse.rank() < p) {  // a direction that the data do not see
+      const VectorXd seen = pinv * (normal * VectorXd::Unit(p, i));
+      if (std::abs(seen(i) - 1.0) > 1e-3) {
+        covariance(i, i) = std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+  }
+  return covariance;
+}
+
+}  // namespace
+
+FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& findings, int threads)
+    : data_(&data),
+      findings_(&findings),
+      threads_(threads),
+      task_(data.windows(0)),
+      weights_(data.output_scale()) {
+  found_ = judged(findings.found, kIterations);
+  if (!found_.fit.usable || !has_skill(found_.error)) {
+    for (auto rung = findings.rungs.rbegin(); rung != findings.rungs.rend(); ++rung) {
+      task_ = data.windows(rung->horizon);
+      found_ = judged(findings.found, kIterations);
+      if (found_.fit.usable && has_skill(found_.error)) break;
+    }
+  }
+  if (!found_.fit.usable) return;
+  weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
+  found_ = judged(found_.fit.model, kIterations);
+  estimate_deviations(found_);
+  judge_held_out(found_);
+  as_given_ = judged(findings.as_given, kIterations);
+  judge_held_out(as_given_);
+}
+
+bool FinalFit::has_skill(const VectorXd& error) const {
+  return (error.array() < kSkill * data_->output_scale().array()).all();
+}
+
+JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {
+  const PredictionFitter fitter(*data_, task_, findings_->intensity, threads_);
+  JudgedModel result;
+  result.horizon = task_.horizon;
+  result.fit = fitter.fit(model, weights_, {}, iterations);
+  if (result.fit.usable) result.error = fitter.errors(result.fit, weights_);
+  return result;
+}
+
+void FinalFit::estimate_deviations(JudgedModel& model) const {
+  const PredictionFit& fit = model.fit;
+  const MatrixXd covariance = robust_covariance(fit.residuals, fit.jacobian);
+  model.deviations.resize(static_cast<Index>(fit.free.size()));
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const ParameterSpace& space = fit.model.space[fit.free[i]];
+    const double value = fit.model.model.parameters[fit.free[i]].value;
+    const double slope = space.logarithmic ? std::abs(value) : space.scale;
+    const auto at = static_cast<Index>(i);
+    model.deviations(at) = slope * std::sqrt(covariance(at, at));
+  }
+}
+
+void FinalFit::judge_held_out(JudgedModel& model) const {
+  if (!data_->has_validation() || !model.fit.usable) return;
+  const PredictionTask task = data_->windows(task_.horizon, ExperimentRole::kValidation);
+  const PredictionTask beginning = beginning_of(task);
+  const PredictionFitter start(*data_, beginning, findings_->intensity, threads_);
+  const PredictionFitter whole(*data_, task, findings_->intensity, threads_);
+  InitialStates initials;
+  if (task.is_free()) {
+    initials = start.fit(model.fit.model, weights_, {}, kIterations, false).initials;
+  }
+  const PredictionFit run = whole.fit(model.fit.model, weights_, initials, 0, false);
+  if (run.usable) model.held_out_error = whole.errors(run, weights_);
+  model.held_out_scale = VectorXd::Zero(data_->output_count());
+  double samples = 0.0;
+  for (const PredictionRun& one : task.runs) {
+    const MatrixXd& outputs = data_->recording(one.recording).outputs;
+    const Eigen::RowVectorXd mean = outputs.colwise().mean();
+    model.held_out_scale +=
+        (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
+    samples += static_cast<double>(outputs.rows());
+  }
+  model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
+}
+
+JudgedModel FinalFit::without(std::size_t law) const {
+  JudgedModel result =
+      judged(without_part(found_.fit.model, found_.fit.model.laws[law].part), kIterations);
+  judge_held_out(result);
+  return result;
+}
+
+double FinalFit::z_over(const JudgedModel& poorer) const {
+  return left_out_z(left_out_squares(poorer.fit.residuals, poorer.fit.jacobian),
+                    left_out_squares(found_.fit.residuals, found_.fit.jacobian),
+                    static_cast<double>(found_.fit.residuals.size()) / kLeftOutBlocks);
+}
+
+MatrixXd FinalFit::motion() const {
+  return PredictionFitter(*data_, task_, findings_->intensity, threads_).motion(found_.fit);
+}
+
+}  // namespace graybox

@@ -1,0 +1,56 @@
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+VectorXd left_out_squares(const VectorXd& residuals, const MatrixXd& jacobian) {
+  const Index n = residuals.size(), p = jacobian.cols();
+  VectorXd squares(kLeftOutBlocks);
+  MatrixXd normal = jacobian.transpose() * jacobian;
+  // Columns of one size, and a ridge for those that the data do not see.
+  const VectorXd size = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
+  const VectorXd scale = size.cwiseInverse();
+  normal = scale.asDiagonal() * normal * scale.asDiagonal();
+  normal.diagonal().array() += 1e-10;
+  for (Index b = 0; b < kLeftOutBlocks; ++b) {
+    const Index from = n * b / kLeftOutBlocks, count = n * (b + 1) / kLeftOutBlocks - from;
+    VectorXd left = residuals.segment(from, count);
+    if (p > 0) {
+      const MatrixXd block = jacobian.middleRows(from, count) * scale.asDiagonal();
+      const MatrixXd others = normal - block.transpose() * block;
+      const VectorXd change = others.ldlt().solve(block.transpose() * left);
+      if (change.allFinite()) left += block * change;
+    }
+    squares(b) = left.squaredNorm();
+  }
+  return squares;
+}
+
+double left_out_z(const VectorXd& poorer, const VectorXd& richer, double rows) {
+  constexpr double kLeast = 1e-300;
+  constexpr double kLeastVariance = 0.3;  // of the variance without its correlations
+  const VectorXd gain =
+      0.5 * rows *
+      (poorer.array().max(kLeast).log() - richer.array().max(kLeast).log()).matrix();
+  const auto blocks = static_cast<double>(gain.size());
+  const double mean = gain.mean();
+  const VectorXd about = gain.array() - mean;
+  const double plain = about.squaredNorm() / blocks;
+  double variance = plain;
+  for (const Index lag : {Index{1}, Index{2}}) {
+    const Index count = gain.size() - lag;
+    variance += 2.0 * (1.0 - static_cast<double>(lag) / 3.0) *
+                about.head(count).dot(about.tail(count)) / blocks;
+  }
+  variance = std::max(variance, kLeastVariance * plain);
+  return mean / std::sqrt(variance / blocks + kLeast);
+}
+
+}  // namespace graybox

@@ -1,0 +1,30 @@
+// Two fits compared by what each says of blocks that it was not fitted to.
+//
+// With r and J of a fit, H = J'J, the residuals of block b without block b are, to first order,
+//
+//   r_b + J_b (H - J_b'J_b)^-1 J_b'r_b,
+//
+// in closed form, no refit (as PRESS of linear regression: Allen, Technometrics 16, 1974). With RSS_b of
+// both fits and n_b rows,
+//
+//   d_b = (n_b / 2) (log RSS_b(poorer) - log RSS_b(richer)),   z = mean(d) / sqrt(V / B),
+//
+// V the long-run variance of d over neighbouring blocks (Newey and West, Econometrica 55, 1987, lags 1
+// and 2). The logarithm of each block keeps a loud one from deciding.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace graybox {
+
+inline constexpr Eigen::Index kLeftOutBlocks = 24;
+
+// Sums of squares of each block without it; rows are cut evenly.
+[[nodiscard]] Eigen::VectorXd left_out_squares(const Eigen::VectorXd& residuals,
+                                               const Eigen::MatrixXd& jacobian);
+
+// z of the richer over the poorer, from both left_out_squares(). `rows` a block.
+[[nodiscard]] double left_out_z(const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer,
+                                double rows);
+
+}  // namespace graybox

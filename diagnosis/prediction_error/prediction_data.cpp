@@ -1,0 +1,164 @@
+#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+
+constexpr Index kFewestSeen = 20, kMostSeen = 100;
+constexpr double kLeastNoise = 1e-7;  // of an output's scale
+constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
+constexpr int kMostSteps = 16;
+
+Index seen_of(Index horizon) { return std::clamp(horizon / 3, kFewestSeen, kMostSeen); }
+
+// rad/s of the fastest linear mode, as stated.
+double fastest_mode(const LumpedModel& model) {
+  std::vector<Index> free;
+  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
+    if (!model.imposed[i]) free.push_back(static_cast<Index>(i));
+  }
+  if (free.empty()) return 0.0;
+  const Eigen::MatrixXd inverse = Eigen::MatrixXd(model.mass(free, free)).inverse();
+  const Eigen::MatrixXd k = inverse * model.stiffness(free, free);
+  const Eigen::MatrixXd c = inverse * model.damping(free, free);
+  return std::max(std::sqrt(k.eigenvalues().cwiseAbs().maxCoeff()),
+                  c.eigenvalues().cwiseAbs().maxCoeff());
+}
+
+double sample_time_of(const OutputErrorRecording& recording) {
+  return (recording.time(recording.time.size() - 1) - recording.time(0)) /
+         static_cast<double>(recording.time.size() - 1);
+}
+
+OutputErrorData even_data(const LumpedModel& model, const Campaign& campaign) {
+  OutputErrorData data = load_output_error_data(model, campaign);
+  for (const OutputErrorRecording& recording : data.recordings) {
+    if (recording.even) continue;
+    throw InputError(
+        fmt::format("{}: sample_time: a diagnosis by prediction error needs even samples; {} has "
+                    "irregular times: resample it first",
+                    campaign.file.string(), recording.name));
+  }
+  return data;
+}
+
+}  // namespace
+
+double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  constexpr int kHighest = 8;
+  Eigen::VectorXd difference = values;
+  double least = std::numeric_limits<double>::infinity(), binomial = 1.0;
+  for (int m = 1; m <= kHighest && difference.size() > 2; ++m) {
+    difference = (difference.tail(difference.size() - 1) -
+                  difference.head(difference.size() - 1)).eval();
+    binomial *= 2.0 * (2.0 * m - 1.0) / m;  // binomial(2 m, m)
+    if (m == 1) continue;
+    least = std::min(least, std::sqrt(difference.array().square().mean() / binomial));
+  }
+  return std::isfinite(least) ? least : 0.0;
+}
+
+Index PredictionTask::rows(Index outputs) const {
+  Index count = 0;
+  for (const PredictionRun& run : runs) count += run.samples * outputs;
+  return count;
+}
+
+PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads)
+    : problem_(model, even_data(model, campaign), threads) {
+  sample_time_ = sample_time_of(problem_.data().recordings.front());
+  const double phase = fastest_mode(model) * sample_time_;
+  steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),
+                      hold() == InputHold::kBandLimited ? 2 : 1, kMostSteps);
+  nodes_ = recorded_nodes(recordings(), hold(), steps_);
+  estimate_noise();
+  measure_force(model);
+}
+
+void PredictionData::estimate_noise() {
+  noise_ = problem_.data().noise;
+  for (Index j = 0; j < noise_.size(); ++j) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const OutputErrorRecording& recording : recordings()) {
+      if (recording.role == ExperimentRole::kEstimation) {
+        least = std::min(least, noise_by_differences(recording.outputs.col(j)));
+      }
+    }
+    if (!(noise_(j) > 0.0)) noise_(j) = least;
+    noise_(j) = std::max({noise_(j), kLeastNoise * output_scale()(j), 1e-300});
+  }
+}
+
+void PredictionData::measure_force(const LumpedModel& model) {
+  double squares = 0.0, samples = 0.0;
+  const auto add = [&](const Eigen::MatrixXd& values, Index channel) {
+    squares += values.col(channel).squaredNorm();
+    samples += static_cast<double>(values.rows());
+  };
+  for (const OutputErrorRecording& recording : recordings()) {
+    for (std::size_t j = 0; j < model.inputs.size(); ++j) {
+      if (model.inputs[j].kind == LumpedInput::Kind::kForce) {
+        add(recording.inputs, static_cast<Index>(j));
+      }
+    }
+    for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+      if (model.outputs[j].quantity == LumpedOutput::Quantity::kForce) {
+        add(recording.outputs, static_cast<Index>(j));
+      }
+    }
+  }
+  if (squares > 0.0) force_scale_ = std::sqrt(squares / samples);
+}
+
+Eigen::VectorXd PredictionData::measured_initial(std::size_t index) const {
+  return problem_.measured_initial({index, {0, recording(index).time.size()}});
+}
+
+Index PredictionData::shortest() const {
+  Index least = std::numeric_limits<Index>::max();
+  for (const OutputErrorRecording& recording : recordings()) {
+    if (recording.role == ExperimentRole::kEstimation) {
+      least = std::min(least, recording.time.size());
+    }
+  }
+  return least;
+}
+
+bool PredictionData::has_validation() const {
+  return std::ranges::any_of(recordings(), [](const OutputErrorRecording& recording) {
+    return recording.role == ExperimentRole::kValidation;
+  });
+}
+
+PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const {
+  PredictionTask task{horizon, {}};
+  const Index on = seen_of(horizon);
+  for (std::size_t r = 0; r < recording_count(); ++r) {
+    if (recording(r).role != role) continue;
+    PredictionRun run{r, recording(r).time.size(), {}, {}};
+    run.counted.assign(static_cast<std::size_t>(run.samples), 1);
+    if (horizon > 0) {
+      run.seen.assign(run.counted.size(), 0);
+      for (Index k = 0; k < run.samples; ++k) {
+        const bool sees = k % (on + horizon) < on;
+        run.seen[static_cast<std::size_t>(k)] = sees ? 1 : 0;
+        run.counted[static_cast<std::size_t>(k)] = sees ? 0 : 1;
+      }
+    }
+    task.runs.push_back(std::move(run));
+  }
+  return task;
+}
+
+}  // namespace graybox
