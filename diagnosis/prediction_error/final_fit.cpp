@@ -17,6 +17,7 @@ using Eigen::VectorXd;
 
 constexpr double kSkill = 0.5;  // of the signal
 constexpr int kIterations = 25;
+constexpr double kIdleErrors = 1.5, kIdleGain = 0.01;  // z, and of the cost
 constexpr Index kInitialSamples = 200;
 constexpr double kUnseen = 1e-10;  // of a scaled normal matrix
 
@@ -73,7 +74,8 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& finding
   found_ = judged(findings.found, kIterations);
   if (!found_.fit.usable || !has_skill(found_.error)) {
     for (auto rung = findings.rungs.rbegin(); rung != findings.rungs.rend(); ++rung) {
-      task_ = data.windows(rung->horizon);
+      const double ratio = findings.sample_time / data.sample_time();
+      task_ = data.windows(std::lround(ratio * static_cast<double>(rung->horizon)));
       found_ = judged(findings.found, kIterations);
       if (found_.fit.usable && has_skill(found_.error)) break;
     }
@@ -81,6 +83,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& finding
   if (!found_.fit.usable) return;
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
+  drop_idle_laws();
   estimate_deviations(found_);
   judge_held_out(found_);
   as_given_ = judged(findings.as_given, kIterations);
@@ -137,6 +140,22 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
 }
 
+// What the search found on one rung and the whole does not bear out.
+void FinalFit::drop_idle_laws() {
+  for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
+    JudgedModel poorer =
+        judged(without_part(found_.fit.model, found_.fit.model.laws[l].part), kIterations);
+    const bool is_idle = poorer.fit.usable && (z_between(poorer.fit, found_.fit) < kIdleErrors ||
+                                               found_.fit.cost > (1.0 - kIdleGain) * poorer.fit.cost);
+    if (!is_idle) {
+      ++l;
+      continue;
+    }
+    found_ = std::move(poorer);
+    l = 0;
+  }
+}
+
 JudgedModel FinalFit::without(std::size_t law) const {
   JudgedModel result =
       judged(without_part(found_.fit.model, found_.fit.model.laws[law].part), kIterations);
@@ -145,9 +164,7 @@ JudgedModel FinalFit::without(std::size_t law) const {
 }
 
 double FinalFit::z_over(const JudgedModel& poorer) const {
-  return left_out_z(left_out_squares(poorer.fit.residuals, poorer.fit.jacobian),
-                    left_out_squares(found_.fit.residuals, found_.fit.jacobian),
-                    static_cast<double>(found_.fit.residuals.size()) / kLeftOutBlocks);
+  return z_between(poorer.fit, found_.fit);
 }
 
 MatrixXd FinalFit::motion() const {

@@ -44,6 +44,7 @@ class FinalFit {
  private:
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
+  void drop_idle_laws();
   void judge_held_out(JudgedModel& model) const;
   void estimate_deviations(JudgedModel& model) const;
 

@@ -1,6 +1,7 @@
 #include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
@@ -10,8 +11,24 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-VectorXd left_out_squares(const VectorXd& residuals, const MatrixXd& jacobian) {
-  const Index n = residuals.size(), p = jacobian.cols();
+namespace {
+
+// Beside the columns of `local`.
+MatrixXd beside(const MatrixXd& local, const MatrixXd& values) {
+  if (local.cols() == 0 || values.cols() == 0) return values;
+  const VectorXd size = local.colwise().norm().cwiseMax(1e-300).transpose();
+  const MatrixXd scaled = local * size.cwiseInverse().asDiagonal();
+  return values - scaled * scaled.colPivHouseholderQr().solve(values);
+}
+
+}  // namespace
+
+VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_columns,
+                          Index local) {
+  const Index n = all_residuals.size(), p = all_columns.cols() - local;
+  const MatrixXd own = all_columns.rightCols(local);
+  const VectorXd residuals = beside(own, all_residuals);
+  const MatrixXd jacobian = beside(own, all_columns.leftCols(p));
   VectorXd squares(kLeftOutBlocks);
   MatrixXd normal = jacobian.transpose() * jacobian;
   // Columns of one size, and a ridge for those that the data do not see.

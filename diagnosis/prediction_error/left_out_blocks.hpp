@@ -19,9 +19,11 @@ namespace graybox {
 
 inline constexpr Eigen::Index kLeftOutBlocks = 24;
 
-// Sums of squares of each block without it; rows are cut evenly.
+// Sums of squares of each block without it; rows are cut evenly. The last `local` columns are of what
+// one block alone tells (initial states): they are fitted with all blocks.
 [[nodiscard]] Eigen::VectorXd left_out_squares(const Eigen::VectorXd& residuals,
-                                               const Eigen::MatrixXd& jacobian);
+                                               const Eigen::MatrixXd& jacobian,
+                                               Eigen::Index local);
 
 // z of the richer over the poorer, from both left_out_squares(). `rows` a block.
 [[nodiscard]] double left_out_z(const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer,

@@ -19,6 +19,8 @@ constexpr Index kFewestSeen = 20, kMostSeen = 100;
 constexpr double kLeastNoise = 1e-7;  // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
+constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
+constexpr double kThinnedPhase = 0.3;  // rad a thinned sample
 
 Index seen_of(Index horizon) { return std::clamp(horizon / 3, kFewestSeen, kMostSeen); }
 
@@ -39,6 +41,69 @@ double fastest_mode(const LumpedModel& model) {
 double sample_time_of(const OutputErrorRecording& recording) {
   return (recording.time(recording.time.size() - 1) - recording.time(0)) /
          static_cast<double>(recording.time.size() - 1);
+}
+
+Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, Index factor) {
+  const Index count = values.rows() / factor;
+  Eigen::MatrixXd means(count, values.cols());
+  for (Index k = 0; k < count; ++k) {
+    means.row(k) = values.middleRows(k * factor, factor).colwise().mean();
+  }
+  return means;
+}
+
+// Whether the inputs hardly change within `factor` samples: by at most kDropped of their rms.
+bool changes_slowly(const OutputErrorData& data, Index factor) {
+  double dropped = 0.0, all = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings) {
+    const Eigen::MatrixXd means = block_means(recording.inputs, factor);
+    for (Index k = 0; k < means.rows() * factor; ++k) {
+      dropped += (recording.inputs.row(k) - means.row(k / factor)).squaredNorm();
+      all += recording.inputs.row(k).squaredNorm();
+    }
+  }
+  return dropped <= kDropped * kDropped * all;
+}
+
+void thin(Index factor, OutputErrorRecording& recording) {
+  const Index count = recording.outputs.rows() / factor;
+  recording.inputs = block_means(recording.inputs, factor);
+  recording.outputs = Eigen::MatrixXd(
+      recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));
+  recording.time = Eigen::VectorXd(recording.time(Eigen::seqN(0, count, factor)));
+}
+
+// The first of the estimation recordings' samples.
+void cut(Index most, OutputErrorData& data) {
+  Index left = most;
+  std::erase_if(data.recordings, [&](OutputErrorRecording& recording) {
+    if (recording.role != ExperimentRole::kEstimation) return false;
+    if (left < std::min<Index>(most / 10, recording.time.size())) return true;
+    const Index count = std::min(left, recording.time.size());
+    recording.inputs.conservativeResize(count, Eigen::NoChange);
+    recording.outputs.conservativeResize(count, Eigen::NoChange);
+    recording.time.conservativeResize(count);
+    left -= count;
+    return false;
+  });
+}
+
+OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index most) {
+  Index samples = 0;
+  for (const OutputErrorRecording& recording : data.recordings) {
+    if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
+  }
+  if (most == 0 || samples <= most) return data;
+  const double phase = fastest_mode(model) * sample_time_of(data.recordings.front());
+  for (Index factor = (samples + most - 1) / most; factor > 1; --factor) {
+    const bool may = data.hold == InputHold::kZero && phase * static_cast<double>(factor) <
+                     kThinnedPhase && changes_slowly(data, factor);
+    if (!may) continue;
+    for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
+    break;
+  }
+  cut(most, data);
+  return data;
 }
 
 OutputErrorData even_data(const LumpedModel& model, const Campaign& campaign) {
@@ -75,8 +140,9 @@ Index PredictionTask::rows(Index outputs) const {
   return count;
 }
 
-PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads)
-    : problem_(model, even_data(model, campaign), threads) {
+PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
+                               Index most_samples)
+    : problem_(model, reduced(model, even_data(model, campaign), most_samples), threads) {
   sample_time_ = sample_time_of(problem_.data().recordings.front());
   const double phase = fastest_mode(model) * sample_time_;
   steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),

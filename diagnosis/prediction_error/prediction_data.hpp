@@ -33,8 +33,12 @@ struct PredictionTask {
 
 class PredictionData {
  public:
-  // Throws InputError for what load_output_error_data refuses and for times that are not even.
-  PredictionData(const LumpedModel& model, const Campaign& campaign, int threads);
+  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the mean of
+  // the inputs between, where the inputs hold, the model's fastest mode lets it, and what is dropped of
+  // the inputs is small; else cut to the first. Throws InputError for what load_output_error_data
+  // refuses and for times that are not even.
+  PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
+                 Eigen::Index most_samples = 0);
 
   [[nodiscard]] const OutputErrorRecording& recording(std::size_t index) const {
     return problem_.data().recordings[index];

@@ -24,7 +24,8 @@ using Eigen::VectorXd;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kHeldOutLimit = 15.0;  // % of the signal
 constexpr double kNoiseLimit = 1.5;     // times the stated noise
-constexpr double kNoiseMultiple = 4.0;  // of the sensors' noise
+constexpr double kNoiseMultiple = 2.0;  // of the sensors' noise
+constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
   return 100.0 * std::sqrt((error.array() / scale.array()).square().mean());
@@ -431,13 +432,14 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   }
   const LumpedModel stated = load_lumped_model(model);
   const PredictionData data(stated, campaign, threads);
-  const PredictionHypotheses hypotheses(stated, data, options.excluded_laws);
+  const PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;
   search_options.threads = threads;
   search_options.proceed = options.proceed;
   if (options.effect_limit > 0) search_options.most_laws = options.effect_limit;
   PredictionDiagnosis result{hypotheses.hypotheses(), {}};
-  PredictionSearch search(data, hypotheses, search_options);
+  PredictionSearch search(searched, hypotheses, search_options);
   try {
     const PredictionFindings findings = search.run(stated);
     if (findings.usable) {

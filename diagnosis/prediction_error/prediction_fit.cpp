@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
 #include "graybox/diagnosis/prediction_error/predictor.hpp"
 #include "graybox/diagnosis/prediction_error/stationary_gain.hpp"
 #include "graybox/problems/stop.hpp"
@@ -30,14 +31,34 @@ bool wants_out(const ParameterSpace& space, double value, double slope) {
 
 }  // namespace
 
+double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
+  return left_out_z(
+      left_out_squares(poorer.residuals, poorer.jacobian, poorer.initial_columns()),
+      left_out_squares(richer.residuals, richer.jacobian, richer.initial_columns()),
+      static_cast<double>(poorer.residuals.size()) / kLeftOutBlocks);
+}
+
 PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,
                                    double intensity, int threads)
     : data_(&data), task_(&task), intensity_(intensity), threads_(threads) {}
 
-InitialStates PredictionFitter::measured_initials() const {
+InitialStates PredictionFitter::measured_initials(const LumpedModel& model) const {
+  std::vector<Index> slots;  // of each coordinate among the free ones
+  Index free = 0;
+  for (const bool imposed : model.imposed) slots.push_back(imposed ? -1 : free++);
   InitialStates initials;
   for (const PredictionRun& run : task_->runs) {
-    initials.push_back(data_->measured_initial(run.recording));
+    VectorXd initial = data_->measured_initial(run.recording);
+    for (const Element& part : model.parts) {
+      if (part.location.kind != LocationKind::kSensor || part.law_name != "offset") continue;
+      const LumpedOutput& output = model.outputs[static_cast<std::size_t>(part.location.channel)];
+      const Index slot = slots[static_cast<std::size_t>(output.mass)];
+      if (slot < 0) continue;
+      using enum LumpedOutput::Quantity;
+      if (output.quantity == kPosition) initial(slot) -= part.parameters[0];
+      if (output.quantity == kVelocity) initial(free + slot) -= part.parameters[0];
+    }
+    initials.push_back(std::move(initial));
   }
   return initials;
 }
@@ -228,7 +249,7 @@ PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const Vect
                                     const InitialStates& initials, int iterations,
                                     bool parameters_too) const {
   PredictionFit result;
-  Point at{start, initials.empty() ? measured_initials() : initials, gain_of(start), 0.0, {}};
+  Point at{start, initials.empty() ? measured_initials(start.model) : initials, gain_of(start), 0.0, {}};
   if (parameters_too) result.free = start.free_parameters();
   result.usable = evaluate(at, weights);
   double damping = kInitialDamping;

@@ -38,7 +38,13 @@ struct PredictionFit {
   InitialStates initials;
   Eigen::MatrixXd gain;        // empty in free run
   std::vector<bool> at_bound;  // of each free parameter
+  [[nodiscard]] Eigen::Index initial_columns() const {
+    return jacobian.cols() - static_cast<Eigen::Index>(free.size());
+  }
 };
+
+// z of the richer fit over the poorer one, by blocks left out (left_out_blocks.hpp).
+[[nodiscard]] double z_between(const PredictionFit& poorer, const PredictionFit& richer);
 
 class PredictionFitter {
  public:
@@ -49,7 +55,8 @@ class PredictionFitter {
   [[nodiscard]] const PredictionData& data() const { return *data_; }
   [[nodiscard]] const PredictionTask& task() const { return *task_; }
   [[nodiscard]] int threads() const { return threads_; }
-  [[nodiscard]] InitialStates measured_initials() const;
+  // As the outputs say, less what the model's sensors are off by.
+  [[nodiscard]] InitialStates measured_initials(const LumpedModel& model) const;
   // `initials` empty: measured. Throws Stopped where the process is asked to stop.
   [[nodiscard]] PredictionFit fit(const ExtendedLumpedModel& start, const Eigen::VectorXd& weights,
                                   const InitialStates& initials, int iterations,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -208,6 +209,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
                                            std::vector<LawExtension>& list) const {
   constexpr double kTransition = 1e-3;  // of the rms velocity
   constexpr double kImposedTransition = 0.05;
+  constexpr std::array kWideTransitions{0.1, 0.4};
   const Location& place = plain.location;
   const LumpedModel& model = present.model;
   bool is_imposed = true;
@@ -222,7 +224,12 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   } else if (plain.law == "coulomb" && !coulomb && !part_at(model, place, "stribeck")) {
     LawExtension law = amplitude(plain, {0.0, transition}, 0, at.force, true);
     law.fixed = {false, !is_imposed};
-    list.push_back(std::move(law));
+    list.push_back(law);
+    for (const double share : kWideTransitions) {  // a gradual one, that is seen
+      law.base[1] = share * at.rms_rate;
+      law.fixed[1] = false;
+      if (!is_imposed) list.push_back(law);
+    }
   } else if (plain.law == "asymmetric_viscous" && viscous) {
     const bool found = is_found(present, *viscous);
     const double damping = found ? value_of(present, *viscous, 0) : 0.0;

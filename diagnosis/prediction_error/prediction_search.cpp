@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "graybox/diagnosis/prediction_error/friction_energy.hpp"
-#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
 
 namespace graybox {
 namespace {
@@ -20,6 +19,7 @@ constexpr double kFirstFactor = 1000.0;  // how far the first fit may move masse
 constexpr double kSearchFactor = 10.0;   // the search, about that fit
 constexpr int kFirstIterations = 40, kRungIterations = 15, kRefitIterations = 12,
               kWeighIterations = 6, kPruneIterations = 8;
+constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.003;
 constexpr double kLongest = 0.4;  // horizon, of the shortest recording
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
@@ -56,6 +56,7 @@ PredictionSearch::PredictionSearch(const PredictionData& data,
 }
 
 bool PredictionSearch::proceed(const std::string& step) {
+  if (getenv("PE_DEBUG")) fprintf(stderr, "%s\n", step.c_str());
   if (!options_.proceed || options_.proceed(step)) return true;
   findings_.stopped = true;
   return false;
@@ -98,7 +99,10 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
   const int iterations = is_first ? kFirstIterations : kRungIterations;
   PredictionFit best;
   double intensity = findings_.intensity;
-  for (const double candidate : horizon > 0 ? intensities_ : std::vector<double>{0.0}) {
+  // The first rung says which; later ones keep it.
+  std::vector<double> candidates{findings_.intensity};
+  if (horizon > 0 && !(findings_.intensity > 0.0)) candidates = intensities_;
+  for (const double candidate : candidates) {
     const PredictionFitter fitter(*data_, state.task, candidate, options_.threads);
     PredictionFit fit = fitter.fit(best.usable ? best.model : from, state.weights,
                                    best.initials, iterations);
@@ -117,10 +121,8 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
   return state.fit.usable;
 }
 
-double PredictionSearch::z_between(const PredictionFit& poorer, const PredictionFit& richer) const {
-  return left_out_z(left_out_squares(poorer.residuals, poorer.jacobian),
-                    left_out_squares(richer.residuals, richer.jacobian),
-                    static_cast<double>(poorer.residuals.size()) / kLeftOutBlocks);
+bool PredictionSearch::is_noise(const VectorXd& error) const {
+  return (error.array() < options_.at_noise * data_->noise().array()).all();
 }
 
 PredictionFit PredictionSearch::refit(const State& state, const LawExtension& law,
@@ -154,6 +156,7 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
   std::vector<TriedLaw> tried;
   for (const ExtensionScore& score : list) {
     const LawExtension& law = extensions[score.extension];
+    if (!law.is_secant && score.share < kHopeless * options_.least_gain) continue;
     TriedLaw one;
     one.hypothesis = law.hypothesis;
     one.fit = refit(state, law, law.is_secant ? 1.0 : score.amplitude);
@@ -171,8 +174,12 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
 std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
                                        const std::vector<LawExtension>& extensions,
                                        const State& state) const {
+  // Near the noise of a sensor, which may be rounding and not white, more is asked for.
+  const bool is_near_noise =
+      (state.error.array() < options_.noise_multiple * data_->noise().array()).all();
+  const double least_gain = is_near_noise ? options_.least_gain_near_noise : options_.least_gain;
   const auto is_good = [&](const TriedLaw& law) {
-    return !law.feeds_energy && law.z > options_.errors_of_gain && law.gain > options_.least_gain;
+    return !law.feeds_energy && law.z > options_.errors_of_gain && law.gain > least_gain;
   };
   const auto complexity = [&](const TriedLaw& law) {
     return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;
@@ -224,6 +231,10 @@ bool PredictionSearch::add_law(State& state) {
       try_laws(state, extensions,
                shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
   const std::size_t taken = plainest(tried, extensions, state);
+  if (getenv("PE_DEBUG")) {
+    for (std::size_t i = 0; i < scores.size() && i < 6; ++i) fprintf(stderr, "   rank %s@%s %.3f %.3f\n", extensions[scores[i].extension].law.c_str(), extensions[scores[i].extension].location.name.c_str(), scores[i].share, scores[i].whitened_share);
+    for (std::size_t i = 0; i < tried.size(); ++i) fprintf(stderr, "   %s %s@%s z %.1f gain %.4f %d\n", i == taken ? "TAKE" : "try", hypotheses_->hypotheses()[tried[i].hypothesis].law.c_str(), hypotheses_->hypotheses()[tried[i].hypothesis].place.c_str(), tried[i].z, tried[i].gain, tried[i].feeds_energy);
+  }
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
   return true;
@@ -261,12 +272,13 @@ void PredictionSearch::search_rung(State& state) {
     if (!proceed(step) || !add_law(state)) return;
     prune(state);
     weigh(state);
-    if ((state.error.array() < options_.noise_multiple * data_->noise().array()).all()) return;
+    if (is_noise(state.error)) return;
   }
 }
 
 PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
+  findings_.sample_time = data_->sample_time();
   findings_.found = findings_.as_given = as_given(model, kFirstFactor);
   const std::vector<Index> horizons = ladder(model);
   findings_.has_free_run = horizons.front() == 0;
@@ -284,12 +296,11 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
       findings_.first_horizon = horizon;
     }
     Rung rung{horizon, state.error, false};
+    if (getenv("PE_DEBUG")) { fprintf(stderr, "RUNG %ld q %g err/signal %g err/noise %g noise %g |", horizon, findings_.intensity, (state.error.array()/data_->output_scale().array()).maxCoeff(), (state.error.array()/data_->noise().array()).maxCoeff(), data_->noise()(0)); for (auto& p : state.fit.model.model.parameters) fprintf(stderr, " %s=%g", p.name.c_str(), p.value); fprintf(stderr, "\n"); }
     const bool has_skill =
         (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
-    const bool is_noise =
-        (state.error.array() < options_.noise_multiple * data_->noise().array()).all();
     if (!has_skill && !findings_.rungs.empty()) break;
-    if (!is_noise) {
+    if (!is_noise(state.error)) {
       search_rung(state);
       rung.error = state.error;
       rung.was_searched = true;

@@ -33,7 +33,9 @@ struct PredictionSearchOptions {
   double equal_errors = 2.5;         // z within which another law is no better
   double equal_gain = 0.85;          // share of the best one's gain
   double rival_errors = 2.0;         // z within which a law is not excluded
-  double noise_multiple = 4.0;       // of the sensors' noise: nothing to see
+  double at_noise = 1.3;             // times the sensors' noise: nothing to see
+  double noise_multiple = 4.0;       // times it: what is left may be rounding, and a law must take
+  double least_gain_near_noise = 0.15;  // so much of the cost
   double no_skill = 0.95;            // of the signal
   double fed_in = 0.02;              // of the energy, at a place
   std::size_t shortlist = 5, whitened_shortlist = 3;
@@ -73,6 +75,7 @@ struct PredictionFindings {
   Eigen::Index first_horizon = 0;
   std::vector<AcceptedLaw> laws;
   std::vector<Rung> rungs;
+  double sample_time = 0.0;             // s, of the samples that horizons count
   double intensity = 0.0;               // of the force noise, on the last rung
   std::vector<ExtensionScore> ranking;  // of the first search, and what it ranked
   std::vector<LawExtension> ranked;
@@ -107,7 +110,7 @@ class PredictionSearch {
                                      const State& state) const;
   void accept(std::vector<TriedLaw> tried, std::size_t taken, State& state);
   void prune(State& state);
-  [[nodiscard]] double z_between(const PredictionFit& poorer, const PredictionFit& richer) const;
+  [[nodiscard]] bool is_noise(const Eigen::VectorXd& error) const;
   [[nodiscard]] bool proceed(const std::string& step);
   [[nodiscard]] std::vector<Eigen::Index> ladder(const LumpedModel& model) const;
 

@@ -15,7 +15,8 @@ using Eigen::VectorXd;
 constexpr double kOutOfBounds = 1e15;  // of a state: the motion has run away
 // Set-valued friction takes the catalogue's curve with a corner so sharp that it is none.
 constexpr double kSharp = 1e-12;
-constexpr double kBarelyMoving = 1e-9;  // a velocity far above that corner, to ask for the level
+constexpr double kBarelyMoving = 1e-6;  // of a velocity
+constexpr double kResolved = 0.5;
 
 double dot(const std::vector<std::pair<Index, double>>& b, const VectorXd& values) {
   double sum = 0.0;
@@ -35,17 +36,20 @@ const LawEntry& entry_of(const Element& part) {
   return *find_law(part.law_name, part.location.kind != LocationKind::kElement);
 }
 
-// The same friction with no transition at v = 0; null for laws that have none.
-std::shared_ptr<const Law> without_transition(const Element& part) {
+// The same friction with no transition at v = 0, where a velocity passes the one that is stated within
+// `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
+std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
   const LawEntry& entry = entry_of(part);
+  const auto transition =
+      std::ranges::find(entry.parameters, "transition_velocity", &LawParameter::name);
+  if (transition == entry.parameters.end() || !entry.make) return nullptr;
   std::vector<double> parameters = part.parameters;
-  bool has_transition = false;
-  for (std::size_t p = 0; p < entry.parameters.size(); ++p) {
-    if (entry.parameters[p].name != "transition_velocity") continue;
-    parameters[p] *= kSharp;
-    has_transition = true;
-  }
-  return has_transition && entry.make ? entry.make(parameters) : nullptr;
+  double& velocity = parameters[static_cast<std::size_t>(transition - entry.parameters.begin())];
+  const double small = kBarelyMoving * velocity;
+  const double slope = part.law->force(0.0, small, {}) / small;
+  if (!(rate * slope > kResolved)) return nullptr;
+  velocity *= kSharp;
+  return entry.make(parameters);
 }
 
 bool is_linear_element(const Element& part) {
@@ -123,11 +127,11 @@ void Predictor::place_laws(const LumpedModel& model) {
     for (const auto& [at, coefficient] : law.out) {
       if (slot_[static_cast<std::size_t>(at)] >= 0) b(slot_[static_cast<std::size_t>(at)]) = coefficient;
     }
-    if (auto sharp = without_transition(part); sharp && !b.isZero(0.0) && law.in == law.out) {
+    law.velocity_by = inverse_mass_ * b;
+    law.mobility = b.dot(law.velocity_by);
+    if (auto sharp = without_transition(part, step_ * law.mobility); sharp && law.in == law.out) {
       law.law = std::move(sharp);
       law.is_set_valued = true;
-      law.velocity_by = inverse_mass_ * b;
-      law.mobility = b.dot(law.velocity_by);
     }
     laws_.push_back(std::move(law));
   }

@@ -12,8 +12,9 @@
 //
 //   min(|v|, h F(v) / (2 m)),   1/m = b' M^-1 b,
 //
-// so it sticks exactly, and no transition velocity makes the equations stiff (the catalogue's
-// `transition_velocity` is used where the motion is imposed: there v is not the model's to change).
+// so it sticks exactly, and no transition velocity makes the equations stiff. A transition that is wide
+// enough to be seen, h F / (m v_t) < 1/2, is the law's curve as it is; so is friction of imposed motion,
+// where v is not the model's to change.
 // A lag of a sensor is exact for outputs that are straight between samples; a late sensor reads what
 // the state was then, and is corrected there, since earlier outputs are part of the state.
 //
