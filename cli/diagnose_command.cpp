@@ -192,10 +192,11 @@ struct Answer {
 Answer answer_by_prediction(const Arguments& arguments, const Campaign& campaign) {
   Answer answer;
   if (!arguments.place_files.empty()) {
-    throw InputError("--places: a diagnosis by prediction error takes the places of the model alone");
+    throw InputError(
+        "--places: a diagnosis by prediction error takes the places of the model alone");
   }
-  answer.by_prediction = diagnose_by_prediction(arguments.model, campaign, arguments.search,
-                                                arguments.threads);
+  answer.by_prediction =
+      diagnose_by_prediction(arguments.model, campaign, arguments.search, arguments.threads);
   answer.diagnosis = answer.by_prediction.diagnosis;
   return answer;
 }

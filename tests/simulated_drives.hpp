@@ -149,21 +149,23 @@ class SimulatedDrive {
     double disturbance = 0.0;
     std::ofstream out(file);
     out << "torque,motor_angle,load_angle\n";
-    const auto read = [&](double angle) { return std::round((angle + 5e-5 * normal()) / 1e-4) * 1e-4; };
+    const auto read = [&](double angle) {
+      return std::round((angle + 5e-5 * normal()) / 1e-4) * 1e-4;
+    };
     for (int k = 0; k < samples; ++k) {
       const double motor = read(x_[0]);
       loads.push_back(read(x_[1]));
       const bool is_late = hides("delay at sensor load_angle") && loads.size() > 3;
       const double load = is_late ? loads[loads.size() - 4] : loads.back();
       const double speed = v_[0] + 0.01 * normal();
-      const double u = std::clamp(12.0 * (wanted[static_cast<std::size_t>(k)] - motor) -
-                                      0.35 * speed + 0.02 * normal(),
-                                  -4.0, 4.0);
+      const double u = std::clamp(
+          12.0 * (wanted[static_cast<std::size_t>(k)] - motor) - 0.35 * speed + 0.02 * normal(),
+          -4.0, 4.0);
       commanded.push_back(u);
       out << fmt::format("{:.9g},{:.9g},{:.9g}\n", u, motor, load);
       const double memory = std::exp(-kSampleTime / 0.2);
-      disturbance = memory * disturbance +
-                    case_.force_noise * std::sqrt(1.0 - memory * memory) * normal();
+      disturbance =
+          memory * disturbance + case_.force_noise * std::sqrt(1.0 - memory * memory) * normal();
       const double torque = actuator(u, commanded);
       for (int s = 0; s < kSteps; ++s) step(torque, disturbance);
     }

@@ -9,9 +9,7 @@ namespace {
 
 using Eigen::Index;
 
-bool is_at_actuator(const Element& part) {
-  return part.location.kind == LocationKind::kActuator;
-}
+bool is_at_actuator(const Element& part) { return part.location.kind == LocationKind::kActuator; }
 
 // exp(-r t) on 0 <= t <= 1 as a parabola at 0, 1/2 and 1: from its moments, as in jump_nodes of
 // node_inputs.cpp; for small r the values themselves, which differ by r^3/100.

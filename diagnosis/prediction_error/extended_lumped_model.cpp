@@ -10,8 +10,8 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kVanishing = 1e-9;     // of a stated damping
-constexpr double kShapeFactor = 20.0;   // how far a gap, a velocity or a time may move
+constexpr double kVanishing = 1e-9;    // of a stated damping
+constexpr double kShapeFactor = 20.0;  // how far a gap, a velocity or a time may move
 
 std::size_t mass_count(const LumpedModel& model) {
   return static_cast<std::size_t>((model.masses.array() != 0.0).count());
@@ -108,11 +108,6 @@ ExtendedLumpedModel as_given(const LumpedModel& model, double factor) {
   return result;
 }
 
-void centre_bounds(ExtendedLumpedModel& model, double factor) {
-  const std::size_t own = model.own_parameters();
-  for (std::size_t i = 0; i < own; ++i) model.space[i] = stated_space(model.model, i, factor);
-}
-
 ExtendedLumpedModel without_part(const ExtendedLumpedModel& model, std::size_t part) {
   ExtendedLumpedModel result = model;
   const auto first = static_cast<std::ptrdiff_t>(model.first_parameter(part));
@@ -132,8 +127,8 @@ ExtendedLumpedModel extended(const ExtendedLumpedModel& model, const LawExtensio
   ExtendedLumpedModel result = law.replaces ? without_part(model, *law.replaces) : model;
   const LawEntry& entry = *find_law(law.law, law.location.kind != LocationKind::kElement);
   Element part;
-  part.name = fmt::format("found {} at {} ({})", law.law, law.location.name,
-                          result.model.parts.size());
+  part.name =
+      fmt::format("found {} at {} ({})", law.law, law.location.name, result.model.parts.size());
   part.location = law.location;
   part.law_name = law.law;
   part.use = entry.use;

@@ -60,8 +60,6 @@ struct LawExtension {
 
 // `factor`: how far masses and springs may move.
 [[nodiscard]] ExtendedLumpedModel as_given(const LumpedModel& model, double factor);
-// Bounds anew about the present values.
-void centre_bounds(ExtendedLumpedModel& model, double factor);
 [[nodiscard]] ExtendedLumpedModel extended(const ExtendedLumpedModel& model,
                                            const LawExtension& law, double amplitude);
 [[nodiscard]] ExtendedLumpedModel without_part(const ExtendedLumpedModel& model, std::size_t part);

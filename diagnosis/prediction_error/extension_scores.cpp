@@ -14,9 +14,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kMemory = 10;              // samples
-constexpr double kImitated = 1e-6;         // of the direction's square
-constexpr double kFirstAmplitude = 1e-3;   // of the law's unit
+constexpr Index kMemory = 10;                                 // samples
+constexpr double kImitated = 1e-6;                            // of the direction's square
+constexpr double kFirstAmplitude = 1e-3;                      // of the law's unit
 constexpr double kLargestChange = 0.1, kWantedChange = 0.02;  // of the residuals' rms
 constexpr int kAmplitudes = 4;
 
@@ -66,8 +66,9 @@ class Whitener {
     toeplitz.diagonal() *= 1.0 + 1e-9;
     const VectorXd solved =
         toeplitz.colPivHouseholderQr().solve(VectorXd(covariance.tail(kMemory)));
-    filter_.row(output) = solved.allFinite() ? solved.transpose()
-                                             : Eigen::RowVectorXd(Eigen::RowVectorXd::Zero(kMemory));
+    filter_.row(output) = solved.allFinite()
+                              ? solved.transpose()
+                              : Eigen::RowVectorXd(Eigen::RowVectorXd::Zero(kMemory));
   }
 
   const PredictionTask* task_;
@@ -170,8 +171,8 @@ std::vector<ExtensionScore> extension_scores(const PredictionFitter& fitter,
     const Taken raw = taken(plain, *direction);
     const Taken white = taken(whitened, whitener.apply(*direction));
     const bool is_possible = !raw.imitated && !(law.one_sided && raw.amplitude < 0.0);
-    found[at] = ExtensionScore{at, is_possible ? raw.share : 0.0,
-                               is_possible ? white.share : 0.0, raw.amplitude, raw.deviation};
+    found[at] = ExtensionScore{at, is_possible ? raw.share : 0.0, is_possible ? white.share : 0.0,
+                               raw.amplitude, raw.deviation};
   }
   stop_if_requested();
   std::vector<ExtensionScore> scores;

@@ -17,7 +17,6 @@ using Eigen::VectorXd;
 
 constexpr double kSkill = 0.5;  // of the signal
 constexpr int kIterations = 25;
-constexpr double kIdleErrors = 1.5, kIdleGain = 0.01;  // z, and of the cost
 constexpr Index kInitialSamples = 200;
 constexpr double kUnseen = 1e-10;  // of a scaled normal matrix
 
@@ -33,16 +32,17 @@ PredictionTask beginning_of(const PredictionTask& task) {
 }
 
 // Covariance of the first `parameters` columns.
-MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian) {
-  const Index n = jacobian.rows(), p = jacobian.cols();
+MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
+                           const BlockEdges& edges) {
+  const Index p = jacobian.cols();
   const VectorXd scale = jacobian.colwise().norm().cwiseMax(1e-300).cwiseInverse();
   const MatrixXd j = jacobian * scale.asDiagonal();
   const MatrixXd normal = j.transpose() * j;
   Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(normal);
   inverse.setThreshold(kUnseen);
   MatrixXd middle = MatrixXd::Zero(p, p);
-  for (Index b = 0; b < kLeftOutBlocks; ++b) {
-    const Index from = n * b / kLeftOutBlocks, count = n * (b + 1) / kLeftOutBlocks - from;
+  for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
+    const Index from = edges[b], count = edges[b + 1] - from;
     const VectorXd g = j.middleRows(from, count).transpose() * residuals.segment(from, count);
     middle += g * g.transpose();
   }
@@ -99,13 +99,15 @@ JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) c
   JudgedModel result;
   result.horizon = task_.horizon;
   result.fit = fitter.fit(model, weights_, {}, iterations);
-  if (result.fit.usable) result.error = fitter.errors(result.fit, weights_);
+  if (!result.fit.usable) return result;
+  result.error = fitter.errors(result.fit, weights_);
+  result.by_noise = fitter.errors_by_noise(result.fit);
   return result;
 }
 
 void FinalFit::estimate_deviations(JudgedModel& model) const {
   const PredictionFit& fit = model.fit;
-  const MatrixXd covariance = robust_covariance(fit.residuals, fit.jacobian);
+  const MatrixXd covariance = robust_covariance(fit.residuals, fit.jacobian, fit.edges);
   model.deviations.resize(static_cast<Index>(fit.free.size()));
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
     const ParameterSpace& space = fit.model.space[fit.free[i]];
@@ -133,8 +135,7 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
   for (const PredictionRun& one : task.runs) {
     const MatrixXd& outputs = data_->recording(one.recording).outputs;
     const Eigen::RowVectorXd mean = outputs.colwise().mean();
-    model.held_out_scale +=
-        (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
+    model.held_out_scale += (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
     samples += static_cast<double>(outputs.rows());
   }
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
@@ -145,9 +146,7 @@ void FinalFit::drop_idle_laws() {
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
     JudgedModel poorer =
         judged(without_part(found_.fit.model, found_.fit.model.laws[l].part), kIterations);
-    const bool is_idle = poorer.fit.usable && (z_between(poorer.fit, found_.fit) < kIdleErrors ||
-                                               found_.fit.cost > (1.0 - kIdleGain) * poorer.fit.cost);
-    if (!is_idle) {
+    if (!is_idle(poorer.fit, found_.fit)) {
       ++l;
       continue;
     }

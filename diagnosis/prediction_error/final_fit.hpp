@@ -22,6 +22,7 @@ struct JudgedModel {
   Eigen::Index horizon = 0;    // of this fit; 0: free run
   Eigen::VectorXd deviations;  // of the free parameters, in their units; NaN: not seen
   Eigen::VectorXd error;       // rms by output, recordings of the fit
+  Eigen::VectorXd by_noise;    // what the sensors' noise alone would leave
   std::optional<Eigen::VectorXd> held_out_error;
   Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
 };

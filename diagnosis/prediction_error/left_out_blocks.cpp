@@ -23,21 +23,34 @@ MatrixXd beside(const MatrixXd& local, const MatrixXd& values) {
 
 }  // namespace
 
+BlockEdges block_edges(const std::vector<Index>& unit_starts, Index rows) {
+  const auto units = static_cast<Index>(unit_starts.size());
+  const Index blocks = std::min(kLeftOutBlocks, units);
+  BlockEdges edges;
+  for (Index b = 0; b < blocks; ++b) {
+    edges.push_back(unit_starts[static_cast<std::size_t>(units * b / blocks)]);
+  }
+  edges.push_back(rows);
+  return edges;
+}
+
 VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_columns,
-                          Index local) {
-  const Index n = all_residuals.size(), p = all_columns.cols() - local;
+                          const BlockEdges& edges, Index local) {
+  const Index p = all_columns.cols() - local;
   const MatrixXd own = all_columns.rightCols(local);
   const VectorXd residuals = beside(own, all_residuals);
   const MatrixXd jacobian = beside(own, all_columns.leftCols(p));
-  VectorXd squares(kLeftOutBlocks);
+  const auto blocks = static_cast<Index>(edges.size()) - 1;
+  VectorXd squares(blocks);
   MatrixXd normal = jacobian.transpose() * jacobian;
   // Columns of one size, and a ridge for those that the data do not see.
   const VectorXd size = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
   const VectorXd scale = size.cwiseInverse();
   normal = scale.asDiagonal() * normal * scale.asDiagonal();
   normal.diagonal().array() += 1e-10;
-  for (Index b = 0; b < kLeftOutBlocks; ++b) {
-    const Index from = n * b / kLeftOutBlocks, count = n * (b + 1) / kLeftOutBlocks - from;
+  for (Index b = 0; b < blocks; ++b) {
+    const Index from = edges[static_cast<std::size_t>(b)];
+    const Index count = edges[static_cast<std::size_t>(b) + 1] - from;
     VectorXd left = residuals.segment(from, count);
     if (p > 0) {
       const MatrixXd block = jacobian.middleRows(from, count) * scale.asDiagonal();
@@ -54,8 +67,7 @@ double left_out_z(const VectorXd& poorer, const VectorXd& richer, double rows) {
   constexpr double kLeast = 1e-300;
   constexpr double kLeastVariance = 0.3;  // of the variance without its correlations
   const VectorXd gain =
-      0.5 * rows *
-      (poorer.array().max(kLeast).log() - richer.array().max(kLeast).log()).matrix();
+      0.5 * rows * (poorer.array().max(kLeast).log() - richer.array().max(kLeast).log()).matrix();
   const auto blocks = static_cast<double>(gain.size());
   const double mean = gain.mean();
   const VectorXd about = gain.array() - mean;
@@ -63,11 +75,14 @@ double left_out_z(const VectorXd& poorer, const VectorXd& richer, double rows) {
   double variance = plain;
   for (const Index lag : {Index{1}, Index{2}}) {
     const Index count = gain.size() - lag;
+    if (count < 2) continue;
     variance += 2.0 * (1.0 - static_cast<double>(lag) / 3.0) *
                 about.head(count).dot(about.tail(count)) / blocks;
   }
   variance = std::max(variance, kLeastVariance * plain);
-  return mean / std::sqrt(variance / blocks + kLeast);
+  const double t = mean / std::sqrt(variance / blocks + kLeast);
+  const double freedom = std::max(blocks - 1.0, 1.0);
+  return t * (1.0 - 1.0 / (4.0 * freedom)) / std::sqrt(1.0 + t * t / (2.0 * freedom));
 }
 
 }  // namespace graybox

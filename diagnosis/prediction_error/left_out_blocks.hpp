@@ -14,18 +14,28 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 namespace graybox {
 
-inline constexpr Eigen::Index kLeftOutBlocks = 24;
+inline constexpr Eigen::Index kLeftOutBlocks = 24;  // at most
 
-// Sums of squares of each block without it; rows are cut evenly. The last `local` columns are of what
+// First rows of blocks, and the number of rows behind the last.
+using BlockEdges = std::vector<Eigen::Index>;
+// Of as many blocks, of whole units (windows of a predictor, whose errors follow each other) each.
+// `unit_starts`: first row of each unit.
+[[nodiscard]] BlockEdges block_edges(const std::vector<Eigen::Index>& unit_starts,
+                                     Eigen::Index rows);
+
+// Sums of squares of each block without it. The last `local` columns are of what
 // one block alone tells (initial states): they are fitted with all blocks.
 [[nodiscard]] Eigen::VectorXd left_out_squares(const Eigen::VectorXd& residuals,
                                                const Eigen::MatrixXd& jacobian,
-                                               Eigen::Index local);
+                                               const BlockEdges& edges, Eigen::Index local);
 
-// z of the richer over the poorer, from both left_out_squares(). `rows` a block.
+// z of the richer over the poorer, from both left_out_squares(). `rows` a block. With few blocks the
+// ratio follows Student's t: z is the normal quantile of the same probability (Abramowitz and Stegun,
+// 26.7.8).
 [[nodiscard]] double left_out_z(const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer,
                                 double rows);
 

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kFewestSeen = 20, kMostSeen = 100;
-constexpr double kLeastNoise = 1e-7;  // of an output's scale
+constexpr double kLeastNoise = 1e-7;   // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
 constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
@@ -68,8 +68,8 @@ bool changes_slowly(const OutputErrorData& data, Index factor) {
 void thin(Index factor, OutputErrorRecording& recording) {
   const Index count = recording.outputs.rows() / factor;
   recording.inputs = block_means(recording.inputs, factor);
-  recording.outputs = Eigen::MatrixXd(
-      recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));
+  recording.outputs =
+      Eigen::MatrixXd(recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));
   recording.time = Eigen::VectorXd(recording.time(Eigen::seqN(0, count, factor)));
 }
 
@@ -96,8 +96,9 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index mo
   if (most == 0 || samples <= most) return data;
   const double phase = fastest_mode(model) * sample_time_of(data.recordings.front());
   for (Index factor = (samples + most - 1) / most; factor > 1; --factor) {
-    const bool may = data.hold == InputHold::kZero && phase * static_cast<double>(factor) <
-                     kThinnedPhase && changes_slowly(data, factor);
+    const bool may = data.hold == InputHold::kZero &&
+                     phase * static_cast<double>(factor) < kThinnedPhase &&
+                     changes_slowly(data, factor);
     if (!may) continue;
     for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
     break;
@@ -125,8 +126,8 @@ double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values) {
   Eigen::VectorXd difference = values;
   double least = std::numeric_limits<double>::infinity(), binomial = 1.0;
   for (int m = 1; m <= kHighest && difference.size() > 2; ++m) {
-    difference = (difference.tail(difference.size() - 1) -
-                  difference.head(difference.size() - 1)).eval();
+    difference =
+        (difference.tail(difference.size() - 1) - difference.head(difference.size() - 1)).eval();
     binomial *= 2.0 * (2.0 * m - 1.0) / m;  // binomial(2 m, m)
     if (m == 1) continue;
     least = std::min(least, std::sqrt(difference.array().square().mean() / binomial));
@@ -138,6 +139,22 @@ Index PredictionTask::rows(Index outputs) const {
   Index count = 0;
   for (const PredictionRun& run : runs) count += run.samples * outputs;
   return count;
+}
+
+BlockEdges PredictionTask::edges(Index outputs) const {
+  std::vector<Index> starts;
+  const Index whole = rows(1);
+  const Index length =
+      is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : seen_of(horizon) + horizon;
+  Index first = 0;
+  for (const PredictionRun& run : runs) {
+    for (Index k = 0; k + length / 2 < run.samples; k += length) {
+      starts.push_back((first + k) * outputs);
+    }
+    first += run.samples;
+  }
+  if (starts.empty()) starts.push_back(0);
+  return block_edges(starts, whole * outputs);
 }
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
@@ -205,6 +222,15 @@ bool PredictionData::has_validation() const {
   return std::ranges::any_of(recordings(), [](const OutputErrorRecording& recording) {
     return recording.role == ExperimentRole::kValidation;
   });
+}
+
+Index PredictionData::window_count(Index horizon) const {
+  Index count = 0;
+  for (const OutputErrorRecording& recording : recordings()) {
+    if (recording.role != ExperimentRole::kEstimation) continue;
+    count += recording.time.size() / (seen_of(horizon) + horizon);
+  }
+  return count;
 }
 
 PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const {

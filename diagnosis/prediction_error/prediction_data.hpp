@@ -15,6 +15,7 @@
 
 #include "graybox/diagnosis/output_error/output_error_problem.hpp"
 #include "graybox/diagnosis/prediction_error/drive_signals.hpp"
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
 
 namespace graybox {
 
@@ -28,7 +29,10 @@ struct PredictionTask {
   Eigen::Index horizon = 0;  // samples ahead; 0: free run
   std::vector<PredictionRun> runs;
   [[nodiscard]] bool is_free() const { return horizon == 0; }
-  [[nodiscard]] Eigen::Index rows(Eigen::Index outputs) const;  // samples times outputs, of all runs
+  [[nodiscard]] Eigen::Index rows(
+      Eigen::Index outputs) const;  // samples times outputs, of all runs
+  // Edges of blocks for left_out_blocks.hpp: of whole windows; in free run runs cut evenly.
+  [[nodiscard]] BlockEdges edges(Eigen::Index outputs) const;
 };
 
 class PredictionData {
@@ -63,6 +67,8 @@ class PredictionData {
   // How far a velocity and a position of the free coordinates may be off at the start: their steps.
   [[nodiscard]] Eigen::Index shortest() const;  // samples, of the estimation recordings
   [[nodiscard]] bool has_validation() const;
+  // Whole windows of a horizon in the recordings of the fit.
+  [[nodiscard]] Eigen::Index window_count(Eigen::Index horizon) const;
 
   [[nodiscard]] PredictionTask windows(Eigen::Index horizon,
                                        ExperimentRole role = ExperimentRole::kEstimation) const;

@@ -22,9 +22,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kHeldOutLimit = 15.0;  // % of the signal
-constexpr double kNoiseLimit = 1.5;     // times the stated noise
-constexpr double kNoiseMultiple = 2.0;  // of the sensors' noise
+constexpr double kHeldOutLimit = 15.0;           // % of the signal
+constexpr double kNoiseLimit = 1.5;              // times the stated noise
+constexpr double kNoiseMultiple = 2.0;           // of the sensors' noise
 constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
@@ -37,8 +37,7 @@ Assessment assessment(const VectorXd& error, const VectorXd& scale, const Vector
   result.degrees_of_freedom = samples * static_cast<double>(error.size());
   result.chi_square = samples * (error.array() / noise.array()).square().sum();
   result.nrmse = pooled(error, scale);
-  result.variance_accounted_for =
-      100.0 * (1.0 - (error.array() / scale.array()).square().mean());
+  result.variance_accounted_for = 100.0 * (1.0 - (error.array() / scale.array()).square().mean());
   return result;
 }
 
@@ -66,7 +65,10 @@ class DiagnosisBuilder {
   DiagnosisBuilder(const LumpedModel& stated, const PredictionData& data,
                    const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
                    const FinalFit& final)
-      : stated_(&stated), data_(&data), hypotheses_(&hypotheses), findings_(&findings),
+      : stated_(&stated),
+        data_(&data),
+        hypotheses_(&hypotheses),
+        findings_(&findings),
         final_(&final) {}
 
   [[nodiscard]] Diagnosis build() {
@@ -80,8 +82,8 @@ class DiagnosisBuilder {
     add_ranking();
     result_.detection.detected = !result_.effects.empty() || largest_multiple() > kNoiseMultiple;
     result_.checked = checked();
-    result_.implausible = implausibilities(
-        fit_physics(hypotheses_->hypotheses(), context(), result_.after));
+    result_.implausible =
+        implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
     result_.interrupted = findings_->stopped;
     result_.reasons = reasons();
     result_.verdict = verdict_of(result_.reasons);
@@ -166,8 +168,8 @@ class DiagnosisBuilder {
         effect.explained_share = 1.0 - final_->found().fit.cost / without.fit.cost;
         effect.held_out = effect_of(without);
       }
-      const auto accepted = std::ranges::find(findings_->laws, model.laws[l].hypothesis,
-                                              &AcceptedLaw::hypothesis);
+      const auto accepted =
+          std::ranges::find(findings_->laws, model.laws[l].hypothesis, &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, model, effect);
       result_.effects.push_back(std::move(effect));
     }
@@ -233,7 +235,8 @@ class DiagnosisBuilder {
     const auto role = range.kept_out ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
     for (const OutputErrorRecording& recording : data_->recordings()) {
       if (recording.role != role) continue;
-      if (std::ranges::count(range.files, recording.name) == 0) range.files.push_back(recording.name);
+      if (std::ranges::count(range.files, recording.name) == 0)
+        range.files.push_back(recording.name);
       for (Index j = 0; j < recording.outputs.cols(); ++j) {
         const auto at = static_cast<std::size_t>(j);
         const double low = recording.outputs.col(j).minCoeff();
@@ -288,22 +291,18 @@ class DiagnosisBuilder {
     return own;
   }
 
-  // Of the sensors' noise, the most that any rung leaves in any output.
+  // The most that any rung leaves in any output, over what the sensors' noise alone would.
   [[nodiscard]] double largest_multiple() const {
     double largest = 0.0;
     for (const Rung& rung : findings_->rungs) {
-      largest = std::max(largest, (rung.error.array() / data_->noise().array()).maxCoeff());
+      largest = std::max(largest, (rung.error.array() / rung.by_noise.array()).maxCoeff());
     }
-    if (final_->horizon() == 0) {
-      largest = std::max(largest,
-                         (final_->found().error.array() / data_->noise().array()).maxCoeff());
-    }
-    return largest;
+    const JudgedModel& found = final_->found();
+    return std::max(largest, (found.error.array() / found.by_noise.array()).maxCoeff());
   }
 
   static VerdictReason test(std::string name, std::optional<double> value, double limit,
-                            bool passed, std::string next,
-                            Verdict otherwise = Verdict::kUnknown) {
+                            bool passed, std::string next, Verdict otherwise = Verdict::kUnknown) {
     VerdictReason reason;
     reason.test = std::move(name);
     reason.value = value;
@@ -352,10 +351,9 @@ class DiagnosisBuilder {
       const double noise = 100.0 * kNoiseLimit * data_->noise()(j) / found.held_out_scale(j);
       const double limit = std::max(kHeldOutLimit, noise);
       const std::string ahead =
-          found.horizon == 0
-              ? "in free run"
-              : fmt::format("{:.3g} s ahead",
-                            static_cast<double>(found.horizon) * data_->sample_time());
+          found.horizon == 0 ? "in free run"
+                             : fmt::format("{:.3g} s ahead", static_cast<double>(found.horizon) *
+                                                                 data_->sample_time());
       list.push_back(
           test(fmt::format("error kept out of {} {}, % of its signal",
                            stated_->output_names[static_cast<std::size_t>(j)], ahead),
@@ -386,8 +384,8 @@ class DiagnosisBuilder {
     list.push_back(std::move(found));
     add_held_out(list);
     const double multiple = largest_multiple();
-    list.push_back(test("rest over the noise of the sensors, most of all horizons", multiple,
-                        kNoiseMultiple, multiple <= kNoiseMultiple,
+    list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
+                        multiple, kNoiseMultiple, multiple <= kNoiseMultiple,
                         "a disturbance, or physics that none of these laws describes: look at "
                         "which channel and when it is largest"));
     std::size_t rivals = 0;
@@ -412,7 +410,8 @@ Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& o
   diagnosis.interrupted = findings.stopped;
   if (!findings.stopped) {
     diagnosis.trouble =
-        "the model as it is can't be fitted: its simulation leaves all bounds from the stated values";
+        "the model as it is can't be fitted: its simulation leaves all bounds from the stated "
+        "values";
   }
   diagnosis.reasons = verdict_reasons(diagnosis, options);
   diagnosis.verdict = verdict_of(diagnosis.reasons);
@@ -426,9 +425,10 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
                                            int threads) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
-    throw InputError(fmt::format("{}: format: a diagnosis by prediction error takes "
-                                 "graybox-lumped/1 models, not {}",
-                                 model.string(), format));
+    throw InputError(
+        fmt::format("{}: format: a diagnosis by prediction error takes "
+                    "graybox-lumped/1 models, not {}",
+                    model.string(), format));
   }
   const LumpedModel stated = load_lumped_model(model);
   const PredictionData data(stated, campaign, threads);
@@ -445,8 +445,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
     if (findings.usable) {
       const FinalFit final(data, findings, threads);
       if (final.found().fit.usable) {
-        result.diagnosis =
-            DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
+        result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
         return result;
       }
     }

@@ -32,10 +32,12 @@ bool wants_out(const ParameterSpace& space, double value, double slope) {
 }  // namespace
 
 double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
+  const BlockEdges& edges = richer.edges;
+  const auto counted = static_cast<double>((richer.residuals.array() != 0.0).count());
   return left_out_z(
-      left_out_squares(poorer.residuals, poorer.jacobian, poorer.initial_columns()),
-      left_out_squares(richer.residuals, richer.jacobian, richer.initial_columns()),
-      static_cast<double>(poorer.residuals.size()) / kLeftOutBlocks);
+      left_out_squares(poorer.residuals, poorer.jacobian, edges, poorer.initial_columns()),
+      left_out_squares(richer.residuals, richer.jacobian, edges, richer.initial_columns()),
+      counted / static_cast<double>(edges.size() - 1));
 }
 
 PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,
@@ -76,8 +78,8 @@ bool PredictionFitter::run_all(
   Predictor predictor(model.model, data_->sample_time(), data_->steps_per_sample());
   MatrixXd gain = given, errors, states;
   if (!task_->is_free() && gain.rows() != predictor.state_count()) {
-    gain = stationary_gain(predictor, model.model, data_->sample_time(), intensity_,
-                           data_->noise());
+    gain =
+        stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
   }
   DriveSignals signals(data_->recordings(), data_->hold(), data_->nodes());
   for (std::size_t r = 0; r < task_->runs.size(); ++r) {
@@ -113,6 +115,12 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
         }
       },
       false);
+}
+
+VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit) const {
+  Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
+  if (fit.gain.rows() != predictor.state_count()) return data_->noise();
+  return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon);
 }
 
 MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {
@@ -249,7 +257,8 @@ PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const Vect
                                     const InitialStates& initials, int iterations,
                                     bool parameters_too) const {
   PredictionFit result;
-  Point at{start, initials.empty() ? measured_initials(start.model) : initials, gain_of(start), 0.0, {}};
+  Point at{
+      start, initials.empty() ? measured_initials(start.model) : initials, gain_of(start), 0.0, {}};
   if (parameters_too) result.free = start.free_parameters();
   result.usable = evaluate(at, weights);
   double damping = kInitialDamping;
@@ -267,6 +276,7 @@ PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const Vect
   result.model = at.model;
   result.initials = at.initials;
   result.gain = at.gain;
+  result.edges = task_->edges(data_->output_count());
   if (!result.usable) return result;
   result.cost = at.cost;
   result.residuals = std::move(at.residuals);

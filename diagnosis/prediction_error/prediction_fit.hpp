@@ -32,12 +32,14 @@ struct PredictionFit {
   bool usable = false;  // the model's motion stays within bounds
   ExtendedLumpedModel model;
   double cost = std::numeric_limits<double>::infinity();
-  Eigen::VectorXd residuals;  // weighted; run by run, sample by sample, output by output; 0: not counted
-  Eigen::MatrixXd jacobian;   // by the coordinates of the free parameters, then the initial states
+  Eigen::VectorXd
+      residuals;  // weighted; run by run, sample by sample, output by output; 0: not counted
+  Eigen::MatrixXd jacobian;  // by the coordinates of the free parameters, then the initial states
   std::vector<std::size_t> free;
   InitialStates initials;
   Eigen::MatrixXd gain;        // empty in free run
   std::vector<bool> at_bound;  // of each free parameter
+  BlockEdges edges;            // of the residuals
   [[nodiscard]] Eigen::Index initial_columns() const {
     return jacobian.cols() - static_cast<Eigen::Index>(free.size());
   }
@@ -65,6 +67,8 @@ class PredictionFitter {
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
                  Eigen::VectorXd& result) const;
+  // What the sensors' noise alone does to the predictions (stationary_gain.hpp).
+  [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit) const;
   // q and q' of all coordinates, sample by sample over all runs.
   [[nodiscard]] Eigen::MatrixXd motion(const PredictionFit& fit) const;
   // rms of each output's errors over what counts, in its unit.
@@ -82,11 +86,10 @@ class PredictionFitter {
   [[nodiscard]] Eigen::MatrixXd gain_of(const ExtendedLumpedModel& model) const;
   bool evaluate(Point& point, const Eigen::VectorXd& weights) const;
   // Another gain where the model has other states than `gain` is for.
-  bool run_all(const ExtendedLumpedModel& model, const InitialStates& initials,
-               const Eigen::MatrixXd& gain,
-               const std::function<void(std::size_t, const Eigen::MatrixXd&, const Eigen::MatrixXd&)>&
-                   take,
-               bool with_states) const;
+  bool run_all(
+      const ExtendedLumpedModel& model, const InitialStates& initials, const Eigen::MatrixXd& gain,
+      const std::function<void(std::size_t, const Eigen::MatrixXd&, const Eigen::MatrixXd&)>& take,
+      bool with_states) const;
   [[nodiscard]] Point moved(const Point& from, std::span<const std::size_t> free,
                             const Eigen::VectorXd& step) const;
   [[nodiscard]] double difference_step(const Point& at, std::span<const std::size_t> free,

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <numbers>
 
-
 namespace graybox {
 namespace {
 
@@ -17,22 +16,32 @@ using Eigen::VectorXd;
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
   if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
-  for (const char* plain : {"viscous", "coulomb", "offset", "inertia"}) {
+  // A force of one turn is gravity.
+  for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "ripple"}) {
     if (law == plain) return 0;
   }
-  for (const char* plain :
-       {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag", "dead_zone",
-        "backlash"}) {
+  for (const char* plain : {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag",
+                            "dead_zone", "backlash"}) {
     if (law == plain) return 1;
   }
   return law == "dahl" || law == "play_and_slip" ? 3 : 2;
 }
 
-const std::vector<std::string> kForceLaws{
-    "viscous",      "coulomb",        "offset",             "stiffness",
-    "inertia",      "cubic_spring",   "asymmetric_viscous", "stribeck",
-    "dead_zone",    "quadratic_drag", "deflection_damping", "backlash",
-    "ripple",       "dahl",           "play_and_slip"};
+const std::vector<std::string> kForceLaws{"viscous",
+                                          "coulomb",
+                                          "offset",
+                                          "stiffness",
+                                          "inertia",
+                                          "cubic_spring",
+                                          "asymmetric_viscous",
+                                          "stribeck",
+                                          "dead_zone",
+                                          "quadratic_drag",
+                                          "deflection_damping",
+                                          "backlash",
+                                          "ripple",
+                                          "dahl",
+                                          "play_and_slip"};
 
 // A part of the model at this place with this law.
 std::optional<std::size_t> part_at(const LumpedModel& model, const Location& place,
@@ -87,11 +96,13 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
                                            const std::vector<std::string>& excluded)
     : data_(&data), excluded_(excluded) {
   const auto n = static_cast<Index>(model.mass_names.size());
-  rotates_ = std::ranges::any_of(model.parameters, [](const LumpedParameter& parameter) {
-    return parameter.unit.find("rad") != std::string::npos || parameter.unit == "kg m^2";
-  }) || std::ranges::any_of(model.output_units, [](const std::string& unit) {
-    return unit.starts_with("rad");
-  });
+  rotates_ = std::ranges::any_of(model.parameters,
+                                 [](const LumpedParameter& parameter) {
+                                   return parameter.unit.find("rad") != std::string::npos ||
+                                          parameter.unit == "kg m^2";
+                                 }) ||
+             std::ranges::any_of(model.output_units,
+                                 [](const std::string& unit) { return unit.starts_with("rad"); });
   has_known_scale_ = std::ranges::any_of(model.parameters, &LumpedParameter::fixed);
   Location place;
   place.units = rotates_ ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
@@ -167,9 +178,8 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   place.channel = static_cast<Index>(channel);
   place.name = fmt::format("{} {}", is_actuator ? "actuator" : "sensor", names[channel]);
   place.units.force = units[channel];
-  const std::string yaml =
-      fmt::format("{{kind: {}, {}: {}}}", is_actuator ? "actuator" : "sensor",
-                  is_actuator ? "input" : "output", names[channel]);
+  const std::string yaml = fmt::format("{{kind: {}, {}: {}}}", is_actuator ? "actuator" : "sensor",
+                                       is_actuator ? "input" : "output", names[channel]);
   add(place, yaml, "lag");
   add(place, yaml, "delay");
   if (is_actuator) {
@@ -250,8 +260,8 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   } else if (plain.law == "quadratic_drag") {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
   } else if (plain.law == "deflection_damping") {
-    list.push_back(amplitude(plain, {0.0}, 0,
-                             at.force / (at.rms_rate * at.largest * at.largest), true));
+    list.push_back(
+        amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.largest * at.largest), true));
   }
 }
 
@@ -307,8 +317,7 @@ void PredictionHypotheses::extend_memory(const LawExtension& plain, const Motion
 }
 
 void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present,
-                                        const MotionAt& at,
-                                        std::vector<LawExtension>& list) const {
+                                        const MotionAt& at, std::vector<LawExtension>& list) const {
   LawExtension plain;
   plain.hypothesis = hypothesis;
   plain.location = locations_[hypothesis];
@@ -319,7 +328,8 @@ void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLu
     Index mass = 0;
     plain.location.output.cwiseAbs().maxCoeff(&mass);
     // A mass that moves freely has an inertia among the model's own parameters.
-    if (present.model.imposed[static_cast<std::size_t>(mass)] && present.model.masses(mass) == 0.0) {
+    if (present.model.imposed[static_cast<std::size_t>(mass)] &&
+        present.model.masses(mass) == 0.0) {
       const double acceleration = at.rms_rate * at.rms_rate / at.largest;
       list.push_back(amplitude(plain, {0.0}, 0, at.force / acceleration, false));
     }
@@ -330,8 +340,7 @@ void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLu
   extend_memory(plain, at, list);
 }
 
-void PredictionHypotheses::extend_signal(std::size_t hypothesis,
-                                         const ExtendedLumpedModel& present,
+void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,
                                          std::vector<LawExtension>& list) const {
   LawExtension plain;
   plain.hypothesis = hypothesis;
@@ -342,8 +351,8 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis,
   const auto channel = static_cast<std::size_t>(plain.location.channel);
   const double sample_time = data_->sample_time();
   const bool is_actuator = plain.location.kind == LocationKind::kActuator;
-  const double size = is_actuator ? input_scales_[channel]
-                                  : data_->output_scale()(static_cast<Index>(channel));
+  const double size =
+      is_actuator ? input_scales_[channel] : data_->output_scale()(static_cast<Index>(channel));
   if (plain.law == "lag" || plain.law == "delay") {
     list.push_back(amplitude(plain, {0.0}, 0, sample_time, true));
   } else if (plain.law == "gain") {

@@ -32,8 +32,8 @@ class PredictionHypotheses {
   void add_place(const Location& place, const std::string& yaml);
   void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
   void add(const Location& place, const std::string& yaml, const std::string& law);
-  void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present,
-                    const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present, const MotionAt& at,
+                    std::vector<LawExtension>& list) const;
   void extend_friction(const LawExtension& plain, const ExtendedLumpedModel& present,
                        const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,

@@ -15,13 +15,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kFirstFactor = 1000.0;  // how far the first fit may move masses and springs
-constexpr double kSearchFactor = 10.0;   // the search, about that fit
+constexpr double kSearchFactor = 10.0;  // how far masses and springs may move
 constexpr int kFirstIterations = 40, kRungIterations = 15, kRefitIterations = 12,
               kWeighIterations = 6, kPruneIterations = 8;
 constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
-constexpr double kPruneErrors = 1.5, kPruneGain = 0.003;
-constexpr double kLongest = 0.4;  // horizon, of the shortest recording
+constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
+constexpr Index kFewestWindows = 10, kFirstHorizon = 10;
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
 
 void forget_derivatives(PredictionFit& fit) {
@@ -30,6 +29,12 @@ void forget_derivatives(PredictionFit& fit) {
 }
 
 }  // namespace
+
+bool is_idle(const PredictionFit& without, const PredictionFit& with) {
+  if (!without.usable) return false;
+  const double gain = 1.0 - with.cost / without.cost, z = z_between(without, with);
+  return gain < kNoGain || z < 0.0 || (gain < kPruneGain && z < kPruneErrors);
+}
 
 bool forgets(const LumpedModel& model, double duration) {
   std::vector<Index> free;
@@ -70,11 +75,9 @@ std::vector<Index> PredictionSearch::ladder(const LumpedModel& model) const {
   const double duration = data_->sample_time() * static_cast<double>(data_->shortest());
   if (forgets(model, duration)) return {0};
   std::vector<Index> horizons;
-  for (Index decade = 10; ; decade *= 10) {
+  for (Index decade = 10;; decade *= 10) {
     for (const Index horizon : {decade, 3 * decade}) {
-      if (static_cast<double>(horizon) > kLongest * static_cast<double>(data_->shortest())) {
-        return horizons;
-      }
+      if (data_->window_count(horizon) < kFewestWindows) return horizons;
       horizons.push_back(horizon);
     }
   }
@@ -86,9 +89,9 @@ void PredictionSearch::weigh(State& state) const {
   const PredictionFitter fitter = this->fitter(state);
   state.error = fitter.errors(state.fit, state.weights);
   state.weights = state.error.cwiseMax(kLeast * data_->output_scale());
-  state.fit =
-      fitter.fit(state.fit.model, state.weights, state.fit.initials, kWeighIterations);
+  state.fit = fitter.fit(state.fit.model, state.weights, state.fit.initials, kWeighIterations);
   state.error = fitter.errors(state.fit, state.weights);
+  state.by_noise = fitter.errors_by_noise(state.fit);
 }
 
 // The model on a rung, with the force noise that predicts best there. False: it can't be simulated.
@@ -104,8 +107,8 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
   if (horizon > 0 && !(findings_.intensity > 0.0)) candidates = intensities_;
   for (const double candidate : candidates) {
     const PredictionFitter fitter(*data_, state.task, candidate, options_.threads);
-    PredictionFit fit = fitter.fit(best.usable ? best.model : from, state.weights,
-                                   best.initials, iterations);
+    PredictionFit fit =
+        fitter.fit(best.usable ? best.model : from, state.weights, best.initials, iterations);
     // The gain was that of the model before.
     if (is_first && fit.usable) {
       fit = fitter.fit(fit.model, state.weights, fit.initials, iterations);
@@ -121,8 +124,38 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
   return state.fit.usable;
 }
 
-bool PredictionSearch::is_noise(const VectorXd& error) const {
-  return (error.array() < options_.at_noise * data_->noise().array()).all();
+bool PredictionSearch::is_noise(const State& state) const {
+  return (state.error.array() < options_.at_noise * state.by_noise.array()).all();
+}
+
+// The model with all its masses, springs and dampers times the factor that predicts best.
+ExtendedLumpedModel PredictionSearch::scaled_start(const LumpedModel& model) {
+  constexpr int kDecades = 3, kPerDecade = 2;
+  constexpr double kMargin = 0.5;  // of the cost, for another factor than one
+  const PredictionTask task = data_->windows(kFirstHorizon);
+  const PredictionFitter fitter(*data_, task, intensities_[1], options_.threads);
+  const ExtendedLumpedModel stated = as_given(model, kSearchFactor);
+  ExtendedLumpedModel best = stated;
+  double least = std::numeric_limits<double>::infinity();
+  VectorXd residuals;
+  for (int i = 0; i <= 2 * kDecades * kPerDecade; ++i) {
+    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
+    const double factor = std::pow(10.0, static_cast<double>(step) / kPerDecade);
+    std::vector<double> values = stated.values();
+    for (const std::size_t p : stated.free_parameters()) {
+      if (stated.space[p].logarithmic) values[p] *= factor;
+    }
+    ExtendedLumpedModel scaled = as_given(with_parameters(model, values), kSearchFactor);
+    if (!fitter.residuals(scaled, data_->output_scale(), fitter.measured_initials(scaled.model), {},
+                          residuals)) {
+      continue;
+    }
+    const double cost = residuals.squaredNorm();
+    if (!(cost < (step == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
+    least = cost;
+    best = std::move(scaled);
+  }
+  return best;
 }
 
 PredictionFit PredictionSearch::refit(const State& state, const LawExtension& law,
@@ -151,7 +184,7 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
                                                  const std::vector<LawExtension>& extensions,
                                                  const std::vector<ExtensionScore>& list) const {
   const double fed_before =
-      fed_in_share(state.fit.model.model, fitter(state).motion(state.fit));
+      fed_in_share(state.fit.model.model, fitter(state).motion(state.fit), data_->sample_time());
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_before);
   std::vector<TriedLaw> tried;
   for (const ExtensionScore& score : list) {
@@ -163,8 +196,8 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     if (!one.fit.usable) continue;
     one.z = z_between(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
-    one.feeds_energy =
-        fed_in_share(one.fit.model.model, fitter(state).motion(one.fit)) > fed_limit;
+    one.feeds_energy = fed_in_share(one.fit.model.model, fitter(state).motion(one.fit),
+                                    data_->sample_time()) > fed_limit;
     tried.push_back(std::move(one));
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
@@ -176,7 +209,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
                                        const State& state) const {
   // Near the noise of a sensor, which may be rounding and not white, more is asked for.
   const bool is_near_noise =
-      (state.error.array() < options_.noise_multiple * data_->noise().array()).all();
+      (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
   const double least_gain = is_near_noise ? options_.least_gain_near_noise : options_.least_gain;
   const auto is_good = [&](const TriedLaw& law) {
     return !law.feeds_energy && law.z > options_.errors_of_gain && law.gain > least_gain;
@@ -192,18 +225,17 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
       taken = best = i;
       continue;
     }
-    const bool is_equal =
-        z_between(tried[i].fit, tried[best].fit) < options_.equal_errors &&
-        tried[i].fit.cost - tried[best].fit.cost <
-            (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
+    const bool is_equal = z_between(tried[i].fit, tried[best].fit) < options_.equal_errors &&
+                          tried[i].fit.cost - tried[best].fit.cost <
+                              (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
     if (is_equal && complexity(tried[i]) < complexity(tried[taken])) taken = i;
   }
   return taken;
 }
 
 void PredictionSearch::accept(std::vector<TriedLaw> tried, std::size_t taken, State& state) {
-  AcceptedLaw law{tried[taken].hypothesis, state.task.horizon, tried[taken].z, tried[taken].gain,
-                  {}, {}};
+  AcceptedLaw law{
+      tried[taken].hypothesis, state.task.horizon, tried[taken].z, tried[taken].gain, {}, {}};
   for (std::size_t i = 0; i < tried.size(); ++i) {
     TriedLaw& other = tried[i];
     if (i == taken) continue;
@@ -232,8 +264,15 @@ bool PredictionSearch::add_law(State& state) {
                shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
   const std::size_t taken = plainest(tried, extensions, state);
   if (getenv("PE_DEBUG")) {
-    for (std::size_t i = 0; i < scores.size() && i < 6; ++i) fprintf(stderr, "   rank %s@%s %.3f %.3f\n", extensions[scores[i].extension].law.c_str(), extensions[scores[i].extension].location.name.c_str(), scores[i].share, scores[i].whitened_share);
-    for (std::size_t i = 0; i < tried.size(); ++i) fprintf(stderr, "   %s %s@%s z %.1f gain %.4f %d\n", i == taken ? "TAKE" : "try", hypotheses_->hypotheses()[tried[i].hypothesis].law.c_str(), hypotheses_->hypotheses()[tried[i].hypothesis].place.c_str(), tried[i].z, tried[i].gain, tried[i].feeds_energy);
+    for (std::size_t i = 0; i < scores.size() && i < 6; ++i)
+      fprintf(stderr, "   rank %s@%s %.3f %.3f\n", extensions[scores[i].extension].law.c_str(),
+              extensions[scores[i].extension].location.name.c_str(), scores[i].share,
+              scores[i].whitened_share);
+    for (std::size_t i = 0; i < tried.size(); ++i)
+      fprintf(stderr, "   %s %s@%s z %.1f gain %.4f %d\n", i == taken ? "TAKE" : "try",
+              hypotheses_->hypotheses()[tried[i].hypothesis].law.c_str(),
+              hypotheses_->hypotheses()[tried[i].hypothesis].place.c_str(), tried[i].z,
+              tried[i].gain, tried[i].feeds_energy);
   }
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
@@ -246,10 +285,7 @@ void PredictionSearch::prune(State& state) {
     const PredictionFit without =
         fitter(state).fit(without_part(state.fit.model, law.part), state.weights,
                           state.fit.initials, kPruneIterations);
-    const bool is_missed = !without.usable ||
-                           (z_between(without, state.fit) >= kPruneErrors &&
-                            1.0 - state.fit.cost / without.cost >= kPruneGain);
-    if (is_missed) {
+    if (!is_idle(without, state.fit)) {
       ++l;
       continue;
     }
@@ -266,41 +302,48 @@ void PredictionSearch::prune(State& state) {
 
 void PredictionSearch::search_rung(State& state) {
   while (state.fit.model.laws.size() < options_.most_laws) {
-    const std::string step =
-        fmt::format("{} samples ahead, {} laws found: ranking and refitting", state.task.horizon,
-                    state.fit.model.laws.size());
+    const std::string step = fmt::format("{} samples ahead, {} laws found: ranking and refitting",
+                                         state.task.horizon, state.fit.model.laws.size());
     if (!proceed(step) || !add_law(state)) return;
     prune(state);
     weigh(state);
-    if (is_noise(state.error)) return;
+    if (is_noise(state)) return;
   }
 }
 
 PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
   findings_.sample_time = data_->sample_time();
-  findings_.found = findings_.as_given = as_given(model, kFirstFactor);
+  const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
+  findings_.found = moves ? scaled_start(model) : as_given(model, kSearchFactor);
+  findings_.as_given = findings_.found;
   const std::vector<Index> horizons = ladder(model);
   findings_.has_free_run = horizons.front() == 0;
   State state;
-  if (findings_.has_free_run && !model.masses.isZero(0.0)) {  // a start for it
-    if (climb(10, findings_.found, state)) findings_.found = state.fit.model;
+  if (findings_.has_free_run && moves) {  // a start for it
+    if (climb(kFirstHorizon, findings_.found, state)) findings_.found = state.fit.model;
   }
   for (const Index horizon : horizons) {
     if (!proceed(fmt::format("{} samples ahead: fitting", horizon))) break;
     if (!climb(horizon, findings_.found, state)) break;
     if (!findings_.usable) {
-      centre_bounds(state.fit.model, kSearchFactor);
       findings_.as_given = state.fit.model;
       findings_.usable = true;
       findings_.first_horizon = horizon;
     }
-    Rung rung{horizon, state.error, false};
-    if (getenv("PE_DEBUG")) { fprintf(stderr, "RUNG %ld q %g err/signal %g err/noise %g noise %g |", horizon, findings_.intensity, (state.error.array()/data_->output_scale().array()).maxCoeff(), (state.error.array()/data_->noise().array()).maxCoeff(), data_->noise()(0)); for (auto& p : state.fit.model.model.parameters) fprintf(stderr, " %s=%g", p.name.c_str(), p.value); fprintf(stderr, "\n"); }
+    Rung rung{horizon, state.error, state.by_noise, false};
+    if (getenv("PE_DEBUG")) {
+      fprintf(stderr, "RUNG %ld q %g err/signal %g err/noise %g noise %g |", horizon,
+              findings_.intensity, (state.error.array() / data_->output_scale().array()).maxCoeff(),
+              (state.error.array() / state.by_noise.array()).maxCoeff(), state.by_noise(0));
+      for (auto& p : state.fit.model.model.parameters)
+        fprintf(stderr, " %s=%g", p.name.c_str(), p.value);
+      fprintf(stderr, "\n");
+    }
     const bool has_skill =
         (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
     if (!has_skill && !findings_.rungs.empty()) break;
-    if (!is_noise(state.error)) {
+    if (!is_noise(state)) {
       search_rung(state);
       rung.error = state.error;
       rung.was_searched = true;

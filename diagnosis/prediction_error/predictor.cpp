@@ -125,13 +125,14 @@ void Predictor::place_laws(const LumpedModel& model) {
     states_ += static_cast<Index>(law.states);
     VectorXd b = VectorXd::Zero(n_);
     for (const auto& [at, coefficient] : law.out) {
-      if (slot_[static_cast<std::size_t>(at)] >= 0) b(slot_[static_cast<std::size_t>(at)]) = coefficient;
+      if (slot_[static_cast<std::size_t>(at)] >= 0)
+        b(slot_[static_cast<std::size_t>(at)]) = coefficient;
     }
     law.velocity_by = inverse_mass_ * b;
     law.mobility = b.dot(law.velocity_by);
     if (auto sharp = without_transition(part, step_ * law.mobility); sharp && law.in == law.out) {
       law.law = std::move(sharp);
-      law.is_set_valued = true;
+      law.is_set_valued = has_set_valued_ = true;
     }
     laws_.push_back(std::move(law));
   }
@@ -208,7 +209,7 @@ void Predictor::add_forces(const double* x, double* dx) {
     const double z = dot(law.in, q_), rate = dot(law.in, v_);
     const std::span<const double> state(x + law.first_state, law.states);
     if (law.states > 0) law.law->state_rate(z, rate, state, {dx + law.first_state, law.states});
-    if (law.is_set_valued) continue;  // slip() does it
+    if (law.is_set_valued) continue;  // slip_before() and slip_after() do it
     const double force = law.law->force(z, rate, state);
     for (const auto& [at, coefficient] : law.out) force_(at) -= coefficient * force;
   }
@@ -242,23 +243,88 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
     dx[n_ + i] = sum;
     a_(free_[static_cast<std::size_t>(i)]) = sum;
   }
+  if (has_set_valued_ && !linear_) hold_still(dx);
 }
 
-void Predictor::slip(double step) {
-  if (linear_) return;
+// Frictions that hold take what would move them.
+void Predictor::hold_still(double* dx) {
   for (const Placed& law : laws_) {
-    if (!law.is_set_valued) continue;
-    double z = 0.0, rate = 0.0;
-    for (const auto& [at, coefficient] : law.in) {
-      const Index slot = slot_[static_cast<std::size_t>(at)];
-      z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
-      rate += coefficient * (slot >= 0 ? x_(n_ + slot) : v_(at));
+    if (!law.holds) continue;
+    const double along = dot(law.in, a_) / law.mobility;
+    for (Index i = 0; i < n_; ++i) {
+      dx[n_ + i] -= along * law.velocity_by(i);
+      a_(free_[static_cast<std::size_t>(i)]) -= along * law.velocity_by(i);
     }
+  }
+}
+
+double Predictor::rate_of(const Placed& law) const {
+  double rate = 0.0;
+  for (const auto& [at, coefficient] : law.in) {
+    const Index slot = slot_[static_cast<std::size_t>(at)];
+    rate += coefficient * (slot >= 0 ? x_(n_ + slot) : v_(at));
+  }
+  return rate;
+}
+
+double Predictor::friction_of(const Placed& law, double rate) const {
+  double z = 0.0;
+  for (const auto& [at, coefficient] : law.in) {
+    const Index slot = slot_[static_cast<std::size_t>(at)];
+    z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
+  }
+  return law.law->force(z, rate, {x_.data() + law.first_state, law.states});
+}
+
+void Predictor::push(const Placed& law, double change) {
+  x_.segment(n_, n_) += law.velocity_by * (change / law.mobility);
+}
+
+// Half a step before the other forces. What comes to rest holds, where these forces are below the level;
+// else the rest of the friction's impulse goes against them.
+void Predictor::slip_before(double step, const double* inputs) {
+  if (!has_set_valued_ || linear_) return;
+  bool any_rests = false;
+  for (Placed& law : laws_) {
+    law.holds = false;
+    law.left_over = 0.0;
+    if (!law.is_set_valued) continue;
+    const double rate = rate_of(law);
+    const double most =
+        step * law.mobility * std::abs(friction_of(law, rate != 0.0 ? rate : kBarelyMoving));
+    const double used = std::min(most, std::abs(rate));
+    push(law, -std::copysign(used, rate));
+    law.rests = used == std::abs(rate);
+    law.left_over = most - used;
+    any_rests |= law.rests;
+  }
+  if (any_rests) hold_or_break_away(inputs);
+}
+
+void Predictor::hold_or_break_away(const double* inputs) {
+  rates(x_.data(), inputs, k1_.data());
+  for (Placed& law : laws_) {
+    if (!law.is_set_valued || !law.rests) continue;
+    const double pull = dot(law.in, a_);  // acceleration without this friction
+    const double level =
+        law.mobility * std::abs(friction_of(law, std::copysign(kBarelyMoving, pull)));
+    law.holds = std::abs(pull) <= level;
+    if (law.holds) {
+      push(law, -rate_of(law));  // rounding
+    } else {
+      push(law, -std::copysign(law.left_over, pull));
+    }
+  }
+}
+
+void Predictor::slip_after(double step) {
+  if (!has_set_valued_ || linear_) return;
+  for (const Placed& law : laws_) {
+    if (!law.is_set_valued || law.holds) continue;
+    const double rate = rate_of(law);
     if (rate == 0.0) continue;
-    const double force = law.law->force(z, rate, {x_.data() + law.first_state, law.states});
-    double change = -step * force * law.mobility;
-    if (force * rate > 0.0 && std::abs(change) > std::abs(rate)) change = -rate;
-    x_.segment(n_, n_) += law.velocity_by * (change / law.mobility);
+    const double most = step * law.mobility * std::abs(friction_of(law, rate));
+    push(law, -std::copysign(std::min(most, std::abs(rate)), rate));
   }
 }
 
@@ -267,7 +333,7 @@ void Predictor::step(const NodeInputs& drive, Index step) {
   const double* at_middle = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 1).data();
   const double* at_end = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 2).data();
   const double h = step_;
-  slip(0.5 * h);
+  slip_before(0.5 * h, at_start);
   rates(x_.data(), at_start, k1_.data());
   trial_ = x_ + 0.5 * h * k1_;
   rates(trial_.data(), at_middle, k2_.data());
@@ -276,7 +342,7 @@ void Predictor::step(const NodeInputs& drive, Index step) {
   trial_ = x_ + h * k3_;
   rates(trial_.data(), at_end, k4_.data());
   x_ += h / 6.0 * (k1_ + 2.0 * (k2_ + k3_) + k4_);
-  slip(0.5 * h);
+  slip_after(0.5 * h);
 }
 
 double Predictor::output_of(std::size_t output) const {
@@ -318,6 +384,7 @@ void Predictor::add_friction_to_accelerations() {
 
 void Predictor::sense(const double* inputs, std::vector<double>& followed) {
   if (needs_forces_) {
+    for (Placed& law : laws_) law.holds = false;
     rates(x_.data(), inputs, k1_.data());
     add_friction_to_accelerations();
   } else {
@@ -382,6 +449,7 @@ void Predictor::between_samples(const NodeInputs& drive, Index sample) {
 }
 
 void Predictor::start(const VectorXd& initial, const double* inputs) {
+  for (Placed& law : laws_) law.holds = false;
   x_.setZero();
   x_.head(2 * n_) = initial;
   spread(x_.data(), inputs);

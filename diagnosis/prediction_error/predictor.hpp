@@ -12,7 +12,8 @@
 //
 //   min(|v|, h F(v) / (2 m)),   1/m = b' M^-1 b,
 //
-// so it sticks exactly, and no transition velocity makes the equations stiff. A transition that is wide
+// and where it comes to rest and the other forces stay below the level, it holds for the step: no force
+// moves it. So it sticks exactly, and no transition velocity makes the equations stiff. A transition that is wide
 // enough to be seen, h F / (m v_t) < 1/2, is the law's curve as it is; so is friction of imposed motion,
 // where v is not the model's to change.
 // A lag of a sensor is exact for outputs that are straight between samples; a late sensor reads what
@@ -42,7 +43,9 @@ class Predictor {
 
   [[nodiscard]] Eigen::Index state_count() const { return states_; }
   [[nodiscard]] Eigen::Index free_count() const { return n_; }  // coordinates that are not imposed
-  [[nodiscard]] Eigen::Index output_count() const { return static_cast<Eigen::Index>(outputs_.size()); }
+  [[nodiscard]] Eigen::Index output_count() const {
+    return static_cast<Eigen::Index>(outputs_.size());
+  }
 
   // `outputs`: samples x outputs, measured. `seen`: of each sample; empty: none. `gain`: states x
   // outputs, or empty. `initial`: q and q' of the free coordinates. `errors`: samples x outputs.
@@ -65,6 +68,9 @@ class Predictor {
     Eigen::Index first_state = 0;
     std::size_t states = 0;
     bool is_set_valued = false;
+    bool rests = false;           // its velocity is zero
+    double left_over = 0.0;       // of its impulse in this half step, as a velocity
+    bool holds = false;           // set-valued and at rest for the step under way
     double mobility = 0.0;        // b' M^-1 b
     Eigen::VectorXd velocity_by;  // M^-1 b, of the free coordinates
   };
@@ -87,8 +93,15 @@ class Predictor {
   void start(const Eigen::VectorXd& initial, const double* inputs);
   void spread(const double* x, const double* inputs);
   void rates(const double* x, const double* inputs, double* dx);
+  void hold_still(double* dx);
   void add_forces(const double* x, double* dx);
-  void slip(double step);
+  void hold_or_break_away(const double* inputs);
+  // Velocity and level at the place of a set-valued friction, now.
+  [[nodiscard]] double rate_of(const Placed& law) const;
+  [[nodiscard]] double friction_of(const Placed& law, double rate) const;
+  void push(const Placed& law, double change);  // of its velocity
+  void slip_before(double step, const double* inputs);
+  void slip_after(double step);
   void step(const NodeInputs& drive, Eigen::Index step);
   void between_samples(const NodeInputs& drive, Eigen::Index sample);
   [[nodiscard]] double output_of(std::size_t output) const;
@@ -104,15 +117,16 @@ class Predictor {
   double sample_time_, step_;
   int steps_;
   bool linear_ = false;  // for the gain
+  bool has_set_valued_ = false;
   Eigen::Index n_ = 0, m_ = 0, states_ = 0;
   std::vector<Eigen::Index> free_, slot_, position_, velocity_, acceleration_;
   std::vector<bool> imposed_;
   Eigen::MatrixXd mass_, damping_, stiffness_, inverse_mass_;
   std::vector<LumpedInput> inputs_;
   std::vector<LumpedOutput> outputs_;
-  bool needs_forces_ = false;      // an output is an acceleration or a force
+  bool needs_forces_ = false;  // an output is an acceleration or a force
   std::vector<Placed> laws_;
-  std::vector<Placed> measured_;   // of outputs that are an element's force
+  std::vector<Placed> measured_;              // of outputs that are an element's force
   std::vector<std::vector<Sensor>> sensors_;  // by output
   std::vector<Late> late_;
 

@@ -12,8 +12,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kDoublings = 40;
-constexpr double kSettled = 1e-10;      // relative change of P
-constexpr double kForgetting = 1e-6;    // for what is neither seen nor dies away
+constexpr double kSettled = 1e-10;    // relative change of P
+constexpr double kForgetting = 1e-6;  // for what is neither seen nor dies away
 
 struct LinearModel {
   MatrixXd a, c;
@@ -87,9 +87,35 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
   const MatrixXd p = stationary_covariance(linear.a, c, q, ones);
   if (!p.allFinite()) return zero;
   const MatrixXd innovation = c * p * c.transpose() + MatrixXd::Identity(c.rows(), c.rows());
-  const MatrixXd gain = innovation.ldlt().solve(c * p).transpose() *
-                        noise.cwiseInverse().asDiagonal();
+  const MatrixXd gain =
+      innovation.ldlt().solve(c * p).transpose() * noise.cwiseInverse().asDiagonal();
   return gain.allFinite() ? gain : zero;
+}
+
+VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const VectorXd& noise,
+                        Index horizon) {
+  if (horizon == 0 || gain.size() == 0) return noise;
+  constexpr Index kMost = 3000;  // samples: from there on it hardly grows, or is no use
+  const LinearModel linear = linear_model(predictor);
+  const Index n = linear.a.rows();
+  const VectorXd variance = noise.cwiseAbs2();
+  const MatrixXd keep = MatrixXd::Identity(n, n) - gain * linear.c;
+  MatrixXd f = (1.0 - kForgetting) * keep * linear.a;
+  MatrixXd s = gain * variance.asDiagonal() * gain.transpose();
+  for (int doubling = 0; doubling < kDoublings; ++doubling) {
+    const MatrixXd change = f * s * f.transpose();
+    s += change;
+    f = (f * f).eval();
+    if (!s.allFinite() || change.norm() <= kSettled * s.norm()) break;
+  }
+  VectorXd sum = VectorXd::Zero(noise.size());
+  const Index count = std::min(horizon, kMost);
+  for (Index i = 0; i < count; ++i) {
+    s = linear.a * s * linear.a.transpose();
+    sum += (linear.c * s * linear.c.transpose()).diagonal() + variance;
+  }
+  const VectorXd error = (sum / static_cast<double>(count)).cwiseSqrt();
+  return error.allFinite() ? error : noise;
 }
 
 }  // namespace graybox

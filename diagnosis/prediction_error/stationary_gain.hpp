@@ -27,4 +27,13 @@ namespace graybox {
                                               double sample_time, double intensity,
                                               const Eigen::VectorXd& noise);
 
+// What sensor noise alone does to predictions: rms of each output's error over the samples 1 ... h
+// after the last one seen, for an estimate that has seen samples with this gain for long,
+//
+//   S = (I - K C) A S A' (I - K C)' + K R K',     var_i = C A^i S A'^i C' + R.
+//
+// An error near that has nothing left to explain. `horizon` 0: the noise itself.
+[[nodiscard]] Eigen::VectorXd error_by_noise(Predictor& predictor, const Eigen::MatrixXd& gain,
+                                             const Eigen::VectorXd& noise, Eigen::Index horizon);
+
 }  // namespace graybox
