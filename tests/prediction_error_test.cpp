@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <random>
 #include <sstream>
@@ -147,7 +148,7 @@ TEST(LeftOutBlocks, AreThoseOfExplicitRefits) {
   const VectorXd fitted = j * j.householderQr().solve(y);
   std::vector<Index> starts;
   for (Index b = 0; b < kLeftOutBlocks; ++b) starts.push_back(b * n / kLeftOutBlocks);
-  const VectorXd squares = left_out_squares(y - fitted, j, block_edges(starts, n), 0);
+  const VectorXd squares = left_out_squares(y - fitted, j, block_edges(starts, n), 0, 0.0);
   for (Index b = 0; b < kLeftOutBlocks; ++b) {
     const Index rows = n / kLeftOutBlocks;
     MatrixXd others(n - rows, p);
@@ -236,13 +237,42 @@ TEST(PredictionDiagnosis, NamesTheFrictionOfTheMotorInTheDocs) {
   }
 }
 
-TEST(PredictionDiagnosis, FindsNothingWhereNothingIsMissing) {
-  const unsigned fresh = fresh_seed();
-  for (const unsigned seed : {11U, 12U, fresh}) {
-    const PredictionDiagnosis result = diagnosis_of({"nothing", true, seed});
-    EXPECT_TRUE(names_of(result).empty()) << "seed " << seed << ": " << names_of(result)[0];
+// More with GRAYBOX_TEST_RUNS: how the rates in docs/prediction_error.md were measured.
+unsigned runs_of(unsigned few) {
+  const char* given = std::getenv("GRAYBOX_TEST_RUNS");
+  return given != nullptr ? static_cast<unsigned>(std::atoi(given)) : few;
+}
+
+// A rate of 5 % makes more than this many of n in less than one of a thousand draws.
+unsigned most_false(unsigned n) {
+  double tail = 1.0;
+  for (unsigned k = 0;; ++k) {
+    tail -= std::exp(std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0) +
+                     k * std::log(0.05) + (n - k) * std::log(0.95));
+    if (tail < 1e-3) return k;
   }
 }
+
+class NothingMissing : public ::testing::TestWithParam<double> {};
+
+TEST_P(NothingMissing, FalseLawsAreRare) {
+  const unsigned fresh = fresh_seed(), runs = runs_of(3);
+  unsigned found = 0;
+  for (unsigned run = 0; run < runs; ++run) {
+    const unsigned seed = run < runs / 2 ? 100 + run : fresh + run;
+    const bool both = run % 2 == 0;
+    const PredictionDiagnosis result = diagnosis_of({"nothing", both, seed, GetParam()});
+    for (const std::string& name : names_of(result)) {
+      std::printf("seed %u, %d encoders: %s\n", seed, both ? 2 : 1, name.c_str());
+    }
+    found += names_of(result).empty() ? 0U : 1U;
+  }
+  std::printf("%u of %u with a false law\n", found, runs);
+  EXPECT_LE(found, most_false(runs)) << "fresh seed " << fresh;
+}
+
+// The load sees no force but the model's; and one with memory, of a tenth of what moves it.
+INSTANTIATE_TEST_SUITE_P(ForceNoise, NothingMissing, ::testing::Values(0.0, 0.03));
 
 TEST(PredictionDiagnosis, AnswersDoNotDependOnThreads) {
   const testing::TemporaryFolder folder;

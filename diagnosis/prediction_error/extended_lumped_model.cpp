@@ -148,6 +148,21 @@ ExtendedLumpedModel extended(const ExtendedLumpedModel& model, const LawExtensio
   return with_values(result, result.values());
 }
 
+ExtendedLumpedModel with_last_law_of(const ExtendedLumpedModel& donor,
+                                     const ExtendedLumpedModel& model) {
+  ExtendedLumpedModel result = model;
+  const PlacedFinding& law = donor.laws.back();
+  const std::size_t first = donor.first_parameter(law.part);
+  const Element& part = donor.model.parts[law.part];
+  for (std::size_t p = first; p < first + part.parameters.size(); ++p) {
+    result.model.parameters.push_back(donor.model.parameters[p]);
+    result.space.push_back(donor.space[p]);
+  }
+  result.laws.push_back({law.hypothesis, result.model.parts.size()});
+  result.model.parts.push_back(part);
+  return with_values(result, result.values());
+}
+
 ExtendedLumpedModel with_values(const ExtendedLumpedModel& model,
                                 const std::vector<double>& values) {
   ExtendedLumpedModel result{with_parameters(model.model, values), model.space, model.laws};

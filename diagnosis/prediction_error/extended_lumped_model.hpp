@@ -63,6 +63,9 @@ struct LawExtension {
 [[nodiscard]] ExtendedLumpedModel extended(const ExtendedLumpedModel& model,
                                            const LawExtension& law, double amplitude);
 [[nodiscard]] ExtendedLumpedModel without_part(const ExtendedLumpedModel& model, std::size_t part);
+// `model` and the last law of another one.
+[[nodiscard]] ExtendedLumpedModel with_last_law_of(const ExtendedLumpedModel& donor,
+                                                   const ExtendedLumpedModel& model);
 [[nodiscard]] ExtendedLumpedModel with_values(const ExtendedLumpedModel& model,
                                               const std::vector<double>& values);
 

@@ -17,19 +17,8 @@ using Eigen::VectorXd;
 
 constexpr double kSkill = 0.5;  // of the signal
 constexpr int kIterations = 25;
-constexpr Index kInitialSamples = 200;
-constexpr double kUnseen = 1e-10;  // of a scaled normal matrix
-
-// The same run from its first samples alone.
-PredictionTask beginning_of(const PredictionTask& task) {
-  PredictionTask start = task;
-  for (PredictionRun& run : start.runs) {
-    run.samples = std::min(run.samples, kInitialSamples);
-    run.counted.resize(static_cast<std::size_t>(run.samples));
-    if (!run.seen.empty()) run.seen.resize(run.counted.size());
-  }
-  return start;
-}
+constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
+constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
@@ -120,15 +109,11 @@ void FinalFit::estimate_deviations(JudgedModel& model) const {
 
 void FinalFit::judge_held_out(JudgedModel& model) const {
   if (!data_->has_validation() || !model.fit.usable) return;
-  const PredictionTask task = data_->windows(task_.horizon, ExperimentRole::kValidation);
-  const PredictionTask beginning = beginning_of(task);
-  const PredictionFitter start(*data_, beginning, findings_->intensity, threads_);
+  const PredictionTask task = task_.is_free()
+                                  ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
+                                  : data_->windows(task_.horizon, ExperimentRole::kValidation);
   const PredictionFitter whole(*data_, task, findings_->intensity, threads_);
-  InitialStates initials;
-  if (task.is_free()) {
-    initials = start.fit(model.fit.model, weights_, {}, kIterations, false).initials;
-  }
-  const PredictionFit run = whole.fit(model.fit.model, weights_, initials, 0, false);
+  const PredictionFit run = whole.fit(model.fit.model, weights_, {}, 0, false);
   if (run.usable) model.held_out_error = whole.errors(run, weights_);
   model.held_out_scale = VectorXd::Zero(data_->output_count());
   double samples = 0.0;
@@ -153,6 +138,11 @@ void FinalFit::drop_idle_laws() {
     found_ = std::move(poorer);
     l = 0;
   }
+}
+
+JudgedModel FinalFit::exchanged(std::size_t law, const ExtendedLumpedModel& rival) const {
+  const ExtendedLumpedModel& model = found_.fit.model;
+  return judged(with_last_law_of(rival, without_part(model, model.laws[law].part)), kIterations);
 }
 
 JudgedModel FinalFit::without(std::size_t law) const {

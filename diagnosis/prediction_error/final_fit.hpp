@@ -5,7 +5,7 @@
 // It is fitted in free run where free run has skill (errors below half of the signal in every output),
 // else over the longest windows that have. Standard errors allow for residuals with memory and of
 // changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of white
-// residuals. Recordings kept out run free from an initial state that their first 200 samples tell.
+// residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free to the end.
 #pragma once
 
 #include <Eigen/Core>
@@ -38,6 +38,8 @@ class FinalFit {
   [[nodiscard]] const JudgedModel& as_given() const { return as_given_; }
   // The model refitted without one of its laws.
   [[nodiscard]] JudgedModel without(std::size_t law) const;
+  // The model refitted with the last law of `rival` in place of one of its laws.
+  [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;

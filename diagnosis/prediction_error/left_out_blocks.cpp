@@ -35,7 +35,7 @@ BlockEdges block_edges(const std::vector<Index>& unit_starts, Index rows) {
 }
 
 VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_columns,
-                          const BlockEdges& edges, Index local) {
+                          const BlockEdges& edges, Index local, double prior) {
   const Index p = all_columns.cols() - local;
   const MatrixXd own = all_columns.rightCols(local);
   const VectorXd residuals = beside(own, all_residuals);
@@ -43,6 +43,7 @@ VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_col
   const auto blocks = static_cast<Index>(edges.size()) - 1;
   VectorXd squares(blocks);
   MatrixXd normal = jacobian.transpose() * jacobian;
+  normal.diagonal().array() += prior;
   // Columns of one size, and a ridge for those that the data do not see.
   const VectorXd size = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
   const VectorXd scale = size.cwiseInverse();

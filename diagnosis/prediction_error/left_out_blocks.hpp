@@ -4,6 +4,9 @@
 //
 //   r_b + J_b (H - J_b'J_b)^-1 J_b'r_b,
 //
+// (`prior` on the diagonal of H keeps a parameter that hardly anything determines from running away when a
+// block goes: the weak belief that it is known to a unit of its coordinate),
+//
 // in closed form, no refit (as PRESS of linear regression: Allen, Technometrics 16, 1974). With RSS_b of
 // both fits and n_b rows,
 //
@@ -31,7 +34,8 @@ using BlockEdges = std::vector<Eigen::Index>;
 // one block alone tells (initial states): they are fitted with all blocks.
 [[nodiscard]] Eigen::VectorXd left_out_squares(const Eigen::VectorXd& residuals,
                                                const Eigen::MatrixXd& jacobian,
-                                               const BlockEdges& edges, Eigen::Index local);
+                                               const BlockEdges& edges, Eigen::Index local,
+                                               double prior);
 
 // z of the richer over the poorer, from both left_out_squares(). `rows` a block. With few blocks the
 // ratio follows Student's t: z is the normal quantile of the same probability (Abramowitz and Stegun,

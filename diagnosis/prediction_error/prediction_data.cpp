@@ -233,6 +233,18 @@ Index PredictionData::window_count(Index horizon) const {
   return count;
 }
 
+PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const {
+  PredictionTask task = windows(0, role);
+  for (PredictionRun& run : task.runs) {
+    task.horizon = std::max(task.horizon, run.samples);
+    run.seen.assign(run.counted.size(), 0);
+    const auto first = static_cast<std::ptrdiff_t>(std::min(seen, run.samples / 2));
+    std::fill_n(run.seen.begin(), first, std::uint8_t{1});
+    std::fill_n(run.counted.begin(), first, std::uint8_t{0});
+  }
+  return task;
+}
+
 PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const {
   PredictionTask task{horizon, {}};
   const Index on = seen_of(horizon);

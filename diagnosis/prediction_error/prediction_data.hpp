@@ -70,6 +70,8 @@ class PredictionData {
   // Whole windows of a horizon in the recordings of the fit.
   [[nodiscard]] Eigen::Index window_count(Eigen::Index horizon) const;
 
+  // Free run after so many samples that the predictor sees.
+  [[nodiscard]] PredictionTask free_after(Eigen::Index seen, ExperimentRole role) const;
   [[nodiscard]] PredictionTask windows(Eigen::Index horizon,
                                        ExperimentRole role = ExperimentRole::kEstimation) const;
 

@@ -170,21 +170,34 @@ class DiagnosisBuilder {
       }
       const auto accepted =
           std::ranges::find(findings_->laws, model.laws[l].hypothesis, &AcceptedLaw::hypothesis);
-      if (accepted != findings_->laws.end()) add_rivals(*accepted, model, effect);
+      if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
       result_.effects.push_back(std::move(effect));
     }
   }
 
-  // A rival that was found as a law of its own later is none.
-  void add_rivals(const AcceptedLaw& law, const ExtendedLumpedModel& model,
-                  FoundEffect& effect) const {
+  // A rival that was found as a law of its own later is none; of the others each takes the place of the
+  // law in the model as it is at the end.
+  void add_rivals(const AcceptedLaw& accepted, std::size_t law, FoundEffect& effect) const {
     constexpr std::size_t kNamed = 3;
-    for (const TriedLaw& tried : law.rivals) {
+    constexpr double kExcluded = 2.0;  // z
+    const ExtendedLumpedModel& model = final_->found().fit.model;
+    for (const TriedLaw& tried : accepted.rivals) {
       const bool is_found =
           std::ranges::count(model.laws, tried.hypothesis, &PlacedFinding::hypothesis) > 0;
-      if (!is_found) effect.rivals.push_back(rival_of(tried));
+      if (is_found) continue;
+      const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
+      Rival rival = rival_of(tried);
+      if (exchanged.fit.usable) {
+        const double z = final_->z_over(exchanged);
+        rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+        rival.bic_difference = z * std::abs(z);
+        const bool stands = z < kExcluded;
+        (stands ? effect.rivals : effect.excluded).push_back(std::move(rival));
+      } else {
+        effect.excluded.push_back(std::move(rival));
+      }
     }
-    for (const TriedLaw& tried : law.excluded) {
+    for (const TriedLaw& tried : accepted.excluded) {
       if (effect.excluded.size() < kNamed) effect.excluded.push_back(rival_of(tried));
     }
   }

@@ -34,10 +34,12 @@ bool wants_out(const ParameterSpace& space, double value, double slope) {
 double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
   const BlockEdges& edges = richer.edges;
   const auto counted = static_cast<double>((richer.residuals.array() != 0.0).count());
-  return left_out_z(
-      left_out_squares(poorer.residuals, poorer.jacobian, edges, poorer.initial_columns()),
-      left_out_squares(richer.residuals, richer.jacobian, edges, richer.initial_columns()),
-      counted / static_cast<double>(edges.size() - 1));
+  const auto squares = [&](const PredictionFit& fit) {
+    return left_out_squares(fit.residuals, fit.jacobian, edges, fit.initial_columns(),
+                            fit.cost / std::max(counted, 1.0));
+  };
+  return left_out_z(squares(poorer), squares(richer),
+                    counted / static_cast<double>(edges.size() - 1));
 }
 
 PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,

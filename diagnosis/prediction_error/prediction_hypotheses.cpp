@@ -16,12 +16,11 @@ using Eigen::VectorXd;
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
   if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
-  // A force of one turn is gravity.
-  for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "ripple"}) {
+  for (const char* plain : {"viscous", "coulomb", "offset", "inertia"}) {
     if (law == plain) return 0;
   }
   for (const char* plain : {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag",
-                            "dead_zone", "backlash"}) {
+                            "dead_zone", "backlash", "ripple"}) {
     if (law == plain) return 1;
   }
   return law == "dahl" || law == "play_and_slip" ? 3 : 2;
@@ -268,7 +267,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
 void PredictionHypotheses::extend_spring(const LawExtension& plain,
                                          const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
-  constexpr double kTurned = 0.3;  // rad, that show a force of one turn
+  constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a spring
   const auto spring = part_at(present.model, plain.location, "stiffness");
   const double size = at.largest;
   if (plain.law == "offset") {
