@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kVanishing = 1e-9;    // of a stated damping
+constexpr double kLargest = 30.0;      // of the rms of what acts
 constexpr double kShapeFactor = 20.0;  // how far a gap, a velocity or a time may move
 
 std::size_t mass_count(const LumpedModel& model) {
@@ -56,8 +57,10 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
   }
   if (law.direction[p] != 0.0) {
     const double scale = law.unit * std::abs(law.direction[p]);
-    if (parameter.range == kPositive) return {false, scale, kVanishing * scale, kInfinite};
-    return {false, scale, parameter.range == kNonNegative ? 0.0 : -kInfinite, kInfinite};
+    // No law of one sign takes much more than all the force there is.
+    const double high = law.one_sided ? kLargest * scale : kInfinite;
+    if (parameter.range == kPositive) return {false, scale, kVanishing * scale, high};
+    return {false, scale, parameter.range == kNonNegative ? 0.0 : -kInfinite, high};
   }
   if (parameter.range == kUnitInterval) return {false, 1.0, 0.0, 1.0};
   if (value > 0.0 && (parameter.range == kPositive || parameter.range == kNonNegative)) {

@@ -184,9 +184,10 @@ void PredictionData::estimate_noise() {
 }
 
 void PredictionData::measure_force(const LumpedModel& model) {
-  double squares = 0.0, samples = 0.0;
+  double squares = 0.0, samples = 0.0, largest = 0.0;
   const auto add = [&](const Eigen::MatrixXd& values, Index channel) {
     squares += values.col(channel).squaredNorm();
+    largest = std::max(largest, values.col(channel).cwiseAbs().maxCoeff());
     samples += static_cast<double>(values.rows());
   };
   for (const OutputErrorRecording& recording : recordings()) {
@@ -201,7 +202,9 @@ void PredictionData::measure_force(const LumpedModel& model) {
       }
     }
   }
-  if (squares > 0.0) force_scale_ = std::sqrt(squares / samples);
+  if (!(squares > 0.0)) return;
+  force_scale_ = std::sqrt(squares / samples);
+  largest_force_ = largest;
 }
 
 Eigen::VectorXd PredictionData::measured_initial(std::size_t index) const {

@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "graybox/diagnosis/output_error/output_error_problem.hpp"
@@ -61,8 +62,9 @@ class PredictionData {
   // Standard deviation of the white noise of each output: stated, else from differences: of order m of
   // samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the scale.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
-  // Largest force (or what an output of force has) that acts, rms.
+  // Of the forces that act (or that outputs measure): rms, and the largest.
   [[nodiscard]] double force_scale() const { return force_scale_; }
+  [[nodiscard]] double largest_force() const { return largest_force_; }
   [[nodiscard]] Eigen::VectorXd measured_initial(std::size_t recording) const;
   // How far a velocity and a position of the free coordinates may be off at the start: their steps.
   [[nodiscard]] Eigen::Index shortest() const;  // samples, of the estimation recordings
@@ -84,7 +86,7 @@ class PredictionData {
   double sample_time_ = 0.0;
   RecordedNodes nodes_;
   Eigen::VectorXd noise_;
-  double force_scale_ = 1.0;
+  double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 // Standard deviation of white noise on a smooth signal, by its differences.

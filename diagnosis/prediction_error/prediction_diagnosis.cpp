@@ -283,6 +283,7 @@ class DiagnosisBuilder {
     PhysicalContext::OfLaw own{0.0, 0.0, 0.0, {}};
     const Element& law = model.parts[part];
     if (law.location.kind != LocationKind::kElement) return own;
+    own.trace.carried = data_->largest_force();
     for (std::size_t i = 0; i < model.parts.size(); ++i) {
       const Element& other = model.parts[i];
       if (i == part || other.location.kind != LocationKind::kElement ||

@@ -16,7 +16,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDifference = 1e-4;  // of a coordinate
+constexpr double kDifference = 3e-4;  // of a coordinate
 constexpr double kLongestStep = 1.5;  // of a logarithmic coordinate
 constexpr double kInitialDamping = 1e-3, kLeastDamping = 1e-9;
 constexpr double kSettled = 1e-5;  // relative fall of the cost, twice in a row

@@ -28,6 +28,15 @@ void forget_derivatives(PredictionFit& fit) {
   fit.residuals.resize(0);
 }
 
+// Of the last law.
+bool has_run_away(const PredictionFit& fit) {
+  const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    if (fit.free[i] >= first && fit.at_bound[i]) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 bool is_idle(const PredictionFit& without, const PredictionFit& with) {
@@ -198,6 +207,7 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_share(one.fit.model.model, fitter(state).motion(one.fit),
                                     data_->sample_time()) > fed_limit;
+    one.ran_away = has_run_away(one.fit);
     tried.push_back(std::move(one));
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
@@ -212,7 +222,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
       (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
   const double least_gain = is_near_noise ? options_.least_gain_near_noise : options_.least_gain;
   const auto is_good = [&](const TriedLaw& law) {
-    return !law.feeds_energy && law.z > options_.errors_of_gain && law.gain > least_gain;
+    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain;
   };
   const auto complexity = [&](const TriedLaw& law) {
     return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;
@@ -240,7 +250,7 @@ void PredictionSearch::accept(std::vector<TriedLaw> tried, std::size_t taken, St
     TriedLaw& other = tried[i];
     if (i == taken) continue;
     other.behind = z_between(other.fit, tried[taken].fit);
-    const bool stands = !other.feeds_energy && other.z > options_.errors_of_gain &&
+    const bool stands = other.is_possible() && other.z > options_.errors_of_gain &&
                         other.gain > options_.least_gain && other.behind < options_.rival_errors;
     forget_derivatives(other.fit);
     (stands ? law.rivals : law.excluded).push_back(std::move(other));
@@ -272,7 +282,7 @@ bool PredictionSearch::add_law(State& state) {
       fprintf(stderr, "   %s %s@%s z %.1f gain %.4f %d\n", i == taken ? "TAKE" : "try",
               hypotheses_->hypotheses()[tried[i].hypothesis].law.c_str(),
               hypotheses_->hypotheses()[tried[i].hypothesis].place.c_str(), tried[i].z,
-              tried[i].gain, tried[i].feeds_energy);
+              tried[i].gain, tried[i].feeds_energy + 2 * tried[i].ran_away);
   }
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);

@@ -56,6 +56,8 @@ struct TriedLaw {
   double gain = 0.0;    // of its cost
   double behind = 0.0;  // z of the law taken over this one
   bool feeds_energy = false;
+  bool ran_away = false;  // a parameter of the law ended at a bound
+  [[nodiscard]] bool is_possible() const { return !feeds_energy && !ran_away; }
 };
 
 struct AcceptedLaw {

@@ -209,8 +209,9 @@ void Predictor::add_forces(const double* x, double* dx) {
     const double z = dot(law.in, q_), rate = dot(law.in, v_);
     const std::span<const double> state(x + law.first_state, law.states);
     if (law.states > 0) law.law->state_rate(z, rate, state, {dx + law.first_state, law.states});
-    if (law.is_set_valued) continue;  // slip_before() and slip_after() do it
-    const double force = law.law->force(z, rate, state);
+    if (law.is_set_valued && law.mode != Placed::Mode::kSlides) continue;
+    const bool goes_on = !law.is_set_valued || law.direction * rate > 0.0;
+    const double force = law.law->force(z, goes_on ? rate : law.direction * kBarelyMoving, state);
     for (const auto& [at, coefficient] : law.out) force_(at) -= coefficient * force;
   }
 }
@@ -249,7 +250,7 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
 // Frictions that hold take what would move them.
 void Predictor::hold_still(double* dx) {
   for (const Placed& law : laws_) {
-    if (!law.holds) continue;
+    if (!law.is_set_valued || law.mode != Placed::Mode::kHolds) continue;
     const double along = dot(law.in, a_) / law.mobility;
     for (Index i = 0; i < n_; ++i) {
       dx[n_ + i] -= along * law.velocity_by(i);
@@ -267,64 +268,77 @@ double Predictor::rate_of(const Placed& law) const {
   return rate;
 }
 
-double Predictor::friction_of(const Placed& law, double rate) const {
+double Predictor::level_of(const Placed& law, double direction) const {
   double z = 0.0;
   for (const auto& [at, coefficient] : law.in) {
     const Index slot = slot_[static_cast<std::size_t>(at)];
     z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
   }
-  return law.law->force(z, rate, {x_.data() + law.first_state, law.states});
+  const std::span<const double> state(x_.data() + law.first_state, law.states);
+  return law.mobility * std::abs(law.law->force(z, std::copysign(kBarelyMoving, direction), state));
 }
 
 void Predictor::push(const Placed& law, double change) {
   x_.segment(n_, n_) += law.velocity_by * (change / law.mobility);
 }
 
-// Half a step before the other forces. What comes to rest holds, where these forces are below the level;
-// else the rest of the friction's impulse goes against them.
-void Predictor::slip_before(double step, const double* inputs) {
+// What moves, slides on in its direction; what rests, holds where the other forces are below the level,
+// and else breaks away in theirs.
+void Predictor::choose_friction(const double* inputs) {
   if (!has_set_valued_ || linear_) return;
   bool any_rests = false;
   for (Placed& law : laws_) {
-    law.holds = false;
-    law.left_over = 0.0;
     if (!law.is_set_valued) continue;
-    const double rate = rate_of(law);
-    const double most =
-        step * law.mobility * std::abs(friction_of(law, rate != 0.0 ? rate : kBarelyMoving));
-    const double used = std::min(most, std::abs(rate));
-    push(law, -std::copysign(used, rate));
-    law.rests = used == std::abs(rate);
-    law.left_over = most - used;
-    any_rests |= law.rests;
+    law.rate = rate_of(law);
+    law.direction = law.rate > 0.0 ? 1.0 : -1.0;
+    law.mode = law.rate != 0.0 ? Placed::Mode::kSlides : Placed::Mode::kUndecided;
+    any_rests |= law.mode == Placed::Mode::kUndecided;
   }
-  if (any_rests) hold_or_break_away(inputs);
-}
-
-void Predictor::hold_or_break_away(const double* inputs) {
+  if (!any_rests) return;
   rates(x_.data(), inputs, k1_.data());
   for (Placed& law : laws_) {
-    if (!law.is_set_valued || !law.rests) continue;
-    const double pull = dot(law.in, a_);  // acceleration without this friction
-    const double level =
-        law.mobility * std::abs(friction_of(law, std::copysign(kBarelyMoving, pull)));
-    law.holds = std::abs(pull) <= level;
-    if (law.holds) {
-      push(law, -rate_of(law));  // rounding
-    } else {
-      push(law, -std::copysign(law.left_over, pull));
-    }
+    if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
+    law.pull = dot(law.in, a_);  // acceleration without this friction
+    law.direction = law.pull > 0.0 ? 1.0 : -1.0;
+    const bool holds = std::abs(law.pull) <= level_of(law, law.direction);
+    law.mode = holds ? Placed::Mode::kHolds : Placed::Mode::kSlides;
   }
 }
 
-void Predictor::slip_after(double step) {
+// What came to rest within the step, or broke away in it: both where a velocity, or a force, that is straight
+// within the step passes zero, or the level. So the end of a step depends on everything without jumps.
+void Predictor::settle_friction(double step, const double* inputs) {
   if (!has_set_valued_ || linear_) return;
+  bool any_holds = false;
   for (const Placed& law : laws_) {
-    if (!law.is_set_valued || law.holds) continue;
+    if (!law.is_set_valued) continue;
+    any_holds |= law.mode == Placed::Mode::kHolds;
+    if (law.mode != Placed::Mode::kSlides) continue;
     const double rate = rate_of(law);
-    if (rate == 0.0) continue;
-    const double most = step * law.mobility * std::abs(friction_of(law, rate));
-    push(law, -std::copysign(std::min(most, std::abs(rate)), rate));
+    if (law.direction * rate >= 0.0) continue;
+    const double crossed = law.rate / (law.rate - rate);  // share of the step
+    const double back = (rate - law.rate) / step + 2.0 * law.direction * level_of(law, rate);
+    const bool goes_back = law.direction * back < 0.0;
+    push(law, (goes_back ? (1.0 - crossed) * step * back : 0.0) - rate);
+  }
+  if (any_holds) break_away(step, inputs);
+}
+
+void Predictor::break_away(double step, const double* inputs) {
+  for (Placed& law : laws_) {
+    if (law.mode == Placed::Mode::kHolds) law.mode = Placed::Mode::kUndecided;
+  }
+  rates(x_.data(), inputs, k1_.data());
+  for (Placed& law : laws_) {
+    if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
+    const double pull = dot(law.in, a_);
+    const double beyond = std::abs(pull) - level_of(law, pull);
+    double change = -rate_of(law);  // rounding
+    if (beyond > 0.0) {
+      const double share = std::min(1.0, beyond / std::max(std::abs(pull - law.pull), 1e-300));
+      change += std::copysign(0.5 * share * step * beyond, pull);
+    }
+    push(law, change);
   }
 }
 
@@ -333,7 +347,7 @@ void Predictor::step(const NodeInputs& drive, Index step) {
   const double* at_middle = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 1).data();
   const double* at_end = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 2).data();
   const double h = step_;
-  slip_before(0.5 * h, at_start);
+  choose_friction(at_start);
   rates(x_.data(), at_start, k1_.data());
   trial_ = x_ + 0.5 * h * k1_;
   rates(trial_.data(), at_middle, k2_.data());
@@ -342,7 +356,7 @@ void Predictor::step(const NodeInputs& drive, Index step) {
   trial_ = x_ + h * k3_;
   rates(trial_.data(), at_end, k4_.data());
   x_ += h / 6.0 * (k1_ + 2.0 * (k2_ + k3_) + k4_);
-  slip_after(0.5 * h);
+  settle_friction(h, at_end);
 }
 
 double Predictor::output_of(std::size_t output) const {
@@ -365,28 +379,11 @@ double Predictor::output_of(std::size_t output) const {
   return 0.0;
 }
 
-// Set-valued friction is no part of rates(): what it does to the accelerations, sliding or holding.
-void Predictor::add_friction_to_accelerations() {
-  for (const Placed& law : laws_) {
-    if (!law.is_set_valued || linear_) continue;
-    const double z = dot(law.in, q_), rate = dot(law.in, v_), pull = dot(law.out, a_);
-    const std::span<const double> state(x_.data() + law.first_state, law.states);
-    double force = law.law->force(z, rate, state);
-    if (rate == 0.0) {
-      const double level = std::abs(law.law->force(z, kBarelyMoving, state));
-      force = std::clamp(pull / law.mobility, -level, level);
-    }
-    for (Index i = 0; i < n_; ++i) {
-      a_(free_[static_cast<std::size_t>(i)]) -= law.velocity_by(i) * force;
-    }
-  }
-}
-
 void Predictor::sense(const double* inputs, std::vector<double>& followed) {
   if (needs_forces_) {
-    for (Placed& law : laws_) law.holds = false;
+    spread(x_.data(), inputs);
+    choose_friction(inputs);
     rates(x_.data(), inputs, k1_.data());
-    add_friction_to_accelerations();
   } else {
     spread(x_.data(), inputs);
   }
@@ -449,7 +446,6 @@ void Predictor::between_samples(const NodeInputs& drive, Index sample) {
 }
 
 void Predictor::start(const VectorXd& initial, const double* inputs) {
-  for (Placed& law : laws_) law.holds = false;
   x_.setZero();
   x_.head(2 * n_) = initial;
   spread(x_.data(), inputs);

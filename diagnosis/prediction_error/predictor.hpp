@@ -7,15 +7,12 @@
 // ed. 1999, ch. 4); cycles of seen and unseen samples predict so far ahead.
 //
 // Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
-// curve: at v = 0 it holds with any force up to its level. By Strang's splitting half a step before
-// and after each step the velocity of its place loses
-//
-//   min(|v|, h F(v) / (2 m)),   1/m = b' M^-1 b,
-//
-// and where it comes to rest and the other forces stay below the level, it holds for the step: no force
-// moves it. So it sticks exactly, and no transition velocity makes the equations stiff. A transition that is wide
-// enough to be seen, h F / (m v_t) < 1/2, is the law's curve as it is; so is friction of imposed motion,
-// where v is not the model's to change.
+// curve: at rest it holds with any force up to its level. What moves along b slides on with F(v) against
+// its direction; what rests and is pulled by less than F(0+) holds, exactly; what comes to rest or breaks
+// away within a step does so where its velocity, or the pull, straight in time, passes zero, or the level.
+// So predictions depend on parameters without jumps, and no transition velocity makes the equations
+// stiff. A transition that is wide enough to be seen, h F b' M^-1 b / v_t < 1/2, is the law's curve as
+// it is; so is friction of imposed motion, where v is not the model's to change.
 // A lag of a sensor is exact for outputs that are straight between samples; a late sensor reads what
 // the state was then, and is corrected there, since earlier outputs are part of the state.
 //
@@ -68,11 +65,12 @@ class Predictor {
     Eigen::Index first_state = 0;
     std::size_t states = 0;
     bool is_set_valued = false;
-    bool rests = false;           // its velocity is zero
-    double left_over = 0.0;       // of its impulse in this half step, as a velocity
-    bool holds = false;           // set-valued and at rest for the step under way
-    double mobility = 0.0;        // b' M^-1 b
-    Eigen::VectorXd velocity_by;  // M^-1 b, of the free coordinates
+    // Of set-valued friction, within a step.
+    enum class Mode : std::int8_t { kUndecided, kSlides, kHolds };
+    Mode mode = Mode::kUndecided;
+    double rate = 0.0, direction = 1.0, pull = 0.0;  // at its start
+    double mobility = 0.0;                           // b' M^-1 b
+    Eigen::VectorXd velocity_by;                     // M^-1 b, of the free coordinates
   };
   struct Sensor {
     std::shared_ptr<const Law> law;  // null: a lag
@@ -95,19 +93,18 @@ class Predictor {
   void rates(const double* x, const double* inputs, double* dx);
   void hold_still(double* dx);
   void add_forces(const double* x, double* dx);
-  void hold_or_break_away(const double* inputs);
-  // Velocity and level at the place of a set-valued friction, now.
+  // Velocity at the place of a set-valued friction, and its level as an acceleration there, now.
   [[nodiscard]] double rate_of(const Placed& law) const;
-  [[nodiscard]] double friction_of(const Placed& law, double rate) const;
+  [[nodiscard]] double level_of(const Placed& law, double direction) const;
   void push(const Placed& law, double change);  // of its velocity
-  void slip_before(double step, const double* inputs);
-  void slip_after(double step);
+  void choose_friction(const double* inputs);
+  void settle_friction(double step, const double* inputs);
+  void break_away(double step, const double* inputs);
   void step(const NodeInputs& drive, Eigen::Index step);
   void between_samples(const NodeInputs& drive, Eigen::Index sample);
   [[nodiscard]] double output_of(std::size_t output) const;
   // Through the laws of the sensors up to their delays; what lags follow goes to `followed`.
   void sense(const double* inputs, std::vector<double>& followed);
-  void add_friction_to_accelerations();
   void delay();
   void correct(const Eigen::MatrixXd& gain, Eigen::Index sample, const Eigen::MatrixXd& errors);
   void shift_registers();
