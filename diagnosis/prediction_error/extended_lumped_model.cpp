@@ -60,7 +60,8 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
     // No law of one sign takes much more than all the force there is.
     const double high = law.one_sided ? kLargest * scale : kInfinite;
     if (parameter.range == kPositive) return {false, scale, kVanishing * scale, high};
-    return {false, scale, parameter.range == kNonNegative ? 0.0 : -kInfinite, high};
+    const bool from_zero = parameter.range == kNonNegative || (law.one_sided && law.base[p] == 0.0);
+    return {false, scale, from_zero ? 0.0 : -kInfinite, high};
   }
   if (parameter.range == kUnitInterval) return {false, 1.0, 0.0, 1.0};
   if (value > 0.0 && (parameter.range == kPositive || parameter.range == kNonNegative)) {

@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSkill = 0.5;  // of the signal
+constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
 constexpr int kIterations = 25;
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
@@ -80,7 +80,9 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& finding
 }
 
 bool FinalFit::has_skill(const VectorXd& error) const {
-  return (error.array() < kSkill * data_->output_scale().array()).all();
+  const bool is_only_way = findings_->has_free_run;
+  const double limit = task_.is_free() && !is_only_way ? kFreeSkill : kSkill;
+  return (error.array() < limit * data_->output_scale().array()).all();
 }
 
 JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {

@@ -13,6 +13,8 @@ using Eigen::VectorXd;
 
 namespace {
 
+constexpr double kLongestStep = 4.0;  // standard deviations a parameter
+
 // Beside the columns of `local`.
 MatrixXd beside(const MatrixXd& local, const MatrixXd& values) {
   if (local.cols() == 0 || values.cols() == 0) return values;
@@ -35,7 +37,7 @@ BlockEdges block_edges(const std::vector<Index>& unit_starts, Index rows) {
 }
 
 VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_columns,
-                          const BlockEdges& edges, Index local, double prior) {
+                          const BlockEdges& edges, Index local, double variance) {
   const Index p = all_columns.cols() - local;
   const MatrixXd own = all_columns.rightCols(local);
   const VectorXd residuals = beside(own, all_residuals);
@@ -43,7 +45,7 @@ VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_col
   const auto blocks = static_cast<Index>(edges.size()) - 1;
   VectorXd squares(blocks);
   MatrixXd normal = jacobian.transpose() * jacobian;
-  normal.diagonal().array() += prior;
+  normal.diagonal().array() += variance;
   // Columns of one size, and a ridge for those that the data do not see.
   const VectorXd size = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
   const VectorXd scale = size.cwiseInverse();
@@ -56,7 +58,10 @@ VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_col
     if (p > 0) {
       const MatrixXd block = jacobian.middleRows(from, count) * scale.asDiagonal();
       const MatrixXd others = normal - block.transpose() * block;
-      const VectorXd change = others.ldlt().solve(block.transpose() * left);
+      VectorXd change = others.ldlt().solve(block.transpose() * left);
+      const double length = change.dot(normal * change);
+      const double limit = kLongestStep * kLongestStep * static_cast<double>(p) * variance;
+      if (variance > 0.0 && length > limit) change *= std::sqrt(limit / length);
       if (change.allFinite()) left += block * change;
     }
     squares(b) = left.squaredNorm();

@@ -256,9 +256,11 @@ PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const
     PredictionRun run{r, recording(r).time.size(), {}, {}};
     run.counted.assign(static_cast<std::size_t>(run.samples), 1);
     if (horizon > 0) {
+      const Index first =
+          std::max(on, std::min(kMostSeen, run.samples / 10));  // a start from nothing
       run.seen.assign(run.counted.size(), 0);
       for (Index k = 0; k < run.samples; ++k) {
-        const bool sees = k % (on + horizon) < on;
+        const bool sees = (k + on - first) % (on + horizon) < on || k < first;
         run.seen[static_cast<std::size_t>(k)] = sees ? 1 : 0;
         run.counted[static_cast<std::size_t>(k)] = sees ? 0 : 1;
       }

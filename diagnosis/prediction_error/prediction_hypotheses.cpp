@@ -82,6 +82,7 @@ LawExtension amplitude(LawExtension plain, std::vector<double> base, std::size_t
 struct PredictionHypotheses::MotionAt {
   std::vector<double> sizes, rates;  // |z - median|, |z'|, sorted
   double range = 0.0, largest = 0.0, rms_rate = 0.0, force = 0.0;
+  bool is_of_free_mass = false;  // against the ground
   [[nodiscard]] double size(double share) const { return quantile_of(sizes, share); }
   [[nodiscard]] double rate(double share) const { return quantile_of(rates, share); }
   static double quantile_of(const std::vector<double>& sorted, double share) {
@@ -304,7 +305,7 @@ void PredictionHypotheses::extend_memory(const LawExtension& plain, const Motion
       law.direction = {1.0 / at.size(share), 1.0};  // the stiffness that slips after that way
       list.push_back(std::move(law));
     }
-  } else if (plain.law == "play_and_slip") {
+  } else if (plain.law == "play_and_slip" && !at.is_of_free_mass) {
     for (const double gap : {0.05, 0.1, 0.2}) {
       LawExtension law =
           amplitude(plain, {0.0, 0.0, gap * at.largest, 0.0, 4.0}, 3, at.force, true);
@@ -334,9 +335,14 @@ void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLu
     }
     return;
   }
+  MotionAt own = at;
+  Index coordinate = 0;
+  const bool is_single = (plain.location.output.array() != 0.0).count() == 1;
+  plain.location.output.cwiseAbs().maxCoeff(&coordinate);
+  own.is_of_free_mass = is_single && !present.model.imposed[static_cast<std::size_t>(coordinate)];
   extend_friction(plain, present, at, list);
   extend_spring(plain, present, at, list);
-  extend_memory(plain, at, list);
+  extend_memory(plain, own, list);
 }
 
 void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,

@@ -70,7 +70,6 @@ PredictionSearch::PredictionSearch(const PredictionData& data,
 }
 
 bool PredictionSearch::proceed(const std::string& step) {
-  if (getenv("PE_DEBUG")) fprintf(stderr, "%s\n", step.c_str());
   if (!options_.proceed || options_.proceed(step)) return true;
   findings_.stopped = true;
   return false;
@@ -273,17 +272,6 @@ bool PredictionSearch::add_law(State& state) {
       try_laws(state, extensions,
                shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
   const std::size_t taken = plainest(tried, extensions, state);
-  if (getenv("PE_DEBUG")) {
-    for (std::size_t i = 0; i < scores.size() && i < 6; ++i)
-      fprintf(stderr, "   rank %s@%s %.3f %.3f\n", extensions[scores[i].extension].law.c_str(),
-              extensions[scores[i].extension].location.name.c_str(), scores[i].share,
-              scores[i].whitened_share);
-    for (std::size_t i = 0; i < tried.size(); ++i)
-      fprintf(stderr, "   %s %s@%s z %.1f gain %.4f %d\n", i == taken ? "TAKE" : "try",
-              hypotheses_->hypotheses()[tried[i].hypothesis].law.c_str(),
-              hypotheses_->hypotheses()[tried[i].hypothesis].place.c_str(), tried[i].z,
-              tried[i].gain, tried[i].feeds_energy + 2 * tried[i].ran_away);
-  }
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
   return true;
@@ -342,14 +330,6 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
       findings_.first_horizon = horizon;
     }
     Rung rung{horizon, state.error, state.by_noise, false};
-    if (getenv("PE_DEBUG")) {
-      fprintf(stderr, "RUNG %ld q %g err/signal %g err/noise %g noise %g |", horizon,
-              findings_.intensity, (state.error.array() / data_->output_scale().array()).maxCoeff(),
-              (state.error.array() / state.by_noise.array()).maxCoeff(), state.by_noise(0));
-      for (auto& p : state.fit.model.model.parameters)
-        fprintf(stderr, " %s=%g", p.name.c_str(), p.value);
-      fprintf(stderr, "\n");
-    }
     const bool has_skill =
         (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
     if (!has_skill && !findings_.rungs.empty()) break;
