@@ -236,12 +236,15 @@ int execute(Arguments& arguments) {
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
+  if (method.name == "prediction_error") verdict["method"] = method.name;
   if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
   if (arguments.json) {
     fmt::print("{}\n", verdict.dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
-    fmt::print("Method: {}, since {}.\n", method.name, method.reason);
+    if (method.name == "prediction_error") {
+      fmt::print("By prediction error, since {}.\n", method.reason);
+    }
     for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
       fmt::print("{}\n", line);
     }

@@ -207,6 +207,19 @@ std::vector<ExtensionScore> shortlist(const std::vector<ExtensionScore>& scores,
   std::vector<ExtensionScore> second = scores;
   std::ranges::stable_sort(second, std::greater{}, &ExtensionScore::whitened_share);
   take(second, whitened, &ExtensionScore::whitened_share);
+  // Late here or there, by a lag or a delay, may be one thing: all of them, or none.
+  const auto is_late = [&](const ExtensionScore& score) {
+    const std::string& law = extensions[score.extension].law;
+    return score.share > 0.0 && (law == "lag" || law == "delay");
+  };
+  if (std::ranges::any_of(list, is_late)) {
+    for (const ExtensionScore& score : scores) {
+      const bool is_there = std::ranges::any_of(list, [&](const ExtensionScore& other) {
+        return other.extension == score.extension;
+      });
+      if (is_late(score) && !is_there) list.push_back(score);
+    }
+  }
   return list;
 }
 

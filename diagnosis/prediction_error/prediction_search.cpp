@@ -102,6 +102,14 @@ void PredictionSearch::weigh(State& state) const {
   state.by_noise = fitter.errors_by_noise(state.fit);
 }
 
+// With the model's own parameters where the search began.
+ExtendedLumpedModel PredictionSearch::as_started(const ExtendedLumpedModel& model) const {
+  std::vector<double> values = model.values();
+  const std::size_t own = model.own_parameters();
+  for (std::size_t i = 0; i < own; ++i) values[i] = start_.model.parameters[i].value;
+  return with_values(model, values);
+}
+
 // The model on a rung, with the force noise that predicts best there. False: it can't be simulated.
 bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, State& state) {
   state.task = data_->windows(horizon);
@@ -113,6 +121,11 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
   // The first rung says which; later ones keep it.
   std::vector<double> candidates{findings_.intensity};
   if (horizon > 0 && !(findings_.intensity > 0.0)) candidates = intensities_;
+  const auto take = [&](PredictionFit fit, double candidate) {
+    if (!fit.usable || (best.usable && !(fit.cost < best.cost))) return;
+    best = std::move(fit);
+    intensity = candidate;
+  };
   for (const double candidate : candidates) {
     const PredictionFitter fitter(*data_, state.task, candidate, options_.threads);
     PredictionFit fit =
@@ -121,9 +134,11 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
     if (is_first && fit.usable) {
       fit = fitter.fit(fit.model, state.weights, fit.initials, iterations);
     }
-    if (!fit.usable || (best.usable && !(fit.cost < best.cost))) continue;
-    best = std::move(fit);
-    intensity = candidate;
+    take(std::move(fit), candidate);
+  }
+  if (!is_first) {  // a short horizon may have led into another valley
+    const PredictionFitter fitter(*data_, state.task, intensity, options_.threads);
+    take(fitter.fit(as_started(from), state.weights, {}, iterations), intensity);
   }
   if (!best.usable) return false;
   findings_.intensity = intensity;
@@ -314,7 +329,7 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_.sample_time = data_->sample_time();
   const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
   findings_.found = moves ? scaled_start(model) : as_given(model, kSearchFactor);
-  findings_.as_given = findings_.found;
+  start_ = findings_.as_given = findings_.found;
   const std::vector<Index> horizons = ladder(model);
   findings_.has_free_run = horizons.front() == 0;
   State state;

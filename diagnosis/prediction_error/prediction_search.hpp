@@ -107,6 +107,7 @@ class PredictionSearch {
   };
   [[nodiscard]] PredictionFitter fitter(const State& state) const;
   [[nodiscard]] bool climb(Eigen::Index horizon, const ExtendedLumpedModel& from, State& state);
+  [[nodiscard]] ExtendedLumpedModel as_started(const ExtendedLumpedModel& model) const;
   void weigh(State& state) const;
   void search_rung(State& state);
   [[nodiscard]] bool add_law(State& state);
@@ -130,6 +131,7 @@ class PredictionSearch {
   PredictionSearchOptions options_;
   PredictionFindings findings_;
   std::vector<double> intensities_;
+  ExtendedLumpedModel start_;
 };
 
 // Springs and dampers hold every free coordinate, and what happened is forgotten in a fifth of the
