@@ -214,9 +214,8 @@ std::vector<ExtensionScore> shortlist(const std::vector<ExtensionScore>& scores,
   };
   if (std::ranges::any_of(list, is_late)) {
     for (const ExtensionScore& score : scores) {
-      const bool is_there = std::ranges::any_of(list, [&](const ExtensionScore& other) {
-        return other.extension == score.extension;
-      });
+      const bool is_there = std::ranges::any_of(
+          list, [&](const ExtensionScore& other) { return other.extension == score.extension; });
       if (is_late(score) && !is_there) list.push_back(score);
     }
   }

@@ -92,7 +92,7 @@ JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) c
   result.fit = fitter.fit(model, weights_, {}, iterations);
   if (!result.fit.usable) return result;
   result.error = fitter.errors(result.fit, weights_);
-  result.by_noise = fitter.errors_by_noise(result.fit);
+  result.by_noise = fitter.errors_by_noise(result.fit, weights_);
   return result;
 }
 

@@ -178,7 +178,8 @@ void PredictionData::estimate_noise() {
         least = std::min(least, noise_by_differences(recording.outputs.col(j)));
       }
     }
-    if (!(noise_(j) > 0.0)) noise_(j) = least;
+    stated_.push_back(noise_(j) > 0.0);
+    if (!stated_.back()) noise_(j) = least;
     noise_(j) = std::max({noise_(j), kLeastNoise * output_scale()(j), 1e-300});
   }
 }

@@ -62,6 +62,9 @@ class PredictionData {
   // Standard deviation of the white noise of each output: stated, else from differences: of order m of
   // samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the scale.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
+  [[nodiscard]] bool states_noise(Eigen::Index output) const {
+    return stated_[static_cast<std::size_t>(output)];
+  }
   // Of the forces that act (or that outputs measure): rms, and the largest.
   [[nodiscard]] double force_scale() const { return force_scale_; }
   [[nodiscard]] double largest_force() const { return largest_force_; }
@@ -86,6 +89,7 @@ class PredictionData {
   double sample_time_ = 0.0;
   RecordedNodes nodes_;
   Eigen::VectorXd noise_;
+  std::vector<bool> stated_;  // of each output's
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
 };
 

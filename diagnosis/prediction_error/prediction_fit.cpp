@@ -119,10 +119,23 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
       false);
 }
 
-VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit) const {
-  Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
-  if (fit.gain.rows() != predictor.state_count()) return data_->noise();
-  return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon);
+VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit,
+                                           const VectorXd& weights) const {
+  if (!task_->is_free()) {
+    Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
+    if (fit.gain.rows() != predictor.state_count()) return data_->noise();
+    return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon);
+  }
+  VectorXd noise = data_->noise();
+  const Index outputs = data_->output_count();
+  const Eigen::Map<const MatrixXd> table(fit.residuals.data(), outputs,
+                                         fit.residuals.size() / outputs);
+  for (Index j = 0; j < outputs; ++j) {
+    if (data_->states_noise(j)) continue;
+    const VectorXd rest = table.row(j).transpose() * weights(j);
+    noise(j) = std::min(noise(j), std::max(noise_by_differences(rest), 1e-300));
+  }
+  return noise;
 }
 
 MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {

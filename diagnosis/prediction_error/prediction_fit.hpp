@@ -67,8 +67,10 @@ class PredictionFitter {
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
                  Eigen::VectorXd& result) const;
-  // What the sensors' noise alone does to the predictions (stationary_gain.hpp).
-  [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit) const;
+  // What the sensors' noise alone does to the predictions (stationary_gain.hpp). In free run noise that is
+  // not stated is no more than the differences of the residuals say: fast signals hide it in their own.
+  [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit,
+                                                const Eigen::VectorXd& weights) const;
   // q and q' of all coordinates, sample by sample over all runs.
   [[nodiscard]] Eigen::MatrixXd motion(const PredictionFit& fit) const;
   // rms of each output's errors over what counts, in its unit.

@@ -99,7 +99,7 @@ void PredictionSearch::weigh(State& state) const {
   state.weights = state.error.cwiseMax(kLeast * data_->output_scale());
   state.fit = fitter.fit(state.fit.model, state.weights, state.fit.initials, kWeighIterations);
   state.error = fitter.errors(state.fit, state.weights);
-  state.by_noise = fitter.errors_by_noise(state.fit);
+  state.by_noise = fitter.errors_by_noise(state.fit, state.weights);
 }
 
 // With the model's own parameters where the search began.
