@@ -1,5 +1,5 @@
-// Diagnosis by prediction error: the predictor against closed forms, the gain against its equation, the
-// comparison against explicit refits, and whole diagnoses of simulated drives.
+// Diagnosis by prediction error: the predictor against closed forms, the gain against its equation,
+// the comparison against explicit refits, and whole diagnoses of simulated drives.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -314,7 +314,8 @@ std::vector<Hidden> hidden_laws() {
   return list;
 }
 
-// What a dead zone of the shaft is called does not matter: the model's spring and one law beside it.
+// What a dead zone of the shaft is called does not matter: the model's spring and one law beside
+// it.
 std::vector<std::string> accepted_names(const std::string& law) {
   if (law == "dead_zone at motor-load") return {law, "backlash at motor-load"};
   if (law == "delay at sensor load_angle") return {law, "lag at sensor load_angle"};

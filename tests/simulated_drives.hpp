@@ -1,7 +1,7 @@
-// Two-mass drives in closed loop, simulated for diagnoses by prediction error: references that never
-// repeat, rounded encoders, one law that the model does not have, the model's parameters 15 % off.
-// Independent of the code under test: semi-implicit steps of a fortieth of a sample, friction that holds
-// by itself.
+// Two-mass drives in closed loop, simulated for diagnoses by prediction error: references that
+// never repeat, rounded encoders, one law that the model does not have, the model's parameters 15 %
+// off. Independent of the code under test: semi-implicit steps of a fortieth of a sample, friction
+// that holds by itself.
 #pragma once
 
 #include <fmt/format.h>

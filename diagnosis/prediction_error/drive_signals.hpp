@@ -1,9 +1,9 @@
 // What the actuators give: recorded inputs, passed through the actuator laws of a model, at the
 // beginning, the middle and the end of each step of an integrator (node_inputs.hpp).
 //
-// Actuator laws depend on the recorded input alone, never on the motion, so one pass over the record
-// does all of them. Delays come first (they commute with the others). A lag x' = (s - x)/T is exact
-// for an input that is straight within a step:
+// Actuator laws depend on the recorded input alone, never on the motion, so one pass over the
+// record does all of them. Delays come first (they commute with the others). A lag x' = (s - x)/T
+// is exact for an input that is straight within a step:
 //
 //   x(t) = a + b (t - T) + (x_0 - a + b T) exp(-t/T),   s = a + b t,
 //

@@ -1,13 +1,13 @@
 // A lumped model with laws that were found, and where a search may move its parameters.
 //
-// Every law is one more part of the model, so an extended model is a model like any other. Parameters
-// are searched in coordinates z:
+// Every law is one more part of the model, so an extended model is a model like any other.
+// Parameters are searched in coordinates z:
 //
 //   logarithmic   value = exp(z)           masses, springs, dampers of the model; sizes of shapes
 //   linear        value = scale z          forces, offsets, what may be zero or negative
 //
-// A stated mass or spring may move by a factor about the value of the first fit; a stated damping may
-// vanish, since it often stands in for a friction that is found later.
+// A stated mass or spring may move by a factor about the value of the first fit; a stated damping
+// may vanish, since it often stands in for a friction that is found later.
 #pragma once
 
 #include <cstddef>

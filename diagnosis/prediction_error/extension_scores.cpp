@@ -119,8 +119,8 @@ Taken taken(const Projection& projection, const VectorXd& direction) {
   return result;
 }
 
-// d, at an amplitude that changes the residuals enough to be told from rounding and too little to leave
-// the straight line; none where nothing comes of it.
+// d, at an amplitude that changes the residuals enough to be told from rounding and too little to
+// leave the straight line; none where nothing comes of it.
 std::optional<VectorXd> direction_of(const PredictionFitter& fitter, const PredictionFit& fit,
                                      const VectorXd& weights, const LawExtension& law) {
   double amplitude = law.is_secant ? 1.0 : kFirstAmplitude * law.unit;

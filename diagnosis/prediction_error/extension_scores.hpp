@@ -1,12 +1,13 @@
-// All laws that may be missing, ranked in the light of one fit, each by a pass or two of the predictor
-// at a small amplitude a:
+// All laws that may be missing, ranked in the light of one fit, each by a pass or two of the
+// predictor at a small amplitude a:
 //
-//   d = (r(a) - r(0)) / a,   A = d - Q Q'd,   r_0 = r - Q Q'r,   Q an orthonormal basis of the fit's J,
+//   d = (r(a) - r(0)) / a,   A = d - Q Q'd,   r_0 = r - Q Q'r,   Q an orthonormal basis of J,
 //   share = (A'r_0)^2 / (A'A r_0'r_0),   amplitude = -A'r_0 / A'A:
 //
-// the part of what is left that the law would take, the model's own parameters refitted (a score test:
-// Rao, Proceedings of the Cambridge Philosophical Society 44, 1948). Where A'A < 1e-6 d'd the model's
-// parameters imitate the law. Laws with no useful slope at zero (saturation) are scored by the step.
+// the part of what is left that the law would take, the model's own parameters refitted (a score
+// test: Rao, Proceedings of the Cambridge Philosophical Society 44, 1948). Where A'A < 1e-6 d'd the
+// model's parameters imitate the law. Laws with no useful slope at zero (saturation) are scored by
+// the step.
 //
 // The share is no test: what is left has memory. It makes a shortlist, once as it is and once with
 // r, d and J freed of their memory by an autoregression of order 10 of each output.

@@ -1,11 +1,12 @@
-// The model that a search ended with, fitted once more for what is reported, and judged: parameters with
-// errors, what it leaves on the recordings of the fit and on those kept out, and what each law is
-// worth.
+// The model that a search ended with, fitted once more for what is reported, and judged: parameters
+// with errors, what it leaves on the recordings of the fit and on those kept out, and what each law
+// is worth.
 //
-// It is fitted in free run where free run has skill (errors below a fifth of the signal in every output),
-// else over the longest windows that have. Standard errors allow for residuals with memory and of
-// changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of white
-// residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free to the end.
+// It is fitted in free run where free run has skill (errors below a fifth of the signal in every
+// output), else over the longest windows that have. Standard errors allow for residuals with memory
+// and of changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of
+// white residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free
+// to the end.
 #pragma once
 
 #include <Eigen/Core>

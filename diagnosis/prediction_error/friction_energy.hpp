@@ -1,9 +1,9 @@
 // Whether the frictions of a model take energy, along its own motion.
 //
-// At each place all laws without memory count together, each without what its deflection alone gives
-// back: P = sum (f(z, z') - f(z, 0)) z'. The share of fed-in energy is sum max(-P, 0) / sum |P|; a
-// machine's friction has none. Where a law has memory it may give back what it took: there P is of the
-// whole forces, and the share is max(-sum P, 0) / sum |P|.
+// At each place all laws without memory count together, each without what its deflection alone
+// gives back: P = sum (f(z, z') - f(z, 0)) z'. The share of fed-in energy is sum max(-P, 0) / sum
+// |P|; a machine's friction has none. Where a law has memory it may give back what it took: there P
+// is of the whole forces, and the share is max(-sum P, 0) / sum |P|.
 #pragma once
 
 #include <Eigen/Core>

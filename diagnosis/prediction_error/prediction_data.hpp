@@ -3,9 +3,9 @@
 //   const PredictionData data(model, campaign);
 //   const PredictionTask task = data.windows(10);         // ten samples ahead
 //
-// A task cuts recordings into cycles: `on` samples that the predictor sees, then h that it does not,
-// and only those count. h = 0 is the free run: nothing is seen, everything counts, initial states are
-// estimated.
+// A task cuts recordings into cycles: `on` samples that the predictor sees, then h that it does
+// not, and only those count. h = 0 is the free run: nothing is seen, everything counts, initial
+// states are estimated.
 #pragma once
 
 #include <Eigen/Core>
@@ -38,10 +38,10 @@ struct PredictionTask {
 
 class PredictionData {
  public:
-  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the mean of
-  // the inputs between, where the inputs hold, the model's fastest mode lets it, and what is dropped of
-  // the inputs is small; else cut to the first. Throws InputError for what load_output_error_data
-  // refuses and for times that are not even.
+  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the
+  // mean of the inputs between, where the inputs hold, the model's fastest mode lets it, and what
+  // is dropped of the inputs is small; else cut to the first. Throws InputError for what
+  // load_output_error_data refuses and for times that are not even.
   PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
                  Eigen::Index most_samples = 0);
 
@@ -59,8 +59,9 @@ class PredictionData {
   }
   // rms of each output about its mean, over the recordings of the fit.
   [[nodiscard]] const Eigen::VectorXd& output_scale() const { return problem_.output_scale(); }
-  // Standard deviation of the white noise of each output: stated, else from differences: of order m of
-  // samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the scale.
+  // Standard deviation of the white noise of each output: stated, else from differences: of order m
+  // of samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the
+  // scale.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
   [[nodiscard]] bool states_noise(Eigen::Index output) const {
     return stated_[static_cast<std::size_t>(output)];

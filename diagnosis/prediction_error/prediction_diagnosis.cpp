@@ -175,8 +175,8 @@ class DiagnosisBuilder {
     }
   }
 
-  // A rival that was found as a law of its own later is none; of the others each takes the place of the
-  // law in the model as it is at the end.
+  // A rival that was found as a law of its own later is none; of the others each takes the place of
+  // the law in the model as it is at the end.
   void add_rivals(const AcceptedLaw& accepted, std::size_t law, FoundEffect& effect) const {
     constexpr std::size_t kNamed = 3;
     constexpr double kExcluded = 2.0;  // z

@@ -1,5 +1,5 @@
-// Fit of an extended lumped model by its prediction errors: least squares by Levenberg and Marquardt
-// over the free parameters, and, in free run, the initial states.
+// Fit of an extended lumped model by its prediction errors: least squares by Levenberg and
+// Marquardt over the free parameters, and, in free run, the initial states.
 //
 //   cost(theta) = sum over counted samples k and outputs j of (e_kj(theta) / s_j)^2,
 //
@@ -50,7 +50,8 @@ struct PredictionFit {
 
 class PredictionFitter {
  public:
-  // `intensity` of the force noise (stationary_gain.hpp); not used in free run. References are kept.
+  // `intensity` of the force noise (stationary_gain.hpp); not used in free run. References are
+  // kept.
   PredictionFitter(const PredictionData& data, const PredictionTask& task, double intensity,
                    int threads);
 
@@ -67,8 +68,9 @@ class PredictionFitter {
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
                  Eigen::VectorXd& result) const;
-  // What the sensors' noise alone does to the predictions (stationary_gain.hpp). In free run noise that is
-  // not stated is no more than the differences of the residuals say: fast signals hide it in their own.
+  // What the sensors' noise alone does to the predictions (stationary_gain.hpp). In free run noise
+  // that is not stated is no more than the differences of the residuals say: fast signals hide it
+  // in their own.
   [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit,
                                                 const Eigen::VectorXd& weights) const;
   // q and q' of all coordinates, sample by sample over all runs.

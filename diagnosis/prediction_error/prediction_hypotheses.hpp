@@ -1,5 +1,5 @@
-// What may be missing from a lumped model that is seen in any motion: places and laws, and the shapes
-// in which a search starts them in the light of the present fit.
+// What may be missing from a lumped model that is seen in any motion: places and laws, and the
+// shapes in which a search starts them in the light of the present fit.
 #pragma once
 
 #include <Eigen/Core>

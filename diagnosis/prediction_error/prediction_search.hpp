@@ -1,20 +1,19 @@
 // The search for missing physics by prediction errors.
 //
-// The ladder: horizons of 10, 30, 100, 300, ... samples, short ones first. Over a long horizon a model
-// that lacks friction predicts best by ignoring its own input; over a short one it can't. A plant that
-// forgets (springs and dampers on every coordinate), and imposed motion, are searched in free run,
-// from where a fit ten samples ahead led. On each rung:
+// The ladder: horizons of 10, 30, 100, 300, ... samples, short ones first. Over a long horizon a
+// model that lacks friction predicts best by ignoring its own input; over a short one it can't. A
+// plant that forgets (springs and dampers on every coordinate), and imposed motion, are searched in
+// free run, from where a fit ten samples ahead led. On each rung:
 //
 //   1. fit the model of the rung before; skip the rung where its errors are what the sensors' noise
 //      leaves by itself, stop where they exceed 95 % of the signal
-//   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit, never ending
-//      worse
+//   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 % and the frictions do
 //      not feed energy in (friction_energy.hpp); among those not told from the best, the plainest
 //   4. prune: drop every law found that is not missed (is_idle); again from 2
 //
-// Stated values may all be off by one factor, in the wrong unit or with a guessed gain: the factor in
-// 0.001 ... 1000 that predicts best comes first, and masses and springs move by 10 about that.
+// Stated values may all be off by one factor, in the wrong unit or with a guessed gain: the factor
+// in 0.001 ... 1000 that predicts best comes first, and masses and springs move by 10 about that.
 //
 //   PredictionSearch search(data, hypotheses, options);
 //   const PredictionFindings findings = search.run(model);

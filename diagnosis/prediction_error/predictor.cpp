@@ -36,8 +36,8 @@ const LawEntry& entry_of(const Element& part) {
   return *find_law(part.law_name, part.location.kind != LocationKind::kElement);
 }
 
-// The same friction with no transition at v = 0, where a velocity passes the one that is stated within
-// `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
+// The same friction with no transition at v = 0, where a velocity passes the one that is stated
+// within `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
 std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
   const LawEntry& entry = entry_of(part);
   const auto transition =
@@ -216,8 +216,8 @@ void Predictor::add_forces(const double* x, double* dx) {
   }
 }
 
-// dx of the free coordinates and of the laws; force_ is left with what acts on each coordinate beside
-// its inertia.
+// dx of the free coordinates and of the laws; force_ is left with what acts on each coordinate
+// beside its inertia.
 void Predictor::rates(const double* x, const double* inputs, double* dx) {
   spread(x, inputs);
   force_.noalias() = -(stiffness_.lazyProduct(q_)) - damping_.lazyProduct(v_);
@@ -282,8 +282,8 @@ void Predictor::push(const Placed& law, double change) {
   x_.segment(n_, n_) += law.velocity_by * (change / law.mobility);
 }
 
-// What moves, slides on in its direction; what rests, holds where the other forces are below the level,
-// and else breaks away in theirs.
+// What moves, slides on in its direction; what rests, holds where the other forces are below the
+// level, and else breaks away in theirs.
 void Predictor::choose_friction(const double* inputs) {
   if (!has_set_valued_ || linear_) return;
   bool any_rests = false;
@@ -305,8 +305,9 @@ void Predictor::choose_friction(const double* inputs) {
   }
 }
 
-// What came to rest within the step, or broke away in it: both where a velocity, or a force, that is straight
-// within the step passes zero, or the level. So the end of a step depends on everything without jumps.
+// What came to rest within the step, or broke away in it: both where a velocity, or a force, that
+// is straight within the step passes zero, or the level. So the end of a step depends on everything
+// without jumps.
 void Predictor::settle_friction(double step, const double* inputs) {
   if (!has_set_valued_ || linear_) return;
   bool any_holds = false;
@@ -439,7 +440,8 @@ void Predictor::follow_lags() {
   }
 }
 
-// From the corrected state at a sample to the next one. x_, kept_y_ and followed_before_ are of now.
+// From the corrected state at a sample to the next one. x_, kept_y_ and followed_before_ are of
+// now.
 void Predictor::between_samples(const NodeInputs& drive, Index sample) {
   for (Index s = 0; s < steps_; ++s) step(drive, sample * steps_ + s);
   shift_registers();

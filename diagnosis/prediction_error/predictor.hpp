@@ -2,22 +2,23 @@
 //
 //   e_k = y_k - y(x_k),     x_k <- x_k + K e_k   where sample k is seen,   nothing where it is not,
 //
-// x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). K = 0 is the free run
-// (output error); a seen sample everywhere is the innovations form (Ljung, System Identification, 2nd
-// ed. 1999, ch. 4); cycles of seen and unseen samples predict so far ahead.
+// x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). K = 0 is the free
+// run (output error); a seen sample everywhere is the innovations form (Ljung, System
+// Identification, 2nd ed. 1999, ch. 4); cycles of seen and unseen samples predict so far ahead.
 //
 // Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
-// curve: at rest it holds with any force up to its level. What moves along b slides on with F(v) against
-// its direction; what rests and is pulled by less than F(0+) holds, exactly; what comes to rest or breaks
-// away within a step does so where its velocity, or the pull, straight in time, passes zero, or the level.
-// So predictions depend on parameters without jumps, and no transition velocity makes the equations
-// stiff. A transition that is wide enough to be seen, h F b' M^-1 b / v_t < 1/2, is the law's curve as
-// it is; so is friction of imposed motion, where v is not the model's to change.
-// A lag of a sensor is exact for outputs that are straight between samples; a late sensor reads what
-// the state was then, and is corrected there, since earlier outputs are part of the state.
+// curve: at rest it holds with any force up to its level. What moves along b slides on with F(v)
+// against its direction; what rests and is pulled by less than F(0+) holds, exactly; what comes to
+// rest or breaks away within a step does so where its velocity, or the pull, straight in time,
+// passes zero, or the level. So predictions depend on parameters without jumps, and no transition
+// velocity makes the equations stiff. A transition that is wide enough to be seen, h F b' M^-1 b /
+// v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v is not the
+// model's to change. A lag of a sensor is exact for outputs that are straight between samples; a
+// late sensor reads what the state was then, and is corrected there, since earlier outputs are part
+// of the state.
 //
 //   Predictor predictor(model, sample_time, steps);
-//   predictor.run(drive, outputs, seen, gain, initial, errors);     // false: the motion leaves all bounds
+//   predictor.run(drive, outputs, seen, gain, initial, errors);   // false: out of all bounds
 //
 // One object serves one thread; run() allocates nothing but the results. Cost: 4 (1 + laws) law
 // evaluations a step.
