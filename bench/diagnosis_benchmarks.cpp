@@ -4,8 +4,8 @@
 //   ranking/P       score tests of all hypotheses, with 199 draws of noise
 //   verdict/P       the whole search, from a prepared problem
 //
-// The full robot in P positions of its grid, 2 levels, 50 excited lines, six sub-experiments each, with a
-// gearbox that hardens, simulated with all non-linear equations. Each is run once.
+// The full robot in P positions of its grid, 2 levels, 50 excited lines, six sub-experiments each,
+// with a gearbox that hardens, simulated with all non-linear equations. Each is run once.
 //
 //   diagnosis_benchmarks --threads=2 --benchmark_filter=/15
 // --threads=N: all processors if absent.

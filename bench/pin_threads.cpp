@@ -12,8 +12,8 @@ void pin_threads(int threads, char** arguments) {
   if (threads < 1) return;  // the solver refuses it by name
   const std::string count = std::to_string(threads);
   bool changed = false;
-  for (const auto& [name, value] : {std::pair{"OPENBLAS_NUM_THREADS", std::string("1")},
-                                    std::pair{"OMP_NUM_THREADS", count}}) {
+  for (const auto& [name, value] :
+       {std::pair{"OPENBLAS_NUM_THREADS", std::string("1")}, std::pair{"OMP_NUM_THREADS", count}}) {
     if (std::getenv(name) != nullptr) continue;
     setenv(name, value.c_str(), 0);
     changed = true;

@@ -1,5 +1,5 @@
-// Benchmarks of the passes over a set and of every solver (google-benchmark), one thread. The column
-// Time is wall time; rates are per second of processor time.
+// Benchmarks of the passes over a set and of every solver (google-benchmark), one thread. The
+// column Time is wall time; rates are per second of processor time.
 //
 //   stream_read/Q        a plain sum of the set's array: what memory allows
 //   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass

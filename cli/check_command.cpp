@@ -136,7 +136,8 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit code 0 if the duality gap is proven to be at most the gap asked, rounding included,\n"
-      "else 1. Seconds, passes and iterations are those the design states. An exact design (of 'graybox exact') is "
+      "else 1. Seconds, passes and iterations are those the design states. An exact design (of "
+      "'graybox exact') is "
       "compared\n"
       "with the best of its number of experiments, and only held to a gap that is given. A design\n"
       "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"

@@ -1,4 +1,5 @@
-// `graybox design criteria`: what each criterion makes of one set, and of the designs of the others.
+// `graybox design criteria`: what each criterion makes of one set, and of the designs of the
+// others.
 #include <fmt/format.h>
 
 #include <algorithm>

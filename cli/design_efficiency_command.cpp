@@ -83,8 +83,8 @@ std::vector<NamedDesign> read_designs(const EfficiencyArguments& arguments,
   return designs;
 }
 
-// The table as it is kept in the file: one row of numbers a sample, the first its index, then theta,
-// the log det of the sample's optimum and the D-efficiency of each design.
+// The table as it is kept in the file: one row of numbers a sample, the first its index, then
+// theta, the log det of the sample's optimum and the D-efficiency of each design.
 class EfficiencyTable {
  public:
   EfficiencyTable(std::string path, const RobotModel& robot,

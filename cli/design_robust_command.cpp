@@ -20,8 +20,8 @@
 #include "graybox/solvers/robust/robust_column_generation.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
-#include "set_arguments.hpp"
 #include "robot_arguments.hpp"
+#include "set_arguments.hpp"
 #include "stiffness_arguments.hpp"
 
 namespace graybox::cli {
@@ -52,7 +52,7 @@ constexpr double kReferenceGap = 1e-9;
 
 struct Samples {
   std::vector<InformationSet> sets;
-  std::vector<Eigen::VectorXd> thetas;  // empty where the sets came from files
+  std::vector<Eigen::VectorXd> thetas;      // empty where the sets came from files
   std::vector<SemidefiniteChange> changed;  // empty where the sets were made here
   std::string description;
 };
@@ -270,7 +270,11 @@ int design_under_limit(const RobustArguments& arguments) {
         "--largest-share and --of-positions go together: at most this share of the experiments in "
         "this fraction of the positions");
   }
-  const ProjectedSet read = single_set(arguments);
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, "the information set");
+    return single_set(arguments);
+  }();
+  catch_interrupts();
   const InformationSet& set = read.set;
   const ConcentrationLimit limit =
       concentration_limit(*arguments.largest_share, *arguments.of_positions, set.candidate_count());
@@ -362,8 +366,10 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that it proved the gap to be at most\n"
-      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit code 1).\n"
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at "
+      "most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
+      "code 1).\n"
       "Examples:\n"
       "  graybox design robust --samples 50 --uncertainty 0.5 -o worst_case.json\n"
       "  graybox design robust --objective average --samples 50 --seed 3 -o average.json\n"

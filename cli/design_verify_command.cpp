@@ -1,5 +1,5 @@
-// `graybox design verify`: does a design deliver the covariance that it promises? Simulated experiments,
-// fitted, many times (diagnosis/efficiency_study.hpp).
+// `graybox design verify`: does a design deliver the covariance that it promises? Simulated
+// experiments, fitted, many times (diagnosis/efficiency_study.hpp).
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -218,8 +218,8 @@ class Rows {
   std::vector<EstimateRow> rows_;
 };
 
-// Recordings take much longer than responses and test the estimator, not the choice of positions; the
-// random positions are for comparison alone.
+// Recordings take much longer than responses and test the estimator, not the choice of positions;
+// the random positions are for comparison alone.
 int planned(const VerifyArguments& arguments, const StudiedDesign& design, StudyData data) {
   const bool compared = design.name == kSingle || design.name == kRandom;
   if (data == StudyData::kRecordings) return compared ? 0 : arguments.recordings;

@@ -114,11 +114,12 @@ void write_report(const Arguments& arguments, const Campaign& campaign, const Di
 std::vector<std::string> warnings_of(const Campaign& campaign) {
   constexpr std::size_t kMost = 12;
   std::vector<std::string> warnings;
+  CopyFinder copies;
   for (const Finding& finding : examine_campaign(campaign)) warnings.push_back(finding.message);
   for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
-    for (const Finding& finding : load_experiment(campaign, i).findings) {
-      warnings.push_back(finding.message);
-    }
+    ExperimentRecording recording = load_experiment(campaign, i);
+    copies.examine(campaign.experiments[i], recording);
+    for (const Finding& finding : recording.findings) warnings.push_back(finding.message);
   }
   if (warnings.size() > kMost) {
     const std::size_t more = warnings.size() - kMost;

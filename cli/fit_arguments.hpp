@@ -1,5 +1,5 @@
-// `graybox fit` by the format of the model file: each format has one function (fit_<format>.cpp) that
-// reads model and campaign and fits; fit_command.cpp chooses, prints and writes.
+// `graybox fit` by the format of the model file: each format has one function (fit_<format>.cpp)
+// that reads model and campaign and fits; fit_command.cpp chooses, prints and writes.
 #pragma once
 
 #include <cstdint>

@@ -77,7 +77,8 @@ FitQuality quality_of(const InverseDynamicsFit& fit, ExperimentRole role) {
   return quality;
 }
 
-// Every parameter of the fit has a standard error: what has no effect in the data was left out of it.
+// Every parameter of the fit has a standard error: what has no effect in the data was left out of
+// it.
 Identifiability identifiability_of(const InverseDynamicsFit& fit, const Eigen::VectorXd& values) {
   Identifiability result;
   result.covariance = fit.covariance;
@@ -98,7 +99,7 @@ Identifiability identifiability_of(const InverseDynamicsFit& fit, const Eigen::V
   return result;
 }
 
-void describe(const InverseDynamicsFit& fit, FitReport& report) {
+void describe_forces(const InverseDynamicsFit& fit, FitReport& report) {
   for (const RecordErrors& record : fit.records) {
     std::string line = fmt::format("{} {}: |error|/|torque| {:.4g} %, by joint", role_of(record),
                                    record.name, record.total.relative);
@@ -150,7 +151,7 @@ FitReport fit_rigid_robot(const FitArguments& arguments) {
   report.estimation = quality_of(fit, ExperimentRole::kEstimation);
   const FitQuality validation = quality_of(fit, ExperimentRole::kValidation);
   if (validation.recordings > 0) report.validation = validation;
-  describe(fit, report);
+  describe_forces(fit, report);
   report.details = std::make_shared<Json>(details_of(fit));
   return report;
 }

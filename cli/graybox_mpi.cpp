@@ -13,6 +13,7 @@
 #include "commands.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/atomic_file.hpp"
+#include "graybox/problems/program_version.hpp"
 #include "graybox/solvers/design_file.hpp"
 #include "graybox/solvers/distributed/distributed_column_generation.hpp"
 #include "graybox/solvers/distributed/distributed_set.hpp"
@@ -20,6 +21,7 @@
 #include "graybox/solvers/solve_report.hpp"
 #include "interrupt.hpp"
 #include "set_arguments.hpp"
+#include "start_up.hpp"
 #include "trace_file.hpp"
 
 namespace graybox::cli {
@@ -61,8 +63,8 @@ SolveReport report_of(const MpiArguments& arguments, const DistributedSet& set,
   return report;
 }
 
-// The design in graybox-design/1: as of a set that holds the support alone, with the indices that its
-// candidates have in the whole set.
+// The design in graybox-design/1: as of a set that holds the support alone, with the indices that
+// its candidates have in the whole set.
 void write_design(const std::string& path, const InformationSet& members,
                   const DistributedDesign& design, const SolveReport& report) {
   Design weights;
@@ -80,20 +82,21 @@ std::string text_of(const SolveReport& report, std::size_t processes) {
   const Certificate& certificate = report.certificate;
   std::string text = fmt::format("{}: {}", kSolver, to_string(report.status));
   if (!report.message.empty()) text += fmt::format(" ({})", report.message);
-  return text +
-         fmt::format(
-             "\n  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
-             "  log det M     {:.12g}, support {}\n"
-             "  work          {} iterations, {:.2f} passes, {:.3g} s, {} processes\n",
-             certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
-             certificate.log_det, certificate.support_size, report.counters.iterations,
-             report.counters.passes, report.counters.seconds, processes);
+  return text + fmt::format(
+                    "\n  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
+                    "  log det M     {:.12g}, support {}\n"
+                    "  work          {} iterations, {:.2f} passes, {:.3g} s, {} processes\n",
+                    certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
+                    certificate.log_det, certificate.support_size, report.counters.iterations,
+                    report.counters.passes, report.counters.seconds, processes);
 }
+
+// What the failed write of fmt::print threw is told once, at the end.
+bool standard_output_failed() { return std::ferror(stdout) != 0; }
 
 // The first process alone.
 void hand_over(const MpiArguments& arguments, const InformationSet& members,
-               const DistributedDesign& design, const SolveReport& report,
-               std::size_t projected) {
+               const DistributedDesign& design, const SolveReport& report, std::size_t projected) {
   const std::size_t processes = mpi::size_of(MPI_COMM_WORLD);
   if (!arguments.trace.empty()) write_trace(arguments.trace, design.trace);
   if (!arguments.output.empty()) write_design(arguments.output, members, design, report);
@@ -107,6 +110,18 @@ void hand_over(const MpiArguments& arguments, const InformationSet& members,
     if (projected > 0) fmt::print("note: {} matrices were made positive semidefinite\n", projected);
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
   }
+}
+
+// Answers the error of writing files, or nothing.
+std::string try_to_hand_over(const MpiArguments& arguments, const InformationSet& members,
+                             const DistributedDesign& design, const SolveReport& report,
+                             std::size_t projected) {
+  try {
+    hand_over(arguments, members, design, report, projected);
+  } catch (const std::exception& error) {
+    if (!standard_output_failed()) return error.what();
+  }
+  return {};
 }
 
 // Throws on every process alike, unless one has run out of memory.
@@ -126,11 +141,7 @@ int solve(const MpiArguments& arguments) {
   if (!design.support.empty()) {
     const InformationSet members =
         gather_support(MPI_COMM_WORLD, set.slice, set.first, design.support);
-    try {
-      if (rank == 0) hand_over(arguments, members, design, report, set.projected);
-    } catch (const std::exception& exception) {
-      error = exception.what();
-    }
+    if (rank == 0) error = try_to_hand_over(arguments, members, design, report, set.projected);
   } else if (rank == 0) {
     fmt::print("{}", arguments.json ? to_json(report).dump() + "\n" : text_of(report, processes));
   }
@@ -169,12 +180,13 @@ int run(int argc, char** argv) {
       "D-optimal design over MPI: each process holds and prices a slice of the candidates.");
   MpiArguments arguments;
   add_options(app, arguments);
+  app.set_version_flag("--version", written_by(), "Print version and commit and exit");
   try {
     app.parse(argc, argv);
     return solve(arguments);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() != 0) return complain(error.what());
-    if (mpi::rank_of(MPI_COMM_WORLD) == 0) app.exit(error);  // --help
+    if (mpi::rank_of(MPI_COMM_WORLD) == 0) app.exit(error);  // --help, --version
     return kDone;
   } catch (const InputError& error) {
     return complain(error.what());
@@ -185,11 +197,12 @@ int run(int argc, char** argv) {
 }  // namespace graybox::cli
 
 int main(int argc, char** argv) {
+  graybox::cli::start_up();
   int provided = MPI_THREAD_SINGLE;
   MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
   int code = graybox::cli::kShort;
   try {
-    code = graybox::cli::run(argc, argv);
+    code = graybox::cli::finish(graybox::cli::run(argc, argv), "graybox_mpi");
   } catch (const std::exception& error) {  // of this process alone: the others wait for it
     std::fprintf(stderr, "graybox_mpi: %s\n", error.what());
     MPI_Abort(MPI_COMM_WORLD, graybox::cli::kShort);

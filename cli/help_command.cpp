@@ -17,7 +17,8 @@ const CLI::App& find_command(const CLI::App& app, const std::vector<std::string>
     const auto found = level->get_subcommands(
         [&](const CLI::App* command) { return command->get_name() == word; });
     if (found.empty()) {
-      throw InputError(fmt::format("help: no command '{}'; see graybox help", fmt::join(words, " ")));
+      throw InputError(
+          fmt::format("help: no command '{}'; see graybox help", fmt::join(words, " ")));
     }
     level = found.front();
   }

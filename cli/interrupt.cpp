@@ -53,10 +53,10 @@ void handle(int signal, void (*handler)(int), int flags) {
 }  // namespace
 
 void catch_interrupts(OnStop on_stop) {
-  handle(SIGALRM,
-         on_stop == OnStop::kHandsOver ? &on_patience_end_hands_over
-                                       : &on_patience_end_loses_nothing,
-         SA_RESTART);
+  handle(
+      SIGALRM,
+      on_stop == OnStop::kHandsOver ? &on_patience_end_hands_over : &on_patience_end_loses_nothing,
+      SA_RESTART);
   handle(SIGINT, &on_interrupt, static_cast<int>(SA_RESETHAND));
   handle(SIGTERM, &on_interrupt, static_cast<int>(SA_RESETHAND));
 }

@@ -1,8 +1,8 @@
-// How a command ends before its end: Ctrl-C (or SIGTERM) and --time-limit, both within a second or so.
-// What has to look at a clock asks problems/stop.hpp; this sets it.
+// How a command ends before its end: Ctrl-C (or SIGTERM) and --time-limit, both within a second or
+// so. What has to look at a clock asks problems/stop.hpp; this sets it.
 //
-// A command that is not listening ends at the first signal, as any program does: so do all that hand
-// nothing over. A second signal always ends the program.
+// A command that is not listening ends at the first signal, as any program does: so do all that
+// hand nothing over. A second signal always ends the program.
 #pragma once
 
 #include <condition_variable>

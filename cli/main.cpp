@@ -5,6 +5,7 @@
 #include <string>
 
 #include "commands.hpp"
+#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/program_version.hpp"
@@ -109,5 +110,6 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   graybox::cli::start_up();
+  graybox::silence_ceres();
   return graybox::cli::finish(run(argc, argv));
 }

@@ -1,5 +1,6 @@
-// graybox_reader TASK FILE ...: reads one HDF5 or MAT file for the process that started it and sends
-// what it holds to standard output (graybox/problems/formats/reading_process.hpp). Not for users.
+// graybox_reader TASK FILE ...: reads one HDF5 or MAT file for the process that started it and
+// sends what it holds to standard output (graybox/problems/formats/reading_process.hpp). Not for
+// users.
 #include <unistd.h>
 
 #include <array>

@@ -31,9 +31,15 @@ const char* name_of_severity(Severity severity) {
 Json json_of(const std::vector<Finding>& findings) {
   Json list = Json::array();
   for (const Finding& finding : findings) {
-    list.push_back({{"severity", name_of_severity(finding.severity)},
-                    {"check", finding.check},
-                    {"message", finding.message}});
+    Json entry{{"severity", name_of_severity(finding.severity)},
+               {"check", finding.check},
+               {"message", finding.message}};
+    if (!finding.channel.empty()) entry["channel"] = finding.channel;
+    if (finding.time) entry["time"] = *finding.time;
+    if (finding.strength > 0.0) entry["strength"] = finding.strength;
+    if (!finding.otherwise.empty()) entry["could_also_be"] = finding.otherwise;
+    if (!finding.mend.empty()) entry["mend"] = finding.mend;
+    list.push_back(std::move(entry));
   }
   return list;
 }
@@ -78,8 +84,10 @@ bool examine(const Campaign& campaign, Json& summary) {
   CountProgress progress("experiment", campaign.experiments.size());
   std::vector<Signal> signals;
   Json sample_time = nullptr;
+  CopyFinder copies;
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
-    const ExperimentRecording recording = examine_experiment(campaign, k);
+    ExperimentRecording recording = examine_experiment(campaign, k, MotionPairs::kCompared);
+    copies.examine(campaign.experiments[k], recording);
     if (recording.sound()) {
       signals = recording.data.signals;
       if (recording.data.sample_time) sample_time = *recording.data.sample_time;

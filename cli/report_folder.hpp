@@ -17,18 +17,21 @@ namespace graybox::cli {
 
 class ReportFolder {
  public:
-  // Made before the work, which may take minutes; where that ends without a report, folders that are
-  // new go again. Throws InputError where another run is at work in the folder, or files of these
-  // names are there that no earlier run lists.
+  // Made before the work, which may take minutes; where that ends without a report, folders that
+  // are new go again. Throws InputError where another run is at work in the folder, or files of
+  // these names are there that no earlier run lists.
   ReportFolder(const std::filesystem::path& folder, const std::vector<std::string>& names);
   ReportFolder(const ReportFolder&) = delete;
   ReportFolder& operator=(const ReportFolder&) = delete;
   ~ReportFolder();
 
-  [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  [[nodiscard]] std::string file(const std::string& name) const {
+    return (folder_ / name).string();
+  }
 
-  // Removes the files of the earlier report and writes these (name: text), then verdict.json with the
-  // list of all, which `verdict` gets as `files`. Throws InputError where one of them would replace a file that is not ours.
+  // Removes the files of the earlier report and writes these (name: text), then verdict.json with
+  // the list of all, which `verdict` gets as `files`. Throws InputError where one of them would
+  // replace a file that is not ours.
   void write(const std::map<std::string, std::string>& texts, nlohmann::ordered_json& verdict);
 
  private:

@@ -7,8 +7,7 @@
 namespace graybox::cli {
 
 void add_set_options(CLI::App& command, SetArguments& arguments) {
-  command.add_option("set", arguments.path, "information set: .h5, .npy, .csv or .mat")
-      ->required();
+  command.add_option("set", arguments.path, "information set: .h5, .npy, .csv or .mat")->required();
   command.add_option("--variable", arguments.variable, "variable of a .mat file with several");
   add_psd_tolerance(command, arguments.psd_tolerance);
 }

@@ -63,11 +63,13 @@ SimulationOutcome run(const SimulateArguments& arguments) {
       .identity = identity_of(system, arguments.plan),
       .keep_going = [] { return !interrupted(); },
       .report = [&](std::size_t done, std::size_t) { (void)progress.update(done); },
-      .forecast = [](double seconds) {
-        fmt::print(stderr, "graybox: this will take about {}; Ctrl-C stops, and the same command "
-                           "goes on where it was\n",
-                   bench::readable_duration(seconds));
-      }};
+      .forecast =
+          [](double seconds) {
+            fmt::print(stderr,
+                       "graybox: this will take about {}; Ctrl-C stops, and the same command "
+                       "goes on where it was\n",
+                       bench::readable_duration(seconds));
+          }};
   return simulate_campaign(system, plan, arguments.output, options);
 }
 

@@ -37,15 +37,15 @@ struct ComparedDesign {
 
 // A row for each line that carries power, of every design but `flat`: design, position_limit,
 // position (its index in the grid), q1, q2, ... (deg), share (of the time), frequency (Hz), axis,
-// power (rho, in the unit of Phi_r), weight (share times power over the power limit), resonance (the
-// nearest natural frequency of the position with free motors, Hz).
+// power (rho, in the unit of Phi_r), weight (share times power over the power limit), resonance
+// (the nearest natural frequency of the position with free motors, Hz).
 [[nodiscard]] std::string spectra_csv(const RobotModel& robot, const InformationSet& set,
                                       const CandidateBlocks& blocks,
                                       const std::vector<ComparedDesign>& designs);
 
 // What is left of each design where the true stiffness differs: `samples` draws of all factors,
-// uniform within a deviation. Columns: design, position_limit, deviation, samples, covariance_median,
-// covariance_90 (which 90 % stay below), covariance_worst.
+// uniform within a deviation. Columns: design, position_limit, deviation, samples,
+// covariance_median, covariance_90 (which 90 % stay below), covariance_worst.
 [[nodiscard]] std::string robustness_csv(const RobotModel& robot, const PositionTable& positions,
                                          const CandidateBlocks& blocks,
                                          const std::vector<ComparedDesign>& designs,

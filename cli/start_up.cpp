@@ -10,7 +10,6 @@
 
 #include "build_commit.hpp"
 #include "commands.hpp"
-#include "graybox/diagnosis/quiet_ceres.hpp"
 #include "graybox/problems/formats/input_guard.hpp"
 #include "graybox/problems/formats/quiet_hdf5.hpp"
 #include "graybox/problems/program_version.hpp"
@@ -34,14 +33,13 @@ void start_up() {
   set_program_commit(kBuildCommit);
   protect_inputs();
   silence_hdf5();
-  silence_ceres();
 }
 
-int finish(int exit_code) {
+int finish(int exit_code, const char* program) {
   errno = 0;
   const bool flushed = std::fflush(stdout) == 0;
   if (flushed && std::ferror(stdout) == 0) return exit_code;
-  std::fprintf(stderr, "graybox: standard output can't be written: %s\n",
+  std::fprintf(stderr, "%s: standard output can't be written: %s\n", program,
                errno != 0 ? std::strerror(errno) : "disk full?");
   return exit_code == kDone ? kShort : exit_code;
 }

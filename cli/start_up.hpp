@@ -1,4 +1,4 @@
-// What every command does first and last.
+// What every command does first and last, graybox_mpi too.
 #pragma once
 
 namespace graybox::cli {
@@ -8,6 +8,6 @@ namespace graybox::cli {
 void start_up();
 
 // The exit code in the end: kShort, with a line on stderr, where standard output did not take all.
-[[nodiscard]] int finish(int exit_code);
+[[nodiscard]] int finish(int exit_code, const char* program = "graybox");
 
 }  // namespace graybox::cli

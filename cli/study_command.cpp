@@ -126,8 +126,7 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
   auto* quick = command->add_flag("--quick", arguments->quick, "about 2 minutes: low limits");
   command->add_flag("--full", arguments->full, "everything to its end: 15 minutes to hours")
       ->excludes(quick);
-  auto* resume =
-      command->add_flag("--resume", options.resume, "go on with what the folder holds");
+  auto* resume = command->add_flag("--resume", options.resume, "go on with what the folder holds");
   command->add_flag("--fresh", options.fresh, "delete the rows that the folder holds")
       ->excludes(resume);
   command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")

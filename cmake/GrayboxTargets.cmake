@@ -13,6 +13,38 @@ function(graybox_link_include_tree)
   endforeach()
 endfunction()
 
+# graybox_unity(target [--uses]): with GRAYBOX_UNITY, compiles the target's sources in groups
+# (scripts/unity_groups), because reading the headers is most of the work. Kernels stay apart: they
+# are the same code for several processors. So does what has options of its own.
+function(graybox_unity target)
+  if(NOT GRAYBOX_UNITY)
+    return()
+  endif()
+  get_target_property(sources ${target} SOURCES)
+  list(FILTER sources EXCLUDE REGEX "^/|kernels/")
+  list(LENGTH sources count)
+  if(count LESS 2)
+    return()
+  endif()
+  execute_process(
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/scripts/unity_groups ${GRAYBOX_UNITY_SIZE} ${ARGN}
+      ${sources}
+    WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "[^\n]+" groups "${groups}")
+  foreach(line IN LISTS groups)
+    string(REPLACE ":" ";" line "${line}")
+    list(GET line 0 group)
+    list(GET line 1 source)
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
+  endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  # A class may hold what is private to its source file, and a local name may be one that another file
+  # keeps to itself; in a group the compiler can't see that.
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage -Wshadow=local)
+  # Another grouping where names change: the build looks again by itself.
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/scripts/unity_groups)
+endfunction()
+
 # graybox_compile_options(target [UNSANITIZED]): UNSANITIZED links the sanitizers' runtime alone.
 function(graybox_compile_options target)
   cmake_parse_arguments(arg "UNSANITIZED" "" "" ${ARGN})
@@ -67,6 +99,7 @@ function(graybox_library name)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
   graybox_compile_options(${target})
+  graybox_unity(${target})
   set_property(GLOBAL APPEND PROPERTY GRAYBOX_LIBRARIES ${target})
 endfunction()
 
@@ -77,8 +110,10 @@ function(graybox_executable name)
   target_link_libraries(${name} PRIVATE ${arg_LINK})
   if(arg_UNSANITIZED)
     graybox_compile_options(${name} UNSANITIZED)
+    graybox_unity(${name} --uses)  # tests use many short names
   else()
     graybox_compile_options(${name})
+    graybox_unity(${name})
   endif()
   # Whatever reads HDF5 or MAT files starts it.
   if(NOT name STREQUAL "graybox_reader" AND NOT GRAYBOX_FUZZ)

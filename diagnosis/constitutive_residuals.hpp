@@ -1,18 +1,18 @@
-// ConstitutiveResiduals: how far the springs' law must be violated to explain a measured response of
-// the robot; the misfit with which a fit starts far from the truth (constitutive_stage.hpp).
+// ConstitutiveResiduals: how far the springs' law must be violated to explain a measured response
+// of the robot; the misfit with which a fit starts far from the truth (constitutive_stage.hpp).
 //
 // The error in the constitutive relation (Ladeveze; Banerjee, Walsh, Aquino and Bonnet 2013 for
 // frequency responses). Balance of forces is taken as exact, while spring p may pull with
-// theta_p k_p e_p - q_p for its elongation e_p. With D(theta) = K + j w C - w^2 M, A = j w h B^T D^-1 [b_1
-// ... b_P] and E = G_hat - G(theta), a column c of E U is explained by noise and forces, A q + noise, at
-// the cost
+// theta_p k_p e_p - q_p for its elongation e_p. With D(theta) = K + j w C - w^2 M, A = j w h B^T
+// D^-1 [b_1 ... b_P] and E = G_hat - G(theta), a column c of E U is explained by noise and forces,
+// A q + noise, at the cost
 //
 //   min over q:  |q|^2_{Q^-1} + |E U - A q|^2_{Lambda_c^-1} = e^H (Lambda_c + A Q A^H)^-1 e,
 //   Q = tau^2 T_c diag(theta_p k_p),     Lambda_c = (2 m left^H left)^-1,
 //
 // per column, e = (E U)_c: Q^-1 measures the violation as energy in the springs, relative to the
-// motors' energy T_c = sum_i J_i |(G_hat U)_ic|^2. Near a resonance of the *model* A is large and the
-// error counts little: unlike |E|, the misfit has no narrow valleys, and tau -> 0 gives the
+// motors' energy T_c = sum_i J_i |(G_hat U)_ic|^2. Near a resonance of the *model* A is large and
+// the error counts little: unlike |E|, the misfit has no narrow valleys, and tau -> 0 gives the
 // likelihood (7).
 //
 // Derivatives. Balanced fields (e_p, forces) do not depend on theta, so at the minimising q
@@ -42,8 +42,8 @@ namespace graybox {
 class ConstitutiveResiduals : public ceres::CostFunction {
  public:
   // Linearised at the measurement's position for this theta; `relaxation` is tau. Where the
-  // measurement has no noise of its own, it is that of (12) for the measured response. Copies what it
-  // needs. Throws InputError where there is no operating point.
+  // measurement has no noise of its own, it is that of (12) for the measured response. Copies what
+  // it needs. Throws InputError where there is no operating point.
   ConstitutiveResiduals(const RobotModel& robot, const ResponseMeasurement& measurement,
                         const Eigen::VectorXd& theta, double relaxation);
 

@@ -1,4 +1,5 @@
-// From a start far off to the neighbourhood of the maximum-likelihood estimate of a robot's stiffness.
+// From a start far off to the neighbourhood of the maximum-likelihood estimate of a robot's
+// stiffness.
 //
 // Minimises the error in the springs' constitutive relation (constitutive_residuals.hpp) for a
 // descending sequence of relaxations tau: with tau = 0.1 violated springs explain most of it, and
@@ -7,8 +8,8 @@
 // Marquardt) in log theta, with a normal prior about the start: parameters that these data hardly
 // show stay near it.
 //
-// A misfit this smooth does not need every line: at most `lines` of each measurement, evenly picked,
-// are used, in all positions.
+// A misfit this smooth does not need every line: at most `lines` of each measurement, evenly
+// picked, are used, in all positions.
 //
 //   FitSearchOptions search;
 //   search.approach = [&](const Eigen::VectorXd& start) {
@@ -35,8 +36,8 @@ struct ConstitutiveStageOptions {
   int threads = 1;  // the result depends on it in the last digits only
 };
 
-// The theta where it ends; the last that could be evaluated where operating point or response cease to
-// exist on the way. Throws InputError for options out of range.
+// The theta where it ends; the last that could be evaluated where operating point or response cease
+// to exist on the way. Throws InputError for options out of range.
 [[nodiscard]] Eigen::VectorXd constitutive_stage(const RobotModel& robot,
                                                  std::span<const ResponseMeasurement> measurements,
                                                  const Eigen::VectorXd& start,

@@ -11,10 +11,10 @@
 //                spectral lines themselves (robot_line_fit.hpp), which is what one has in practice.
 //                Each experiment is one realisation of n_u sub-experiments with phases of its own.
 //
-// Predicted covariance. For responses H^-1, H = sum_i m_i H_i. For recordings H_i is that of (12) at the
-// excited lines with the amplitude of the multisine, times P for P periods, and kappa
-// (maximum_likelihood.hpp) for weights estimated from the bins between the lines. What the plant's free
-// motion costs is not in it.
+// Predicted covariance. For responses H^-1, H = sum_i m_i H_i. For recordings H_i is that of (12)
+// at the excited lines with the amplitude of the multisine, times P for P periods, and kappa
+// (maximum_likelihood.hpp) for weights estimated from the bins between the lines. What the plant's
+// free motion costs is not in it.
 //
 //   const EfficiencyStudy study(robot, {.seed = 1});
 //   const EstimateRow row = study.estimate(design, StudyData::kResponses, 0);
@@ -79,9 +79,9 @@ class EfficiencyStudy {
   [[nodiscard]] Eigen::MatrixXd predicted_covariance(const StudiedDesign& design,
                                                      StudyData data) const;
 
-  // One simulated campaign and its fit, by options, name of the design and repetition alone. May be called
-  // from several threads. A fit whose chi-square is rejected is made again by way of the closed-loop
-  // stage.
+  // One simulated campaign and its fit, by options, name of the design and repetition alone. May be
+  // called from several threads. A fit whose chi-square is rejected is made again by way of the
+  // closed-loop stage.
   [[nodiscard]] EstimateRow estimate(const StudiedDesign& design, StudyData data,
                                      int repetition) const;
 
@@ -114,14 +114,14 @@ struct StudyTask {
   int repetition = 0;
 };
 
-// Tasks are shared among threads; on_row gets the rows as they are finished, one at a time and in any
-// order. Returning false stops the study; tasks that are under way are dropped.
+// Tasks are shared among threads; on_row gets the rows as they are finished, one at a time and in
+// any order. Returning false stops the study; tasks that are under way are dropped.
 void run_efficiency_study(const EfficiencyStudy& study, const std::vector<StudyTask>& tasks,
                           int threads, const std::function<bool(const EstimateRow&)>& on_row);
 
 // The estimates of one design and kind of data against their prediction. Fits that did not converge
-// or whose chi-square is rejected (more than 4 standard deviations above its expectation), as a user
-// would notice, are counted and left out.
+// or whose chi-square is rejected (more than 4 standard deviations above its expectation), as a
+// user would notice, are counted and left out.
 struct StudySummary {
   StudyData data = StudyData::kResponses;
   std::string design;

@@ -1,6 +1,6 @@
 // Does an estimator reach the covariance that it should? n independent estimates theta_hat_k of a
-// known theta (d parameters) are held against a predicted covariance C = H^-1. Where the estimates are
-// normal with covariance Sigma, and with z_k = H^(1/2) (theta_hat_k - theta),
+// known theta (d parameters) are held against a predicted covariance C = H^-1. Where the estimates
+// are normal with covariance Sigma, and with z_k = H^(1/2) (theta_hat_k - theta),
 //
 //   S = sum_k (z_k - mean) (z_k - mean)^T ~ Wishart_d(n - 1, H^(1/2) Sigma H^(1/2)),
 //
@@ -49,8 +49,8 @@ struct EfficiencyStatistics {
   double trace_p_value = 1.0;  // two-sided, of Sigma = C
 };
 
-// `estimates` is n x d. Throws InputError for n <= d, sizes that differ, numbers that are not finite
-// and a covariance that is not positive definite. O(n d^2 + draws d^3).
+// `estimates` is n x d. Throws InputError for n <= d, sizes that differ, numbers that are not
+// finite and a covariance that is not positive definite. O(n d^2 + draws d^3).
 [[nodiscard]] EfficiencyStatistics compare_with_prediction(const Eigen::MatrixXd& estimates,
                                                            const Eigen::VectorXd& theta,
                                                            const Eigen::MatrixXd& covariance,

@@ -19,9 +19,9 @@
 //     "notes": ["..."], "details": {...}
 //   }
 //
-// Numbers that are not known are null: the standard error, covariance and correlation of a parameter
-// that the data do not determine (identifiability.hpp), chi-square where no noise is known, the
-// validation where there are no recordings for it. "details" holds what the method adds.
+// Numbers that are not known are null: the standard error, covariance and correlation of a
+// parameter that the data do not determine (identifiability.hpp), chi-square where no noise is
+// known, the validation where there are no recordings for it. "details" holds what the method adds.
 #pragma once
 
 #include <Eigen/Core>
@@ -82,7 +82,8 @@ struct FitReport {
 
 // The fitted parameters as the gate of physical sanity reads them.
 [[nodiscard]] FittedPhysics fitted_physics(const FitReport& report);
-// What of them no machine has, or the data do not tell: into `implausible`. Laws along the motion are not judged here.
+// What of them no machine has, or the data do not tell: into `implausible`. Laws along the motion
+// are not judged here.
 void judge_plausibility(FitReport& report);
 
 [[nodiscard]] nlohmann::ordered_json fit_json(const FitReport& report);

@@ -1,10 +1,11 @@
 // Maximum-likelihood fits from several starts, and which of them ended in the same optimum.
 //
 // The first start is the caller's; the others are drawn about it, each log theta_p uniform within
-// log(spread), as theta may be off by that factor either way. Each start runs `approach`, where there
-// is one, and from where that leads fit_maximum_likelihood() with its closed-loop stage (whose header
-// says why the response itself is no guide from far). The search ends early once two starts agree on
-// the best optimum and its chi-square is not rejected: (chi-square - dof) / sqrt(2 dof) < 4.
+// log(spread), as theta may be off by that factor either way. Each start runs `approach`, where
+// there is one, and from where that leads fit_maximum_likelihood() with its closed-loop stage
+// (whose header says why the response itself is no guide from far). The search ends early once two
+// starts agree on the best optimum and its chi-square is not rejected: (chi-square - dof) / sqrt(2
+// dof) < 4.
 //
 // Two starts ended in the same optimum where they lie within 0.1 standard errors of each other,
 // (delta^T H delta)^(1/2) <= 0.1, or their chi-squares differ by less than 0.01 (where parameters

@@ -1,14 +1,14 @@
 // Which parameters do the data determine, and which combinations of parameters do they not see?
 //
-// H is the information of the data about theta, C = H^-1 its covariance (maximum_likelihood.hpp). All
-// is judged relative to the parameters' sizes: with D = diag(scale), the eigenvalues of
+// H is the information of the data about theta, C = H^-1 its covariance (maximum_likelihood.hpp).
+// All is judged relative to the parameters' sizes: with D = diag(scale), the eigenvalues of
 //
 //   P = D^-1 C D^-1,   P v = s^2 v,
 //
 // are squared relative standard errors: if theta_p changes by the share v_p (|v| = 1) along
 // direction v, the data tell by how much to within the share s. 1/s are the singular values of the
-// whitened Jacobian in relative parameters. A direction with s > 1 is *unseen*: the data do not even
-// give its order of magnitude.
+// whitened Jacobian in relative parameters. A direction with s > 1 is *unseen*: the data do not
+// even give its order of magnitude.
 //
 // Where H is singular. With S = diag(H)^-1/2, R = S H S has unit diagonal; eigenvalues of R below
 // 1e-12 are zero but for rounding. Their eigenvectors u give unseen directions D^-1 S u with s =

@@ -29,19 +29,20 @@
 // model at the current theta. They are held while Ceres minimises and renewed afterwards, until
 // theta moves by less than `tolerance` standard errors; the fixed point has both at theta_hat.
 //
-// Local minima. Resonances are narrow in frequency (damping 0.2 to 1 %), so E as a function of theta
-// is rugged, and a start 40 % off leads nowhere. The controller damps them: under feedback the input
-// follows the reference by T(theta) = (G + F^-1)^-1, smooth in theta. A first stage therefore
-// minimises
+// Local minima. Resonances are narrow in frequency (damping 0.2 to 1 %), so E as a function of
+// theta is rugged, and a start 40 % off leads nowhere. The controller damps them: under feedback
+// the input follows the reference by T(theta) = (G + F^-1)^-1, smooth in theta. A first stage
+// therefore minimises
 //
 //   |sqrt(2 m) s left E T(theta)|^2 = |sqrt(2 m) s left (I - (G_hat + F^-1) T(theta))|^2,
 //   d(E T) = -(I + E T) dG T,
 //
-// which is linear in the noise of G_hat and equals (7) to first order at the truth, with T(theta) in
-// place of the held `right` = s T of formula (12). Its estimate is slightly biased, for T(theta) also
-// weighs the noise, and only serves as the start of (7). It is regularised by a normal prior about
-// the start, of relative deviation `start_spread`: what is known before the first experiment. While
-// the chi-square of this stage is rejected, it is tried from further starts drawn from that prior.
+// which is linear in the noise of G_hat and equals (7) to first order at the truth, with T(theta)
+// in place of the held `right` = s T of formula (12). Its estimate is slightly biased, for T(theta)
+// also weighs the noise, and only serves as the start of (7). It is regularised by a normal prior
+// about the start, of relative deviation `start_spread`: what is known before the first experiment.
+// While the chi-square of this stage is rejected, it is tried from further starts drawn from that
+// prior.
 //
 //   const RobotResponseModel model(robot);
 //   const FitResult fit = fit_maximum_likelihood(model, measurements, start);
@@ -109,16 +110,16 @@ struct FitResult {
   [[nodiscard]] Eigen::VectorXd standard_errors() const;
 };
 
-// Throws InputError for measurements that do not fit the model (sizes, numbers that are not finite),
-// fewer measured numbers than parameters, a start of the wrong length or not positive in the
-// logarithmic scale, and options out of range.
+// Throws InputError for measurements that do not fit the model (sizes, numbers that are not
+// finite), fewer measured numbers than parameters, a start of the wrong length or not positive in
+// the logarithmic scale, and options out of range.
 [[nodiscard]] FitResult fit_maximum_likelihood(const ResponseModel& model,
                                                std::span<const ResponseMeasurement> measurements,
                                                const Eigen::VectorXd& start,
                                                const FitOptions& options = {});
 
-// J^T J of the measurements at theta, by theta: H of any model, data and theta. Throws InputError where
-// the model can't be linearised there.
+// J^T J of the measurements at theta, by theta: H of any model, data and theta. Throws InputError
+// where the model can't be linearised there.
 [[nodiscard]] Eigen::MatrixXd information_at(const ResponseModel& model,
                                              std::span<const ResponseMeasurement> measurements,
                                              const Eigen::VectorXd& theta);
@@ -126,8 +127,8 @@ struct FitResult {
 // kappa of weights that are estimated with q degrees of freedom.
 [[nodiscard]] double weights_widening(double degrees_of_freedom, Eigen::Index outputs);
 
-// H S^-1 H, the information that estimated weights leave: the inverse of the covariance where there is
-// one, else H.
+// H S^-1 H, the information that estimated weights leave: the inverse of the covariance where there
+// is one, else H.
 [[nodiscard]] Eigen::MatrixXd effective_information(const FitResult& fit);
 
 }  // namespace graybox

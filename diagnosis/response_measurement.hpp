@@ -58,9 +58,9 @@ struct ResponseMeasurement {
 };
 
 // The mean of `experiments` measurements of this robot at its own parameters and frequencies, with
-// the noise (12) and its factors, which an experiment knows from the inputs U that it measured. (The
-// mean is all that the likelihood (7) uses of experiments at one position.) Throws InputError for a
-// position that the robot can't take and for less than one experiment.
+// the noise (12) and its factors, which an experiment knows from the inputs U that it measured.
+// (The mean is all that the likelihood (7) uses of experiments at one position.) Throws InputError
+// for a position that the robot can't take and for less than one experiment.
 [[nodiscard]] ResponseMeasurement simulate_measurement(const RobotModel& robot,
                                                        const Eigen::VectorXd& position,
                                                        double experiments, Random& random);

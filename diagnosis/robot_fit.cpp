@@ -186,8 +186,7 @@ class RobotFit {
   // Whether it came to an end.
   bool go_on_with_lines(FitResult& best) {
     const bool is_full = options_.lines == LineStage::kFull;
-    const auto family =
-        robot_family(robot_, is_full ? PlantKind::kFull : PlantKind::kLocal);
+    const auto family = robot_family(robot_, is_full ? PlantKind::kFull : PlantKind::kLocal);
     PeriodicDataOptions reading;
     // Forces that are not linear need the motion's harmonics as well.
     if (!is_full) reading.line_factor = 1.0;

@@ -1,22 +1,23 @@
 // The stiffness of a robot from a campaign: frequency responses with their uncertainty
-// (responses/estimate_responses.hpp), then the maximum-likelihood fit over all positions and levels at
-// once (maximum_likelihood.hpp) from several starts (fit_search.hpp), each brought near by way of the
-// springs' constitutive relation (constitutive_stage.hpp).
+// (responses/estimate_responses.hpp), then the maximum-likelihood fit over all positions and levels
+// at once (maximum_likelihood.hpp) from several starts (fit_search.hpp), each brought near by way
+// of the springs' constitutive relation (constitutive_stage.hpp).
 //
 //   const FitReport report = fit_robot_campaign(load_robot_model("robot.yaml"),
 //                                               read_campaign("campaign"), {.threads = 2});
 //
 // Parameters are reported as stiffness (N m/rad): theta times what the model file says; the first
-// start is the file's. Covariances of responses are estimates; H^-1 S H^-1 of maximum_likelihood.hpp
-// and unbiased weights take their degrees of freedom into account, so that chi-square / dof is 1 in
-// the mean where the model is true.
+// start is the file's. Covariances of responses are estimates; H^-1 S H^-1 of
+// maximum_likelihood.hpp and unbiased weights take their degrees of freedom into account, so that
+// chi-square / dof is 1 in the mean where the model is true.
 //
-// With `lines` the search ends with a fit of the lines, whose estimates, covariance and quality are reported.
+// With `lines` the search ends with a fit of the lines, whose estimates, covariance and quality are
+// reported.
 //
-// Quality (FitQuality) of responses. Error and signal at the excited lines are what the model leaves of the
-// measured outputs and these outputs themselves: E U and G_hat U, E = G_hat - G(theta_hat), U the
-// measured inputs. Chi-square on validation recordings is divided by its expectation where the model
-// is true, N + tr(H_v C): theta_hat errs as well.
+// Quality (FitQuality) of responses. Error and signal at the excited lines are what the model
+// leaves of the measured outputs and these outputs themselves: E U and G_hat U, E = G_hat -
+// G(theta_hat), U the measured inputs. Chi-square on validation recordings is divided by its
+// expectation where the model is true, N + tr(H_v C): theta_hat errs as well.
 #pragma once
 
 #include <cstdint>
@@ -43,8 +44,9 @@ struct RobotFitOptions {
 };
 
 // Model and campaign names of the report are left to the caller. Status "interrupted" where
-// keep_going stopped it before there was anything. Throws InputError where recordings can't be used, or
-// do not belong to this robot: other numbers of motors or joints, units, sample time or hold.
+// keep_going stopped it before there was anything. Throws InputError where recordings can't be
+// used, or do not belong to this robot: other numbers of motors or joints, units, sample time or
+// hold.
 [[nodiscard]] FitReport fit_robot_campaign(const RobotModel& robot, const Campaign& campaign,
                                            const RobotFitOptions& options = {});
 

@@ -1,7 +1,7 @@
 // Sequential design: measure, estimate, design the next experiments with the estimate.
 //
-// The information matrices H_i(theta) depend on the parameters that are to be found, so a design can
-// only be optimal for a guess. In stages of n experiments each,
+// The information matrices H_i(theta) depend on the parameters that are to be found, so a design
+// can only be optimal for a guess. In stages of n experiments each,
 //
 //   1. design  the next n experiments for the present theta_hat: with M_past = sum_i c_i
 //              H_i(theta_hat) of the c experiments so far, maximise log det(M_past + sum_i m_i

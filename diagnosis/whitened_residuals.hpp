@@ -18,8 +18,8 @@ enum class ResidualKind : std::int8_t {
   kClosedLoop,  // right = s T(theta)
 };
 
-// The scale s of a closed loop is the one with which the model predicts its noise, right = s T; it is
-// not taken from the measured G_hat, whose noise would enlarge it.
+// The scale s of a closed loop is the one with which the model predicts its noise, right = s T; it
+// is not taken from the measured G_hat, whose noise would enlarge it.
 class WhitenedResiduals : public ceres::CostFunction {
  public:
   // Linearises the model at the measurement's position for this theta. Keeps a reference to the

@@ -6,9 +6,9 @@
 
 namespace graybox {
 
-// Bytes that this process may still take: the least of what the system calls available, what is left
-// of the control group's limit and of the process's address space (ulimit -v). Where none of these
-// can be read, the largest number.
+// Bytes that this process may still take: the least of what the system calls available, what is
+// left of the control group's limit and of the process's address space (ulimit -v). Where none of
+// these can be read, the largest number.
 [[nodiscard]] std::size_t available_memory();
 
 // Throws InputError with `fix`, what the user can do, if `bytes` for `what` are not available.

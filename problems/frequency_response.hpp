@@ -30,8 +30,8 @@ namespace graybox {
 [[nodiscard]] Eigen::MatrixXcd dynamic_stiffness(const LocalModel& model, double w);
 
 // Undamped natural frequencies with the motors free, rad/s, increasing: K x = w^2 M x. Those of a
-// robot at rest start with a zero for every motor that nothing holds; where gravity makes the position
-// unstable, w^2 < 0 counts as zero.
+// robot at rest start with a zero for every motor that nothing holds; where gravity makes the
+// position unstable, w^2 < 0 counts as zero.
 [[nodiscard]] Eigen::VectorXd natural_frequencies(const LocalModel& model);
 
 // G(w), n_y x n_u.

@@ -9,7 +9,8 @@ namespace graybox {
 // "0.1.0".
 [[nodiscard]] const char* program_version();
 
-// The git commit that the program was built from, twelve digits and "+" where files were changed, or
+// The git commit that the program was built from, twelve digits and "+" where files were changed,
+// or
 // "unknown". The commands state theirs at their start; in other programs it is unknown.
 [[nodiscard]] const std::string& program_commit();
 // Blanks at its end don't count.

@@ -58,8 +58,8 @@ class Random {
     return radius * std::cos(angle);
   }
 
-  // Of the gamma distribution with this mean, at least one, and unit scale (Marsaglia and Tsang 2000). Twice that is a
-  // chi-square of twice as many degrees of freedom.
+  // Of the gamma distribution with this mean, at least one, and unit scale (Marsaglia and Tsang
+  // 2000). Twice that is a chi-square of twice as many degrees of freedom.
   double gamma(double mean) {
     const double d = mean - 1.0 / 3.0;
     const double c = 1.0 / std::sqrt(9.0 * d);

@@ -30,8 +30,8 @@ inline constexpr std::size_t kPaperGridSize = 7920;
 
 [[nodiscard]] PositionTable paper_grid();
 
-// The smallest box around the paper's grid: of each of the 6 joints the least and the largest angle,
-// degrees.
+// The smallest box around the paper's grid: of each of the 6 joints the least and the largest
+// angle, degrees.
 struct JointRange {
   double from = 0.0;
   double to = 0.0;

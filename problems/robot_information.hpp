@@ -75,8 +75,8 @@ struct RobotInformationOptions {
                                                        const Eigen::VectorXd& joint_angles,
                                                        const RobotInformationOptions& options = {});
 
-// H at one position after another, where the next position depends on the last H (an optimiser): what
-// robot_information_matrix() prepares for each call is prepared once. One for each thread.
+// H at one position after another, where the next position depends on the last H (an optimiser):
+// what robot_information_matrix() prepares for each call is prepared once. One for each thread.
 class RobotInformationEvaluator {
  public:
   // Keeps a reference to the robot. options.threads is not used; total_derivative is not supported

@@ -87,8 +87,8 @@ struct RobotModel {
   [[nodiscard]] std::vector<Eigen::Index> gearbox_rotations() const;
 };
 
-// Throws InputError of one line for whatever is wrong with the file or its URDF, and for a file with
-// elements, which load_linear_robot() reads (elements/robot_elements.hpp).
+// Throws InputError of one line for whatever is wrong with the file or its URDF, and for a file
+// with elements, which load_linear_robot() reads (elements/robot_elements.hpp).
 [[nodiscard]] RobotModel load_robot_model(const std::filesystem::path& file);
 
 // The same but for the elements, which it leaves to the reader (elements/robot_elements.hpp).

@@ -95,8 +95,9 @@ void check_positions(const RobotModel& robot, const PositionTable& positions);
 [[nodiscard]] CandidateTable position_columns(const PositionTable& positions);
 
 // Runs compute(position, out) for all positions. Each is computed by itself, so neither the number
-// of threads nor their schedule shows in the result. `make_worker()` is called once a thread. Throws
-// what compute() threw at the first position where it did, and Stopped where time is up (stop.hpp).
+// of threads nor their schedule shows in the result. `make_worker()` is called once a thread.
+// Throws what compute() threw at the first position where it did, and Stopped where time is up
+// (stop.hpp).
 template <class MakeWorker>
 void for_each_position(const PositionTable& positions, std::size_t stride, int threads,
                        const MakeWorker& make_worker, double* out) {

@@ -19,8 +19,8 @@ namespace graybox {
 class RobotSpace : public CandidateSpace {
  public:
   // One range a joint, degrees, the robot's own limits respected; from = to fixes a joint. Keeps a
-  // reference to the robot. Throws InputError naming the joint for another number of ranges, a range
-  // that is reversed, infinite, or goes beyond the limits of the URDF.
+  // reference to the robot. Throws InputError naming the joint for another number of ranges, a
+  // range that is reversed, infinite, or goes beyond the limits of the URDF.
   RobotSpace(const RobotModel& robot, const std::vector<JointRange>& ranges,
              const RobotInformationOptions& options = {});
 

@@ -1,10 +1,11 @@
-// Fisher information matrices of a robot for each position, frequency and input axis: the candidates
-// of the joint design of positions and excitation spectra (the "interesting extension" of Section
-// II of the paper, where the spectrum of each position is chosen before the positions).
+// Fisher information matrices of a robot for each position, frequency and input axis: the
+// candidates of the joint design of positions and excitation spectra (the "interesting extension"
+// of Section II of the paper, where the spectrum of each position is chosen before the positions).
 //
 // One line. Let the reference excite one axis a at one frequency w with power rho, R R^H = rho e_a
-// e_a^T. In closed loop u = F (r - y), y = G u + v, so that the torques are U = (G + F^-1)^-1 R. With
-// (5), Lambda^-1 = [U U^H]^T (x) Phi_v^-1 and dG_p = -j w h k_p l_p l_p^T (robot_information.hpp),
+// e_a^T. In closed loop u = F (r - y), y = G u + v, so that the torques are U = (G + F^-1)^-1 R.
+// With (5), Lambda^-1 = [U U^H]^T (x) Phi_v^-1 and dG_p = -j w h k_p l_p l_p^T
+// (robot_information.hpp),
 //
 //   vec(dG_p)^H Lambda^-1 vec(dG_q) = w^2 |h|^2 k_p k_q (l_p^H Phi_v^-1 l_q) (l_p^H [U U^H]^T l_q),
 //   [U U^H]^T = rho conj(s) s^T,   s = (G + F^-1)^-1 e_a,   t_p = l_p^T s:
@@ -28,13 +29,13 @@
 //   M = sum lambda_{i,w,a} (P_i H_{i,w,a}),
 //
 // the joint design is (9) with the matrices P_i H_{i,w,a}. Conversely tau_i = sum_{w,a}
-// lambda_{i,w,a} and rho_{i,w,a} = P_i lambda_{i,w,a} / tau_i. The default P_i = n_f Phi_r is the power
-// of the flat spectrum (Phi_r over all axes at each frequency), so that flat spectra in any positions
-// are among the designs: lambda_{i,w,a} = tau_i / (n_f n_y).
+// lambda_{i,w,a} and rho_{i,w,a} = P_i lambda_{i,w,a} / tau_i. The default P_i = n_f Phi_r is the
+// power of the flat spectrum (Phi_r over all axes at each frequency), so that flat spectra in any
+// positions are among the designs: lambda_{i,w,a} = tau_i / (n_f n_y).
 //
 // A limit on the power of one axis or band in each position, sum_{w in band} rho_{i,w,a} <= beta,
-// reads sum_{w in band} lambda_{i,w,a} <= (beta / P_i) sum_{w,a} lambda_{i,w,a}: linear, but it ties
-// candidates to their position's share and is no simplex any more. It is not offered here.
+// reads sum_{w in band} lambda_{i,w,a} <= (beta / P_i) sum_{w,a} lambda_{i,w,a}: linear, but it
+// ties candidates to their position's share and is no simplex any more. It is not offered here.
 //
 // Candidates are ordered by position, then frequency, then axis: (i n_f + f) n_y + a. The matrices
 // are written once, into the one packed array of the set, by several threads; results do not depend

@@ -17,8 +17,8 @@ namespace {
 using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using Vector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 
-// The nearest positive semidefinite matrix; `eigenvalue` is the smallest of this one, relative to the
-// largest.
+// The nearest positive semidefinite matrix; `eigenvalue` is the smallest of this one, relative to
+// the largest.
 Eigen::MatrixXd nearest_semidefinite(std::span<const double> packed, std::size_t dimension,
                                      double& eigenvalue) {
   const auto d = static_cast<Eigen::Index>(dimension);

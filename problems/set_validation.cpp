@@ -44,8 +44,8 @@ std::string parameter(const InformationSet& set, Eigen::Index k) {
                                   : set.parameters()[static_cast<std::size_t>(k)];
 }
 
-// The sum of the matrices, each divided by its largest diagonal entry, so that a few huge candidates
-// can't hide the directions the others see.
+// The sum of the matrices, each divided by its largest diagonal entry, so that a few huge
+// candidates can't hide the directions the others see.
 Eigen::MatrixXd normalised_sum(const InformationSet& set) {
   std::vector<double> sum(set.packed_size(), 0.0);
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {

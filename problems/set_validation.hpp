@@ -15,9 +15,9 @@ inline constexpr double kSemidefiniteRounding = 1e-9;
 // InputError naming the first candidate that is not finite. Cost O(Q d^3).
 [[nodiscard]] std::vector<std::size_t> indefinite_candidates(const InformationSet& set);
 
-// Throws InputError where the sum of all H_i, each scaled to unit size and the sum to unit diagonal,
-// is singular in double precision. The message names the combination of parameters that no candidate
-// informs, and what to do. Cost O(Q d^2 + d^3).
+// Throws InputError where the sum of all H_i, each scaled to unit size and the sum to unit
+// diagonal, is singular in double precision. The message names the combination of parameters that
+// no candidate informs, and what to do. Cost O(Q d^2 + d^3).
 void require_regular_sum(const InformationSet& set);
 
 }  // namespace graybox

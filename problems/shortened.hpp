@@ -11,9 +11,8 @@ namespace graybox {
 [[nodiscard]] inline std::string shortened(std::string_view text, std::size_t longest = 120) {
   if (text.size() <= longest) return std::string(text);
   const std::size_t end = longest / 4, start = longest - end;
-  return std::string(text.substr(0, start)) + " ... (" +
-         std::to_string(text.size() - start - end) + " characters) ... " +
-         std::string(text.substr(text.size() - end));
+  return std::string(text.substr(0, start)) + " ... (" + std::to_string(text.size() - start - end) +
+         " characters) ... " + std::string(text.substr(text.size() - end));
 }
 
 }  // namespace graybox

@@ -1,6 +1,6 @@
-// Samples of stiffness factors: what the parameters theta of a robot (robot_model.hpp) may be if the
-// nominal stiffness is only known to within a fraction. The factors are independent and uniform on
-// [1 - uncertainty, 1 + uncertainty]; the nominal theta = 1 is not one of them.
+// Samples of stiffness factors: what the parameters theta of a robot (robot_model.hpp) may be if
+// the nominal stiffness is only known to within a fraction. The factors are independent and uniform
+// on [1 - uncertainty, 1 + uncertainty]; the nominal theta = 1 is not one of them.
 //
 //   const auto thetas = graybox::latin_hypercube_stiffness({.uncertainty = 0.5}, 50, 12);
 //   const RobotModel other = with_stiffness_factors(robot, thetas[0]);

@@ -10,8 +10,8 @@
 //   }
 //
 // Work that has nothing to hand over throws Stopped instead, by stop_if_requested(); whoever has
-// something catches it. Other threads do not see this thread's TimeLimit: code that starts them takes a
-// StopClock first, and lets no exception leave the parallel region.
+// something catches it. Other threads do not see this thread's TimeLimit: code that starts them
+// takes a StopClock first, and lets no exception leave the parallel region.
 //
 // A question costs a clock reading, some 30 ns: ask about once a microsecond or less often.
 #pragma once
@@ -39,7 +39,7 @@ void forget_stops() noexcept;
 // The time at which this thread's work has to end, to be asked from any thread.
 class StopClock {
  public:
-  StopClock() noexcept;  // of the calling thread
+  StopClock() noexcept;               // of the calling thread
   static StopClock never() noexcept;  // for work that has to be finished
   [[nodiscard]] bool stops() const noexcept;
 
@@ -48,8 +48,8 @@ class StopClock {
   std::int64_t end_;
 };
 
-// A limit of so many seconds from now for what this thread does while the object lives; a limit that
-// is there already and ends sooner stays.
+// A limit of so many seconds from now for what this thread does while the object lives; a limit
+// that is there already and ends sooner stays.
 class TimeLimit {
  public:
   explicit TimeLimit(double seconds) noexcept;

@@ -1,5 +1,5 @@
-// BestDesign: the design of the smallest gap that a column generation has priced over the whole set so
-// far, kept as the few members of its working set that carry weight.
+// BestDesign: the design of the smallest gap that a column generation has priced over the whole set
+// so far, kept as the few members of its working set that carry weight.
 //
 //   if (best.offer(gap, working.indices(), working.weights())) ...   // kept
 //   return tracer.finish(best.design(set.candidate_count()), ...);

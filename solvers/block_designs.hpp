@@ -1,6 +1,6 @@
-// The ways to design an experiment whose candidates form blocks (positions of a robot, each with the
-// lines of a spectrum), from the least choice to the most. All of them are designs of the whole set,
-// so that their information can be compared:
+// The ways to design an experiment whose candidates form blocks (positions of a robot, each with
+// the lines of a spectrum), from the least choice to the most. All of them are designs of the whole
+// set, so that their information can be compared:
 //
 //   flat                 equal weights within a block, D-optimal mixture of blocks
 //   blocks_first         the blocks of `flat`, then D-optimal over all candidates of these
@@ -36,9 +36,9 @@ struct BlockDesign {
   std::string message;
 };
 
-// Each throws InputError where the blocks do not fit the set, for options out of range and where the
-// sum of all matrices is singular. The observer may stop any of them, which leaves the best so far
-// with status time_limit.
+// Each throws InputError where the blocks do not fit the set, for options out of range and where
+// the sum of all matrices is singular. The observer may stop any of them, which leaves the best so
+// far with status time_limit.
 [[nodiscard]] BlockDesign flat_design(const InformationSet& set, const CandidateBlocks& blocks,
                                       const SolveOptions& options,
                                       SolveObserver* observer = nullptr);

@@ -14,8 +14,8 @@ namespace {
 
 // The gap and how far it can be off: each sensitivity is known to within the factor
 // 1/(1 -+ residual) and the rounding of its trace, and the gap is a mean of sensitivities. A design
-// that breaks the limit by `excess` is one of the problem with the limit raised by it, whose mean is
-// larger by at most excess times the sum of the filled blocks' maxima.
+// that breaks the limit by `excess` is one of the problem with the limit raised by it, whose mean
+// is larger by at most excess times the sum of the filled blocks' maxima.
 void price(const InformationSet& set, const CandidateBlocks& blocks, double limit, double excess,
            const ExtendedInformation& information, Certificate& certificate) {
   const auto d = static_cast<Extended>(set.dimension());

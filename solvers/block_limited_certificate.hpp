@@ -13,12 +13,14 @@
 //
 //   0 <= log det M* - log det M <= d log(1 + duality_gap),
 //
-// the figures of certificate.hpp with the simplex exchanged for L. lambda itself gives sum_i lambda_i
-// w_i = d, so the gap is never negative for a design in L, and lambda is optimal exactly where it is
-// zero. The maximum over L is found greedily: blocks in the order of their largest w_i get c each,
-// at that candidate, until the weight is spent. With c >= 1 it is the ordinary certificate.
+// the figures of certificate.hpp with the simplex exchanged for L. lambda itself gives sum_i
+// lambda_i w_i = d, so the gap is never negative for a design in L, and lambda is optimal exactly
+// where it is zero. The maximum over L is found greedily: blocks in the order of their largest w_i
+// get c each, at that candidate, until the weight is spent. With c >= 1 it is the ordinary
+// certificate.
 //
-// Cost O(Q d^2 + B log B), one pass over the set, in extended precision with a bound on its rounding.
+// Cost O(Q d^2 + B log B), one pass over the set, in extended precision with a bound on its
+// rounding.
 #pragma once
 
 #include <algorithm>
@@ -56,8 +58,8 @@ template <class Real>
 }
 
 // As certify(), for (1); a design that breaks the limit by more than kShareTolerance is
-// kNotADesign. worst_candidate is the one with the largest w_i. Throws InputError where the blocks do
-// not fit the set, or the limit the blocks.
+// kNotADesign. worst_candidate is the one with the largest w_i. Throws InputError where the blocks
+// do not fit the set, or the limit the blocks.
 [[nodiscard]] Certificate certify_block_limited(const InformationSet& set, const Design& design,
                                                 const CandidateBlocks& blocks, double limit);
 

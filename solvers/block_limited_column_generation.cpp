@@ -103,7 +103,8 @@ bool BlockLimitedRun::start(const CandidatePool& pool) {
   }
 }
 
-// The `wanted` heaviest candidates, then the heaviest of other blocks until there are enough blocks.
+// The `wanted` heaviest candidates, then the heaviest of other blocks until there are enough
+// blocks.
 void BlockLimitedRun::add_heaviest(const CandidatePool& pool, const std::vector<double>& weights,
                                    std::size_t wanted) {
   std::vector<std::size_t> order(pool.count);
@@ -229,8 +230,8 @@ Solution BlockLimitedRun::run() {
                 fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
 }
 
-// About as many as are wanted of the largest reduced sensitivities; the threshold is a quantile of a
-// sample. The next pass over the set corrects what they leave out.
+// About as many as are wanted of the largest reduced sensitivities; the threshold is a quantile of
+// a sample. The next pass over the set corrects what they leave out.
 CandidatePool BlockLimitedRun::short_list(const CandidatePool& all) const {
   const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{32768});
   const auto values = all.sensitivity.span();

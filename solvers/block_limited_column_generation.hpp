@@ -1,5 +1,5 @@
-// D-optimal design with a limit on the share of each block, for many candidates: for instance no more
-// than a tenth of the time in any position of a robot.
+// D-optimal design with a limit on the share of each block, for many candidates: for instance no
+// more than a tenth of the time in any position of a robot.
 //
 //   maximise  log det M(lambda)   subject to   lambda >= 0, sum_i lambda_i = 1,
 //                                              sum_{i in block b} lambda_i <= c for every block b.
@@ -13,8 +13,8 @@
 // so the largest of these reduced sensitivities join it. Pools grow from a sample to the whole set;
 // after a pass over the whole set the next rounds run on a short list of the largest reduced
 // sensitivities. It stops on a pass over all candidates whose gap, as block_limited_certificate.hpp
-// defines it, is at most the one asked for. The safe screening of column_generation is not used: its
-// rules hold for the simplex.
+// defines it, is at most the one asked for. The safe screening of column_generation is not used:
+// its rules hold for the simplex.
 //
 // A limit of 1 or more gives the design without limits. Statuses as in solver.hpp; a set without a
 // regular design within the limits is `unsupported`.
@@ -35,8 +35,8 @@
 namespace graybox {
 
 // Throws InputError where the blocks do not fit the set, for a limit that is not positive or that
-// leaves no freedom (check_block_limit), for options out of range, and where the sum of all matrices is
-// singular.
+// leaves no freedom (check_block_limit), for options out of range, and where the sum of all
+// matrices is singular.
 [[nodiscard]] Solution solve_block_limited(const InformationSet& set, const CandidateBlocks& blocks,
                                            double limit, const SolveOptions& options,
                                            SolveObserver* observer = nullptr);

@@ -63,9 +63,9 @@ void BlockLimitedWorkingSet::reserve() {
   std::iota(all_members_.begin(), all_members_.end(), std::size_t{0});
 }
 
-// An interior point: the last weights, moved towards equal shares of the blocks by as much as the gap
-// of the last pricing promises to change; at first equal shares alone. Multipliers on the central path
-// for a mu of that size.
+// An interior point: the last weights, moved towards equal shares of the blocks by as much as the
+// gap of the last pricing promises to change; at first equal shares alone. Multipliers on the
+// central path for a mu of that size.
 bool BlockLimitedWorkingSet::start(double pool_gap) {
   const double mixed = std::exchange(started_, true) ? std::clamp(0.3 * pool_gap, 1e-3, 0.5) : 1.0;
   const auto blocks = static_cast<double>(occurring_.size());
@@ -89,7 +89,8 @@ void BlockLimitedWorkingSet::information(std::span<const double> weights,
   kernels().accumulate(rows_.data(), size(), packed_size_, weights.data(), packed.data());
 }
 
-// M, its inverse, the whitened rows, the sensitivities and the bound of the gap at the present point.
+// M, its inverse, the whitened rows, the sensitivities and the bound of the gap at the present
+// point.
 bool BlockLimitedWorkingSet::evaluate() {
   information(weights_, matrix_);
   if (!inverse_.factor(matrix_)) return false;
@@ -105,8 +106,8 @@ bool BlockLimitedWorkingSet::evaluate() {
   return std::isfinite(gap_);
 }
 
-// The mu to aim for: superlinear, but no smaller than the gap asked for needs, since D and Gamma grow
-// like 1/mu and take digits from the Newton system.
+// The mu to aim for: superlinear, but no smaller than the gap asked for needs, since D and Gamma
+// grow like 1/mu and take digits from the Newton system.
 void BlockLimitedWorkingSet::choose_centring(double tolerance) {
   double product = 0.0;
   for (std::size_t i = 0; i < size(); ++i) product += weights_[i] * reduced_cost_[i];
@@ -226,8 +227,8 @@ bool BlockLimitedWorkingSet::step() {
   return true;
 }
 
-// Weight zero for the members that the pair (lambda_i, z_i) marks as outside the support, lambda_i <
-// threshold z_i. What they had goes to the blocks that stay, in proportion to what their limits
+// Weight zero for the members that the pair (lambda_i, z_i) marks as outside the support, lambda_i
+// < threshold z_i. What they had goes to the blocks that stay, in proportion to what their limits
 // leave, so no limit is broken. False where there is not enough room.
 bool BlockLimitedWorkingSet::drop_below(double threshold) {
   std::vector<double> share(occurring_.size(), 0.0);

@@ -4,8 +4,8 @@
 //
 //   minimise  -log det M(lambda)   subject to   1^T lambda = 1,   E lambda + s = c 1,   lambda, s >= 0,
 //
-// E the incidence matrix of the blocks that occur. With multipliers nu, kappa_b >= 0 (of the limits)
-// and z_i >= 0 (of lambda_i >= 0) the optimality conditions are
+// E the incidence matrix of the blocks that occur. With multipliers nu, kappa_b >= 0 (of the
+// limits) and z_i >= 0 (of lambda_i >= 0) the optimality conditions are
 //
 //   z_i = nu + kappa_b(i) - w_i,    lambda_i z_i = mu -> 0,    s_b kappa_b = mu -> 0.
 //
@@ -22,8 +22,8 @@
 // (primal feasibility is kept), so a line search on it makes the method safe far from the optimum;
 // near it steps go 99.5 % of the way to the boundary and mu falls as its power 1.5.
 //
-// Stopping. (max_i (w_i - kappa_b(i)) + c sum_b kappa_b) / d - 1 is an upper bound of the gap on the
-// working set, by weak duality of the linear programme in the certificate.
+// Stopping. (max_i (w_i - kappa_b(i)) + c sum_b kappa_b) / d - 1 is an upper bound of the gap on
+// the working set, by weak duality of the linear programme in the certificate.
 //
 // Cost of a step, n members: n d^3 (whitening) + n^2 p / 2 (K) + n^3 / 3. About 10 to 20 steps.
 #pragma once
@@ -56,8 +56,8 @@ class BlockLimitedWorkingSet {
   // short. Requires feasible().
   [[nodiscard]] bool optimise(double pool_gap, double tolerance, int step_limit = 60);
 
-  // After optimise(): drops members without weight whose reduced cost z_i is above `reduced_cost`, as
-  // far as enough blocks stay.
+  // After optimise(): drops members without weight whose reduced cost z_i is above `reduced_cost`,
+  // as far as enough blocks stay.
   void drop_idle(double reduced_cost);
 
   [[nodiscard]] std::size_t size() const { return indices_.size(); }

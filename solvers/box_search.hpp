@@ -1,6 +1,6 @@
 // BoxSearch: a local maximum of a smooth function on a box, from a start inside, by a projected
-// quasi-Newton method (Bertsekas 1982: coordinates that stand on a bound, with the gradient pointing
-// out of the box, rest; BFGS on the others).
+// quasi-Newton method (Bertsekas 1982: coordinates that stand on a bound, with the gradient
+// pointing out of the box, rest; BFGS on the others).
 //
 // Works in coordinates that map the box to the unit cube. The gradient is taken by differences of
 // fourth order inside, of second order one-sided where a bound is near, with a step of 1e-3 of the

@@ -26,7 +26,8 @@ struct CandidateBlocks {
 // no block is empty.
 void check_blocks(const InformationSet& set, const CandidateBlocks& blocks);
 
-// The candidates of each block in order: block b has members[first[b]] to members[first[b + 1] - 1].
+// The candidates of each block in order: block b has members[first[b]] to members[first[b + 1] -
+// 1].
 struct BlockMembers {
   explicit BlockMembers(const CandidateBlocks& blocks);
   [[nodiscard]] std::span<const std::size_t> of(std::size_t block) const {

@@ -39,13 +39,13 @@ struct CandidatePool {
 [[nodiscard]] CandidatePool pool_above(const CandidatePool& all, std::span<const double> values,
                                        double threshold);
 
-// tr(W H_i) for all candidates of the pool, W in trace-dual packing. One read of their rows. Each is
-// computed alone, so that the result does not depend on the number of threads.
+// tr(W H_i) for all candidates of the pool, W in trace-dual packing. One read of their rows. Each
+// is computed alone, so that the result does not depend on the number of threads.
 void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
                 CandidatePool& pool);
 
-// The largest sensitivity above `threshold` of each of `stretches` stretches of their order, the best
-// `wanted` of them, as positions, largest first. The stretches, for neighbours on a grid are
+// The largest sensitivity above `threshold` of each of `stretches` stretches of their order, the
+// best `wanted` of them, as positions, largest first. The stretches, for neighbours on a grid are
 // near-duplicates, are shifted at random from call to call.
 [[nodiscard]] std::vector<std::size_t> violators(std::span<const double> sensitivities,
                                                  double threshold, std::size_t wanted,

@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
 
-// The largest sensitivity of the candidates and how far it can be off. Each tr(M^-1 H_i) is known to
-// within the factors 1/(1 +- residual) and the rounding of its trace.
+// The largest sensitivity of the candidates and how far it can be off. Each tr(M^-1 H_i) is known
+// to within the factors 1/(1 +- residual) and the rounding of its trace.
 template <class Real>
 void price(const InformationSet& set, const InformationIn<Real>& information,
            const CandidateList& candidates, SensitivityBounds& bounds, Certificate& certificate) {
@@ -74,7 +74,8 @@ bool rounding_matters(const Certificate& certificate, double asked_gap) {
   return open || !(bound <= 0.1 * std::max(gap, asked_gap)) || arithmetic_broke(certificate);
 }
 
-// The same once more in quadruple precision. `bounds`: of the first pass, empty where M was singular.
+// The same once more in quadruple precision. `bounds`: of the first pass, empty where M was
+// singular.
 void price_again(const InformationSet& set, const Design& design, const CheckedWeights& checked,
                  const Criterion& criterion, SensitivityBounds& bounds, Certificate& certificate) {
   const InformationIn<Quadruple> information(set, checked.weights,

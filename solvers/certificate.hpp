@@ -41,21 +41,22 @@
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
 // to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).
 //
-// Arithmetic. Sums in extended precision (64-bit significand), and `rounding_bound`, an a-posteriori
-// bound on the error of duality_gap (extended_information.hpp). With it the true gap lies in
+// Arithmetic. Sums in extended precision (64-bit significand), and `rounding_bound`, an
+// a-posteriori bound on the error of duality_gap (extended_information.hpp). With it the true gap
+// lies in
 //
 //   [duality_gap - rounding_bound, duality_gap + rounding_bound],
 //
 // and everything that is promised (proves(), log_det_gap, efficiency) holds at its upper end. A gap
 // below minus its rounding bound can't be: the arithmetic broke, and nothing is proven.
 //
-// The bound grows with the condition of M. Where it stands in the way, because the gap asked lies in
-// the interval or the bound exceeds a tenth of max(duality_gap, asked gap), D, A, L and Ds are done
-// again in quadruple precision (113 bits, quadruple.hpp): M and its factor in O(support p + d^3), the
-// sensitivities only of candidates that may attain the maximum. Those are found from the first pass:
-// with an upper bound u_i and a lower bound l_i of each w_i, i is in question where u_i >= max_k l_k.
-// A design that is singular in extended precision counts as singular unless quadruple precision
-// proves its gap to be at most 1. A well-conditioned problem never comes here.
+// The bound grows with the condition of M. Where it stands in the way, because the gap asked lies
+// in the interval or the bound exceeds a tenth of max(duality_gap, asked gap), D, A, L and Ds are
+// done again in quadruple precision (113 bits, quadruple.hpp): M and its factor in O(support p +
+// d^3), the sensitivities only of candidates that may attain the maximum. Those are found from the
+// first pass: with an upper bound u_i and a lower bound l_i of each w_i, i is in question where u_i
+// >= max_k l_k. A design that is singular in extended precision counts as singular unless quadruple
+// precision proves its gap to be at most 1. A well-conditioned problem never comes here.
 //
 // Cost O(Q d^2 + d^3), one pass over the set.
 #pragma once
@@ -113,12 +114,12 @@ inline constexpr double kFinestGap = 1e-9;
 // The largest that the gap can be: max(duality_gap, 0) + rounding_bound.
 [[nodiscard]] double largest_gap(const Certificate& certificate);
 
-// Fills in log_det_gap and efficiency. `factors`: of the determinant in which the criterion measures,
-// NaN where it does not.
+// Fills in log_det_gap and efficiency. `factors`: of the determinant in which the criterion
+// measures, NaN where it does not.
 void state_bounds(double factors, Certificate& certificate);
 
-// Phi(M) / Phi(M*) from the criterion_value of two designs: how many experiments with the better one
-// do the work of one with the other.
+// Phi(M) / Phi(M*) from the criterion_value of two designs: how many experiments with the better
+// one do the work of one with the other.
 [[nodiscard]] double relative_efficiency(const InformationSet& set, const Criterion& criterion,
                                          double value, double best_value);
 

@@ -25,9 +25,9 @@ double gap_to_stop_at(double asked, double rounding) {
 
 Claim claim_at(double asked, double rounding) {
   if (rounding <= 0.5 * asked) return {};
-  return {SolveStatus::kNumericalFailure,
-          fmt::format("double precision knows the gap of this design only to about {:.1e}",
-                      rounding)};
+  return {
+      SolveStatus::kNumericalFailure,
+      fmt::format("double precision knows the gap of this design only to about {:.1e}", rounding)};
 }
 
 void withdraw_unknowable_claim(std::size_t dimension, double asked_gap, Solution& solution) {

@@ -93,7 +93,8 @@ std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
   return added;
 }
 
-// Newton on the working set after a pass with the given gap. False where no further step is possible.
+// Newton on the working set after a pass with the given gap. False where no further step is
+// possible.
 bool ColumnGenerationRun::improve(double gap, double tolerance) {
   ++rounds_;
   const WorkingSetStatus status = working_.improve(gap, tolerance);

@@ -7,11 +7,12 @@
 //
 //   0 <= log det M* - log det M <= d log(s / d).
 //
-// A round searches the largest sensitivity by local searches (box_search.hpp) from the best separate
-// candidates of the grid, from the present support and from the best of many random points, fresh in
-// each round; adds the maxima above d as columns; and solves for the weights by Newton's method
-// (working_set.hpp). It ends when `confirmations` rounds in a row find no more than d (1 + gap), each
-// from its own random points. Then support points that have gathered about one maximum are merged.
+// A round searches the largest sensitivity by local searches (box_search.hpp) from the best
+// separate candidates of the grid, from the present support and from the best of many random
+// points, fresh in each round; adds the maxima above d as columns; and solves for the weights by
+// Newton's method (working_set.hpp). It ends when `confirmations` rounds in a row find no more than
+// d (1 + gap), each from its own random points. Then support points that have gathered about one
+// maximum are merged.
 //
 // What is proven. The sensitivity is not concave in x, so a search may miss the global maximum: the
 // result is certified over the grid and the columns (certify() on grid_and_support()), and `gap` is
@@ -21,8 +22,8 @@
 //
 //   const ContinuousResult result = solve_continuous(space, grid, {.duality_gap = 1e-6});
 //
-// Cost of a round: random_points evaluations of H, and 200 to 500 for each start. Threads share both;
-// the result does not depend on their number.
+// Cost of a round: random_points evaluations of H, and 200 to 500 for each start. Threads share
+// both; the result does not depend on their number.
 #pragma once
 
 #include <cstddef>
@@ -81,8 +82,9 @@ struct ContinuousResult {
 using ContinuousObserver = std::function<bool(const ContinuousRound&)>;
 
 // `grid`: an information set whose candidate coordinates are points of the box, with a regular sum.
-// Throws InputError where they are not, or for options out of range. Statuses: solved (gap reached),
-// iteration_limit (rounds), time_limit (observer), numerical_failure (the weights can't be improved).
+// Throws InputError where they are not, or for options out of range. Statuses: solved (gap
+// reached), iteration_limit (rounds), time_limit (observer), numerical_failure (the weights can't
+// be improved).
 [[nodiscard]] ContinuousResult solve_continuous(const CandidateSpace& space,
                                                 const InformationSet& grid,
                                                 const ContinuousOptions& options = {},
@@ -102,9 +104,9 @@ struct RefinedBound {
   double largest_priced = 0.0;    // largest sensitivity / d - 1 over the points themselves
   double largest_searched = 0.0;  // after local searches from the best of them
   std::size_t searches = 0;
-  // Different maxima that the searches ended in, and how many of those were found once only. By Good
-  // (1953), seen_once / searches estimates the chance that one more search from such a start ends in
-  // a maximum not yet seen.
+  // Different maxima that the searches ended in, and how many of those were found once only. By
+  // Good (1953), seen_once / searches estimates the chance that one more search from such a start
+  // ends in a maximum not yet seen.
   std::size_t maxima = 0;
   std::size_t seen_once = 0;
 };

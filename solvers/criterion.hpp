@@ -42,9 +42,9 @@ class Criterion {
   [[nodiscard]] static Criterion a() { return Criterion(CriterionKind::kA); }
   [[nodiscard]] static Criterion e() { return Criterion(CriterionKind::kE); }
   // W as a packed lower triangle (packed_matrix.hpp). Throws InputError unless it is finite, not
-  // zero and positive semidefinite. That is decided on W scaled to unit diagonal: eigenvalues within
-  // 1e-9 of the largest below zero, and those below 1e-14 d of it, count as zero. From then on W is
-  // what K K^T makes of it.
+  // zero and positive semidefinite. That is decided on W scaled to unit diagonal: eigenvalues
+  // within 1e-9 of the largest below zero, and those below 1e-14 d of it, count as zero. From then
+  // on W is what K K^T makes of it.
   [[nodiscard]] static Criterion l(std::vector<double> weights);
   // Indices of the parameters of interest, counted from zero, in any order. Throws InputError if
   // there are none or one stands there twice.

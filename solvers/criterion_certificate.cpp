@@ -117,10 +117,9 @@ void price_trace(const InformationSet& set, const Criterion& criterion,
   const std::size_t d = set.dimension();
   const std::vector<double> factor = criterion.factor(d);
   const auto rows = static_cast<Eigen::Index>(d);
-  const MatrixOf<Real> k =
-      Eigen::Map<const Eigen::MatrixXd>(factor.data(), rows,
-                                        static_cast<Eigen::Index>(factor.size() / d))
-          .template cast<Real>();
+  const MatrixOf<Real> k = Eigen::Map<const Eigen::MatrixXd>(
+                               factor.data(), rows, static_cast<Eigen::Index>(factor.size() / d))
+                               .template cast<Real>();
   const MatrixOf<Real> x = inverse_factor(information, d);
   const MatrixOf<Real> whitened = x * k;
   const Real phi = whitened.squaredNorm();

@@ -1,10 +1,10 @@
-// The equivalence theorems of A, E, L and Ds (certificate.hpp) in the checker's arithmetic; certify()
-// is the one to call.
+// The equivalence theorems of A, E, L and Ds (certificate.hpp) in the checker's arithmetic;
+// certify() is the one to call.
 //
-// Every criterion has a matrix Z with G = Z Z^T up to a factor, so that w_i = tr(Z^T H_i Z) can't be
-// negative. X is the computed inverse factor, ||X M X^T - I|| <= delta < 0.1 (extended_information
-// .hpp), B_i = X H_i X^T, T = (X M X^T)^-1, so that M^-1 = X^T T X and ||T - I|| <= eta =
-// delta/(1 - delta); a_i = tr(B_i).
+// Every criterion has a matrix Z with G = Z Z^T up to a factor, so that w_i = tr(Z^T H_i Z) can't
+// be negative. X is the computed inverse factor, ||X M X^T - I|| <= delta < 0.1
+// (extended_information .hpp), B_i = X H_i X^T, T = (X M X^T)^-1, so that M^-1 = X^T T X and ||T -
+// I|| <= eta = delta/(1 - delta); a_i = tr(B_i).
 //
 //   A, L   Z = X^T (X K), V = X K (X K)^T. The true w_i is tr(T V T B_i), and
 //          |tr((T V T - V) B_i)| <= 2 eta |V^(1/2)| |V^(1/2) B_i^(1/2)|_F |B_i^(1/2)|_F + ...
@@ -57,9 +57,9 @@ struct SensitivityBounds {
   double largest = 0.0;
 };
 
-// Fills in criterion_value, duality_gap, rounding_bound, worst_candidate, dual_repair and the bounds
-// for a regular information matrix, factorised in elimination_order(). Not for D; in quadruple
-// precision not for E.
+// Fills in criterion_value, duality_gap, rounding_bound, worst_candidate, dual_repair and the
+// bounds for a regular information matrix, factorised in elimination_order(). Not for D; in
+// quadruple precision not for E.
 template <class Real>
 void price_criterion(const InformationSet& set, const Design& design, const Criterion& criterion,
                      const InformationIn<Real>& information, const CandidateList& candidates,

@@ -1,5 +1,5 @@
-// CriterionFrame: the coordinates in which a smooth criterion (A, L, Ds; D is the case K = I of Ds) is
-// diagonal at an information matrix M. With K of criterion.hpp, C = K^T M^-1 K of s columns,
+// CriterionFrame: the coordinates in which a smooth criterion (A, L, Ds; D is the case K = I of Ds)
+// is diagonal at an information matrix M. With K of criterion.hpp, C = K^T M^-1 K of s columns,
 //
 //   f(M) = log tr C  (A, L)    or    f(M) = (log det C)/s  (Ds).
 //
@@ -8,8 +8,8 @@
 //   A, L   P P^T = U diag(sigma) U^T,  D = sigma / sum sigma;
 //   Ds     P = U_1 R (QR),             D = 1/s on the range of P, zero beside it.
 //
-// Then, with the axes X^ = U^T X, the gradient of -f is G = X^^T diag(D) X^, tr(G M) = sum D = 1: the
-// matrix of certificate.hpp. O(d^3).
+// Then, with the axes X^ = U^T X, the gradient of -f is G = X^^T diag(D) X^, tr(G M) = sum D = 1:
+// the matrix of certificate.hpp. O(d^3).
 #pragma once
 
 #include <Eigen/Core>
@@ -26,8 +26,8 @@ namespace graybox {
 
 class CriterionFrame {
  public:
-  // In the coordinates H_i -> R H_i R^T, R d x d row-major (the identity if empty), K becomes R K. Not
-  // for E.
+  // In the coordinates H_i -> R H_i R^T, R d x d row-major (the identity if empty), K becomes R K.
+  // Not for E.
   CriterionFrame(const Criterion& criterion, std::size_t dimension,
                  std::span<const double> coordinates);
 

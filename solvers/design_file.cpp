@@ -59,8 +59,7 @@ class DesignReader {
     const Json counters = object("counters");
     file.counters.seconds = number(counters, "counters.", "seconds").value_or(0.0);
     file.counters.passes = number(counters, "counters.", "passes").value_or(0.0);
-    file.counters.iterations =
-        whole(number(counters, "counters.", "iterations").value_or(0.0));
+    file.counters.iterations = whole(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
     file.limits = limits();
     file.objective = text(object("objective"), "name");

@@ -70,8 +70,8 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
 
 // Throws InputError, naming file, field and fix, for anything that is no design of this set: not
 // JSON, another format, a criterion or limits that do not fit the set, the hash of another problem,
-// an index out of range or twice, weights that are no numbers or (strict) no design. Cost: one SHA-256
-// pass over the set if the file has a hash.
+// an index out of range or twice, weights that are no numbers or (strict) no design. Cost: one
+// SHA-256 pass over the set if the file has a hash.
 [[nodiscard]] DesignFile read_design(const std::string& path, const InformationSet& set,
                                      WeightCheck check = WeightCheck::kStrict);
 

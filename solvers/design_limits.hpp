@@ -1,5 +1,5 @@
-// DesignLimits: the limits that a design was made under, so that its file can say so and the checker
-// hold it to them. One kind at a time, criterion D:
+// DesignLimits: the limits that a design was made under, so that its file can say so and the
+// checker hold it to them. One kind at a time, criterion D:
 //
 //   concentration   no more than the share alpha in any r candidates (robust/concentration_limit.hpp)
 //   block share     no more than the share c in any block of consecutive candidates, all blocks of
@@ -46,8 +46,8 @@ void require_fits(const DesignLimits& limits, const InformationSet& set);
 // One line without full stop: "at most 0.5 of the weight in any 79 candidates".
 [[nodiscard]] std::string describe(const DesignLimits& limits);
 
-// The certificate under the limits; a design that breaks them is kNotADesign. Without limits that of
-// certify(). Throws as require_fits().
+// The certificate under the limits; a design that breaks them is kNotADesign. Without limits that
+// of certify(). Throws as require_fits().
 [[nodiscard]] Certificate certify_limited(const InformationSet& set, const Design& design,
                                           const DesignLimits& limits);
 

@@ -31,8 +31,8 @@
 // P^-1 (x) P^-1 + sum_i (z_i/s_i) a_i a_i^T.
 //
 // Predictor and corrector (Mehrotra 1992): first c_i = -s_i z_i, which gives
-// sigma = (mu_predicted/mu)^3; then c_i = sigma mu - s_i z_i - ds_i dz_i and E with its second-order
-// term.
+// sigma = (mu_predicted/mu)^3; then c_i = sigma mu - s_i z_i - ds_i dz_i and E with its
+// second-order term.
 //
 // Start: W = theta I with theta = d / (1.1 max_i n_i tr A_i), strictly feasible, and
 // lambda_i = 1/(theta Q). In whitened coordinates M = I/theta, so (a) holds to within a factor of
@@ -40,7 +40,8 @@
 // 0.
 //
 // Cost an iteration: one Hessian assembly (Q p^2 flops), p^3/3 for the factor and six more passes
-// over the rows; 8 to 20 iterations. Memory: a copy of the set and some vectors of length Q and p^2.
+// over the rows; 8 to 20 iterations. Memory: a copy of the set and some vectors of length Q and
+// p^2.
 #pragma once
 
 #include "graybox/solvers/normalized_set.hpp"

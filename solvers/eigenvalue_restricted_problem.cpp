@@ -223,7 +223,8 @@ void EigenvalueRestrictedProblem::solve_direction(double mu, bool second_order) 
   s_step_ = (nu_step_ - (rows.transpose() * (scaled_residual_ - z_step)).array()).matrix();
 }
 
-// Steps to the boundary of the primal and of the dual; returns the product lambda s + tr(E Z) there.
+// Steps to the boundary of the primal and of the dual; returns the product lambda s + tr(E Z)
+// there.
 double EigenvalueRestrictedProblem::steps(double& primal, double& dual) const {
   primal = std::min(step_to_boundary(lambda_, lambda_step_), step_to_boundary(v_, scaled_z_step_));
   dual = std::min(step_to_boundary(s_, s_step_), step_to_boundary(v_, scaled_e_step_));
@@ -254,8 +255,8 @@ bool EigenvalueRestrictedProblem::iterate(DampedLeastSquares::Method method) {
   return true;
 }
 
-// Iterates until the gap nu/t - 1 is at most `tolerance` or rounding stops it; returns the gap of the
-// best iterate, which stays.
+// Iterates until the gap nu/t - 1 is at most `tolerance` or rounding stops it; returns the gap of
+// the best iterate, which stays.
 double EigenvalueRestrictedProblem::solve(double tolerance) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (!start()) return kInfinity;
@@ -282,7 +283,8 @@ double EigenvalueRestrictedProblem::solve(double tolerance) {
   return best_gap;
 }
 
-// Takes off as many of the smallest weights as cost lambda_min no more than `share` of it: bisection.
+// Takes off as many of the smallest weights as cost lambda_min no more than `share` of it:
+// bisection.
 void EigenvalueRestrictedProblem::finish_weights(double share) {
   std::vector<std::size_t> order(size());
   std::iota(order.begin(), order.end(), std::size_t{0});

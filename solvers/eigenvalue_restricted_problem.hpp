@@ -1,5 +1,5 @@
-// EigenvalueRestrictedProblem: E-optimal design on a few dozen candidates as a semidefinite program,
-// by a primal-dual interior point.
+// EigenvalueRestrictedProblem: E-optimal design on a few dozen candidates as a semidefinite
+// program, by a primal-dual interior point.
 //
 // Mathematics. With C = R R^T (the identity, in the parameters' own coordinates)
 //
@@ -7,14 +7,15 @@
 //   minimise nu   subject to  s_i = nu - tr(E H_i) >= 0,  tr(E C) = 1,  E >= 0.
 //
 // t <= lambda_min(M) and nu = max_i tr(E H_i) bounds it from above for every design (certificate
-// .hpp); nu - t = sum_i lambda_i s_i + tr(E Z). Newton's method on lambda_i s_i = mu, E Z = mu I, the
-// latter in the scaling of Nesterov and Todd 1997: g with g^-1 E g^-T = g^T Z g = diag(v) and, in
-// scaled steps dE~ = g^-1 dE g^-T, dZ~ = g^T dZ g,
+// .hpp); nu - t = sum_i lambda_i s_i + tr(E Z). Newton's method on lambda_i s_i = mu, E Z = mu I,
+// the latter in the scaling of Nesterov and Todd 1997: g with g^-1 E g^-T = g^T Z g = diag(v) and,
+// in scaled steps dE~ = g^-1 dE g^-T, dZ~ = g^T dZ g,
 //
 //   dE~ + dZ~ = diag(mu/v - v).
 //
-// With B_i = g^T H_i g, K_ij = tr(B_i B_j), c~ = g^T C g and F for the right side above, elimination
-// of dE, ds and dZ leaves, for c_i the right side of lambda_i ds_i + s_i dlambda_i = c_i,
+// With B_i = g^T H_i g, K_ij = tr(B_i B_j), c~ = g^T C g and F for the right side above,
+// elimination of dE, ds and dZ leaves, for c_i the right side of lambda_i ds_i + s_i dlambda_i =
+// c_i,
 //
 //   (K + S/Lambda) dlambda - k dt + 1 dnu = c_i/lambda_i + tr(F B_i) =: b,     k_i = tr(c~ B_i),
 //   k^T dlambda - tr(c~ c~) dt = tr(F c~),       1^T dlambda = 0,
@@ -33,16 +34,17 @@
 // Predictor and corrector as in Mehrotra 1992; the start is feasible and all equations but the
 // complementarity hold from then on: 10 to 20 iterations.
 //
-// Rounding. Where the optimal weights are not unique, as among near-duplicates, S/Lambda vanishes on
-// directions in which K is singular. With A the matrix of rows svec(B_i) (entries off the diagonal
-// times sqrt(2)), K = A A^T and both right sides are in the range of [A, (S/Lambda)^(1/2)],
+// Rounding. Where the optimal weights are not unique, as among near-duplicates, S/Lambda vanishes
+// on directions in which K is singular. With A the matrix of rows svec(B_i) (entries off the
+// diagonal times sqrt(2)), K = A A^T and both right sides are in the range of [A,
+// (S/Lambda)^(1/2)],
 //
 //   b = A svec(F) + (S/Lambda)^(1/2) c/(lambda s)^(1/2),
 //   1 = (A svec(diag(v)) + (S/Lambda)^(1/2) (lambda s)^(1/2))/nu,
 //
 // so that the steps are those of a damped least-squares problem (damped_least_squares.hpp): normal
-// equations down to a gap of 1e-6, an orthogonal factorisation below, which bears the square of their
-// condition. ds comes from ds_i = dnu - tr(dE~ B_i): an error of the solution then disturbs
+// equations down to a gap of 1e-6, an orthogonal factorisation below, which bears the square of
+// their condition. ds comes from ds_i = dnu - tr(dE~ B_i): an error of the solution then disturbs
 // the complementarity, not the feasibility of the dual, and the gap stays a proven one.
 //
 // Cost of an iteration: n d^3 + n^2 p / 2 + n^3 / 6, the orthogonal one n^2 (p + 2 n/3) more. The

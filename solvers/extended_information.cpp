@@ -65,7 +65,8 @@ bool factorise(const Matrix<Real>& packed, const std::vector<Real>& scale, std::
 
 // Inverse X = L^-1 S of the scaled factor, packed lower triangle: X M X^T = I up to rounding.
 template <class Real>
-Matrix<Real> invert_factor(const Matrix<Real>& factor, const std::vector<Real>& scale, std::size_t d) {
+Matrix<Real> invert_factor(const Matrix<Real>& factor, const std::vector<Real>& scale,
+                           std::size_t d) {
   Matrix<Real> inverse(factor.size(), Real(0));
   for (std::size_t j = 0; j < d; ++j) {
     for (std::size_t i = j; i < d; ++i) {
@@ -88,7 +89,7 @@ Matrix<Real> invert_factor(const Matrix<Real>& factor, const std::vector<Real>& 
 // positive semidefinite H_i, sum_i lambda_i |H_i|_jk <= sqrt(M_jj M_kk).
 template <class Real>
 Real inverse_residual(const Matrix<Real>& inverse, const Matrix<Real>& packed, std::size_t d,
-                          std::size_t support) {
+                      std::size_t support) {
   using std::abs, std::sqrt;
   Matrix<Real> product(d * d, Real(0)), magnitude(d * d, Real(0));  // X M and |X| diag-bound of |M|
   for (std::size_t i = 0; i < d; ++i) {
@@ -96,8 +97,8 @@ Real inverse_residual(const Matrix<Real>& inverse, const Matrix<Real>& packed, s
       for (std::size_t j = 0; j <= i; ++j) {
         const Real x = inverse[packed_index(i, j)];
         product[i * d + k] += x * packed[packed_index(j, k)];
-        magnitude[i * d + k] += abs(x) * sqrt(packed[packed_index(j, j)]) *
-                                sqrt(packed[packed_index(k, k)]);
+        magnitude[i * d + k] +=
+            abs(x) * sqrt(packed[packed_index(j, j)]) * sqrt(packed[packed_index(k, k)]);
       }
     }
   }

@@ -14,8 +14,8 @@
 //   if (!m.regular()) ...
 //   const graybox::Extended w = m.sensitivity(set.information(i));
 //
-// Cost: O(support p + d^3) to construct, p multiplications a sensitivity. In quadruple precision each
-// takes about a hundred times as long.
+// Cost: O(support p + d^3) to construct, p multiplications a sensitivity. In quadruple precision
+// each takes about a hundred times as long.
 #pragma once
 
 #include <cstddef>
@@ -46,8 +46,8 @@ struct CheckedWeights {
 template <class Real>
 class InformationIn {
  public:
-  // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows of
-  // inverse_factor() then whiten the Schur complement of the others, the information about
+  // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows
+  // of inverse_factor() then whiten the Schur complement of the others, the information about
   // order[d-k] .. order[d-1] that is left when the others are unknown too.
   InformationIn(const InformationSet& set, std::span<const Extended> weights,
                 std::span<const std::size_t> order = {});

@@ -67,8 +67,7 @@ bool DesignEvaluator::evaluate(std::span<const double> multipliers) {
 }
 
 double DesignEvaluator::gap_rounding() const {
-  return graybox::gap_rounding(information_, trace_dual_, normal_.dimension()) +
-         normal_.rounding();
+  return graybox::gap_rounding(information_, trace_dual_, normal_.dimension()) + normal_.rounding();
 }
 
 double step_to_boundary(std::span<const double> x, std::span<const double> dx) {
@@ -167,8 +166,9 @@ void InteriorPointRun::drop_negligible(std::span<const double> reduced_costs) {
     };
     if (keep_if(in_support)) return;
   }
-  // With mass m dropped, M' >= (1 - m d (1 + gap)) M, because the trace of M^-1 times what is dropped
-  // is at most m d (1 + gap): the gap rises by about m d at most, and this attempt succeeds.
+  // With mass m dropped, M' >= (1 - m d (1 + gap)) M, because the trace of M^-1 times what is
+  // dropped is at most m d (1 + gap): the gap rises by about m d at most, and this attempt
+  // succeeds.
   const double budget = 0.5 * (target_ - best_gap_) / d;
   double cut = 1.0 / d, mass = 1.0;
   while (cut > std::numeric_limits<double>::min() && mass > budget) {

@@ -63,7 +63,8 @@ class DesignEvaluator {
 //   return run.finish(reduced_costs);
 //
 // The target is 2 % below options.duality_gap, or as far as the rounding of the gap (claim.hpp), a
-// margin by which the checker's figure may differ. The run fails where the gap has not fallen by a tenth in 15 iterations.
+// margin by which the checker's figure may differ. The run fails where the gap has not fallen by a
+// tenth in 15 iterations.
 class InteriorPointRun {
  public:
   static constexpr std::int64_t kDefaultIterationLimit = 100;

@@ -1,6 +1,6 @@
 // InverseCholesky: M = L L^T for a packed information matrix, with X = L^-1 and W = M^-1 = X^T X.
-// The test of definiteness compares each pivot with its own diagonal entry, so that the units of the
-// parameters do not matter. O(d^3), no allocation after construction.
+// The test of definiteness compares each pivot with its own diagonal entry, so that the units of
+// the parameters do not matter. O(d^3), no allocation after construction.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@ class InverseCholesky {
  public:
   explicit InverseCholesky(std::size_t dimension);
 
-  // False if M is not numerically positive definite; the object is then good for nothing but another
-  // factor().
+  // False if M is not numerically positive definite; the object is then good for nothing but
+  // another factor().
   [[nodiscard]] bool factor(std::span<const double> packed);
   // Only log det M; leaves the inverse as it is. Minus infinity where M is not positive definite.
   [[nodiscard]] double log_det_of(std::span<const double> packed);

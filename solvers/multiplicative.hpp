@@ -12,16 +12,17 @@
 //
 //   lambda_i <- lambda_i sqrt(w_i) / sum_j lambda_j sqrt(w_j).
 //
-// It never makes the criterion worse, for matrices of any rank (for rank one and A: Torsney 1983; see
-// Yu 2010). Write H_i = F_i F_i^T. By Gauss and Markov
+// It never makes the criterion worse, for matrices of any rank (for rank one and A: Torsney 1983;
+// see Yu 2010). Write H_i = F_i F_i^T. By Gauss and Markov
 //
 //   K^T M^-1 K = min { sum_i Y_i^T Y_i / lambda_i : sum_i F_i Y_i = K }   (Loewner order),
 //
-// attained at Y_i = lambda_i F_i^T M^-1 K. So tr C <= sum_i |Y_i|^2 / lambda_i' for any lambda', with
-// equality at lambda' = lambda; the right side is least at lambda_i' ~ |Y_i| = lambda_i sqrt(w_i). For
-// Ds, log det C' <= log det C + tr(C^-1 C') - s and the same with Y_i C^(-1/2) for Y_i. The exponent 1
-// of D is not safe here: with two candidates (1, 1) and (1, -1) and the first parameter of interest
-// for c = (1, 0), C = (1/lambda_1 + 1/lambda_2)/4 and the step swaps the two weights for ever.
+// attained at Y_i = lambda_i F_i^T M^-1 K. So tr C <= sum_i |Y_i|^2 / lambda_i' for any lambda',
+// with equality at lambda' = lambda; the right side is least at lambda_i' ~ |Y_i| = lambda_i
+// sqrt(w_i). For Ds, log det C' <= log det C + tr(C^-1 C') - s and the same with Y_i C^(-1/2) for
+// Y_i. The exponent 1 of D is not safe here: with two candidates (1, 1) and (1, -1) and the first
+// parameter of interest for c = (1, 0), C = (1/lambda_1 + 1/lambda_2)/4 and the step swaps the two
+// weights for ever.
 //
 // Weights stop shrinking at kSmallestWeight (kernels.hpp). From the answer those are taken off
 // whose share lambda_i H_i of M is below 1e-17 of it.

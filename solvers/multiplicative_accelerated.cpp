@@ -72,7 +72,8 @@ class AcceleratedRun {
 
  private:
   [[nodiscard]] std::size_t count() const { return index_.size(); }
-  // The factor is that of former_; information_ has moved on by one plain step, which changes little.
+  // The factor is that of former_; information_ has moved on by one plain step, which changes
+  // little.
   [[nodiscard]] double rounding() const {
     return gap_rounding(information_, factor_.trace_dual(), conditioned_.set().dimension());
   }

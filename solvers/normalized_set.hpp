@@ -48,8 +48,8 @@
 namespace graybox {
 
 struct NormalizedSetOptions {
-  bool whiten = true;      // false: X = I
-  bool scale_rows = true;  // false: n_i = 1
+  bool whiten = true;                                         // false: X = I
+  bool scale_rows = true;                                     // false: n_i = 1
   double accuracy = std::numeric_limits<double>::infinity();  // relative, wanted of the rows
   int threads = 1;
 };

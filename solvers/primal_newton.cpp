@@ -126,7 +126,8 @@ class PrimalNewton {
     return solve_direction();
   }
 
-  // Solves (b) for c = target_ and the scaling's E. For dlambda = dnu = 0, complete_direction() leaves
+  // Solves (b) for c = target_ and the scaling's E. For dlambda = dnu = 0, complete_direction()
+  // leaves
   // -g in the place of ds.
   bool solve_direction() {
     std::ranges::fill(weight_step_, 0.0);

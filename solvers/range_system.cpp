@@ -52,8 +52,8 @@ class DenseRangeSystem final : public RangeSystem {
   }
 
  private:
-  // gram, from packed to symmetric vectorisation, plus R (x) R, whose entry for the pairs (i, j) and
-  // (k, l) is (R_ik R_jl + R_il R_jk) times 1/sqrt(2) for each pair with equal indices.
+  // gram, from packed to symmetric vectorisation, plus R (x) R, whose entry for the pairs (i, j)
+  // and (k, l) is (R_ik R_jl + R_il R_jk) times 1/sqrt(2) for each pair with equal indices.
   void add_barrier() {
     const auto d = static_cast<Eigen::Index>(normal_.dimension());
     const std::size_t p = normal_.packed_size();

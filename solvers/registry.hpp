@@ -1,6 +1,7 @@
 // The list of back-ends. Each is handed out behind a check of the criterion: one that its traits do
-// not list is answered with status unsupported. Adding one is a file pair and one line in registry.cpp; the property tests
-// and the study then run it with no further work. Programs may also add their own at run time:
+// not list is answered with status unsupported. Adding one is a file pair and one line in
+// registry.cpp; the property tests and the study then run it with no further work. Programs may
+// also add their own at run time:
 //
 //   graybox::SolverRegistry registry = graybox::make_registry();
 //   registry.add(std::make_unique<MySolver>());

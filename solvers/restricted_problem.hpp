@@ -1,5 +1,5 @@
-// RestrictedProblem: optimal design restricted to a few dozen candidates, for criteria other than D:
-// the inner problem of criterion_column_generation.hpp. Two kinds:
+// RestrictedProblem: optimal design restricted to a few dozen candidates, for criteria other than
+// D: the inner problem of criterion_column_generation.hpp. Two kinds:
 //
 //   smooth_restricted_problem      A, L and Ds, by Newton's method
 //   eigenvalue_restricted_problem  E, by a primal-dual interior point
@@ -60,9 +60,9 @@ class RestrictedProblem {
   std::vector<double> rows_;  // copies of the members' packed matrices
 };
 
-// The problem of a criterion in the coordinates H_i -> R H_i R^T, R d x d row-major lower triangular
-// (the identity if empty): K becomes R K, and lambda_min(M) the smallest generalised eigenvalue of M
-// and R R^T. Not for D.
+// The problem of a criterion in the coordinates H_i -> R H_i R^T, R d x d row-major lower
+// triangular (the identity if empty): K becomes R K, and lambda_min(M) the smallest generalised
+// eigenvalue of M and R R^T. Not for D.
 [[nodiscard]] std::unique_ptr<RestrictedProblem> make_restricted_problem(
     const Criterion& criterion, std::size_t dimension, std::span<const double> coordinates);
 

@@ -6,9 +6,9 @@
 //
 //   lambda_i <- lambda_i sqrt(w_i) / sum_j lambda_j sqrt(w_j),   M <- sum_i lambda_i H_i.
 //
-// Since sum_i lambda_i w_i = tr(M^-1 M) = d, the weights of the former normalise themselves. Candidates are
-// worked on in blocks of fixed size whose partial sums are added in order: the result does not
-// depend on the number of threads.
+// Since sum_i lambda_i w_i = tr(M^-1 M) = d, the weights of the former normalise themselves.
+// Candidates are worked on in blocks of fixed size whose partial sums are added in order: the
+// result does not depend on the number of threads.
 #pragma once
 
 #include <cstddef>

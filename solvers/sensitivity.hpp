@@ -24,8 +24,9 @@ struct InverseFactor {
 [[nodiscard]] bool invert(std::span<const double> packed, std::size_t dimension,
                           InverseFactor& factor);
 
-// log det sum_i weights_i H_i for any weights >= 0, so that (det M^-1)^(1/d) = exp(-log det / d) is the
-// covariance of the paper's Table I; minus infinity where M is not numerically positive definite.
+// log det sum_i weights_i H_i for any weights >= 0, so that (det M^-1)^(1/d) = exp(-log det / d) is
+// the covariance of the paper's Table I; minus infinity where M is not numerically positive
+// definite.
 [[nodiscard]] double log_det_information(const InformationSet& set,
                                          std::span<const double> weights);
 

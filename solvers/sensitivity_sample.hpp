@@ -1,5 +1,5 @@
-// SensitivitySample: where to cut a list of the largest sensitivities, without sorting them all. The
-// threshold is a quantile of a strided sample, so the list comes out about as long as wanted.
+// SensitivitySample: where to cut a list of the largest sensitivities, without sorting them all.
+// The threshold is a quantile of a strided sample, so the list comes out about as long as wanted.
 #pragma once
 
 #include <cstddef>

@@ -1,12 +1,13 @@
-// SmoothRestrictedProblem: A-, L- and Ds-optimal design on a few dozen candidates by Newton's method.
+// SmoothRestrictedProblem: A-, L- and Ds-optimal design on a few dozen candidates by Newton's
+// method.
 //
 // Mathematics. With f of criterion_frame.hpp, minimise over lambda >= 0
 //
 //   psi(lambda) = f(M) + sum_i lambda_i.
 //
-// f(t M) = f(M) - log t, so that the optimum has sum_i lambda_i = 1 of itself. f is convex: for Ds it
-// is minus the concave log Phi of certificate.hpp; tr C is a sum of terms 1/g_k(M), g_k > 0 concave,
-// each the exponential of the convex -log g_k, and log sum exp preserves convexity.
+// f(t M) = f(M) - log t, so that the optimum has sum_i lambda_i = 1 of itself. f is convex: for Ds
+// it is minus the concave log Phi of certificate.hpp; tr C is a sum of terms 1/g_k(M), g_k > 0
+// concave, each the exponential of the convex -log g_k, and log sum exp preserves convexity.
 //
 // In the frame X^, D of criterion_frame.hpp and with B_i = X^ H_i X^^T, w_i = tr(G H_i) = sum_a D_a
 // (B_i)_aa and
@@ -22,20 +23,20 @@
 // S is one Gram matrix of rows in symmetric packing; a proximal term of 1e-7 S_ii keeps it regular
 // under ties and does not move the fixed points.
 //
-// Singular optima. Where K has fewer columns than d (c-optimality, a singular W, Ds) the optimal M may
-// be singular, and then neither it nor its neighbours along an arbitrary path have a small gap. Add
-// delta times the D-criterion: psi_delta = f - (delta/d) log det M + (1 + delta) sum lambda. Its
-// optimum is regular and has tr(G H_i) + (delta/d) tr(M^-1 H_i) <= 1 + delta for all i, hence
+// Singular optima. Where K has fewer columns than d (c-optimality, a singular W, Ds) the optimal M
+// may be singular, and then neither it nor its neighbours along an arbitrary path have a small gap.
+// Add delta times the D-criterion: psi_delta = f - (delta/d) log det M + (1 + delta) sum lambda.
+// Its optimum is regular and has tr(G H_i) + (delta/d) tr(M^-1 H_i) <= 1 + delta for all i, hence
 //
 //   gap = max_i tr(G H_i) - 1 <= delta:                                                       (a)
 //
 // a regular design of any gap exists, and the bound of the ridge that finds it is known beforehand.
 // delta is half of the gap to be reached, and zero where K has d columns. From (a), tr(M^-1 H_i) <=
-// d (1 + delta)/delta for every i, hence M >= U delta/(d (1 + delta)) for any design's U: the condition
-// of M grows only as 1/delta.
+// d (1 + delta)/delta for every i, hence M >= U delta/(d (1 + delta)) for any design's U: the
+// condition of M grows only as 1/delta.
 //
-// The line is searched by Armijo's rule, down to changes at rounding level. Where Newton's step finds
-// no descent, multiplicative steps lambda_i <- lambda_i sqrt(w_i), which never increase f
+// The line is searched by Armijo's rule, down to changes at rounding level. Where Newton's step
+// finds no descent, multiplicative steps lambda_i <- lambda_i sqrt(w_i), which never increase f
 // (multiplicative.hpp). Cost of a step: n d^3 + n^2 p / 2 + pivots n^3 / 3.
 #pragma once
 

@@ -116,8 +116,7 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
     report.certificate.log_det = -std::numeric_limits<double>::infinity();
     report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
   } else {
-    report.certificate =
-        certify(set, solution.design, options.criterion, options.duality_gap);
+    report.certificate = certify(set, solution.design, options.criterion, options.duality_gap);
   }
   report.status = judge(solution.status, options.duality_gap, report.certificate);
   report.message = explain(report.status, options, solution, report.certificate);

@@ -11,9 +11,10 @@
 //   const graybox::Certificate proof = graybox::certify(set, answer.design);  // trust only this
 //   assert(proof.duality_gap <= 1e-9);
 //
-// A solver stops as soon as its own figure for the duality gap (for D, max_i tr(M^-1 H_i)/d - 1; for
-// each criterion as certificate.hpp has it) is at most options.duality_gap. What counts as solved is
-// decided by certify() (certificate.hpp), never by the solver. Bad problems throw InputError; everything numerical is a status.
+// A solver stops as soon as its own figure for the duality gap (for D, max_i tr(M^-1 H_i)/d - 1;
+// for each criterion as certificate.hpp has it) is at most options.duality_gap. What counts as
+// solved is decided by certify() (certificate.hpp), never by the solver. Bad problems throw
+// InputError; everything numerical is a status.
 #pragma once
 
 #include <cstddef>
@@ -95,9 +96,9 @@ class Solver {
   [[nodiscard]] virtual std::string_view name() const = 0;
   [[nodiscard]] virtual std::string_view description() const = 0;  // one line
   [[nodiscard]] virtual SolverTraits traits() const { return {}; }
-  // Throws InputError for options out of range (gap <= 0, negative limits). A back-end need not look
-  // at options.criterion unless its traits list more than D: the registry hands out every back-end
-  // behind a check that answers `unsupported` for the others.
+  // Throws InputError for options out of range (gap <= 0, negative limits). A back-end need not
+  // look at options.criterion unless its traits list more than D: the registry hands out every
+  // back-end behind a check that answers `unsupported` for the others.
   [[nodiscard]] virtual Solution solve(const InformationSet& set, const SolveOptions& options,
                                        SolveObserver* observer = nullptr) const = 0;
 };

@@ -75,8 +75,8 @@ void update_rest(const Tiles& tiles, std::size_t k, int threads) {
     const auto [i, j] = pairs[pair];
     const int rows = tiles.size(i), columns = tiles.size(j), depth = tiles.size(k);
     if (i == j) {
-      dsyrk_("L", "N", &rows, &depth, &minus, tiles.at(i, k), tiles.leading(), &one,
-             tiles.at(i, i), tiles.leading(), 1, 1);
+      dsyrk_("L", "N", &rows, &depth, &minus, tiles.at(i, k), tiles.leading(), &one, tiles.at(i, i),
+             tiles.leading(), 1, 1);
     } else {
       dgemm_("N", "T", &rows, &columns, &depth, &minus, tiles.at(i, k), tiles.leading(),
              tiles.at(j, k), tiles.leading(), &one, tiles.at(i, j), tiles.leading(), 1, 1);
@@ -110,8 +110,8 @@ bool gram_tiled(std::size_t n, std::size_t k, const double* a, double* c, int th
     const double* left = a + i * kTile * k;
     const double* right = a + j * kTile * k;
     if (i == j) {
-      dsyrk_("L", "T", &rows, &depth, &one, left, &depth, &zero, tiles.at(i, i), tiles.leading(),
-             1, 1);
+      dsyrk_("L", "T", &rows, &depth, &one, left, &depth, &zero, tiles.at(i, i), tiles.leading(), 1,
+             1);
     } else {
       dgemm_("T", "N", &rows, &columns, &depth, &one, left, &depth, right, &depth, &zero,
              tiles.at(i, j), tiles.leading(), 1, 1);

@@ -34,8 +34,8 @@ Tracer::Tracer(const InformationSet& set, const SolveOptions& options, SolveObse
         fmt::format("iteration limit {} must not be negative", options.iteration_limit));
   }
   if (options.threads < 1 || options.threads > kLargestThreadCount) {
-    throw InputError(fmt::format("thread count {} must be from 1 to {}", options.threads,
-                                 kLargestThreadCount));
+    throw InputError(
+        fmt::format("thread count {} must be from 1 to {}", options.threads, kLargestThreadCount));
   }
 }
 

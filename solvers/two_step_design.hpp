@@ -25,8 +25,9 @@
 
 namespace graybox {
 
-// One candidate for each block, H_b = sum_{i in b} c_i H_i. `inner` has a weight for every candidate
-// of the set; those of one block must sum to one. Cost: one pass. Results do not depend on threads.
+// One candidate for each block, H_b = sum_{i in b} c_i H_i. `inner` has a weight for every
+// candidate of the set; those of one block must sum to one. Cost: one pass. Results do not depend
+// on threads.
 [[nodiscard]] InformationSet mixed_blocks(const InformationSet& set, const CandidateBlocks& blocks,
                                           std::span<const double> inner, int threads = 1);
 

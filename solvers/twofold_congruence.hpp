@@ -21,6 +21,6 @@ namespace graybox {
 // must be within 1e-140 and 1e140. False where it was asked to stop (stop.hpp): `out` is then
 // incomplete.
 [[nodiscard]] bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
-                        std::span<const double> r, double* out, int threads);
+                                      std::span<const double> r, double* out, int threads);
 
 }  // namespace graybox

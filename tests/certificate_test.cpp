@@ -99,7 +99,8 @@ TEST(Certificate, InvariantUnderReparametrisationOverManyDecades) {
   EXPECT_NEAR(a.duality_gap, b.duality_gap, a.rounding_bound + b.rounding_bound);
 }
 
-// Rank-one matrices of (1, 1 + k e): the second direction is seen with e^2 = 1e-13 of the information.
+// Rank-one matrices of (1, 1 + k e): the second direction is seen with e^2 = 1e-13 of the
+// information.
 InformationSet nearly_singular_set() {
   std::vector<double> values;
   for (int k = -2; k <= 2; ++k) {

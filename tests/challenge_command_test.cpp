@@ -1,5 +1,5 @@
-// `graybox challenge`: from a seed to a score with a diagnosis that is a script, resumed, on any number of
-// threads, and one clear line for wrong input.
+// `graybox challenge`: from a seed to a score with a diagnosis that is a script, resumed, on any
+// number of threads, and one clear line for wrong input.
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -106,8 +106,8 @@ TEST_F(ChallengeCommand, MakesRunsAndScores) {
   expect_refused("challenge score cases answers --truth truth", "not the truth that was sealed");
 }
 
-// A handful of cases by the program's own diagnosis, and once more without the laws that it named: what was named then is not
-// named now, and no answer is both wrong and sure.
+// A handful of cases by the program's own diagnosis, and once more without the laws that it named:
+// what was named then is not named now, and no answer is both wrong and sure.
 TEST_F(ChallengeCommand, DiagnosesAHandfulAndAgainWithoutTheLawsItNamed) {
   const std::string cases = "challenge make --seed 20 --cases 6 --family oscillator --threads 2 ";
   ASSERT_EQ(graybox(cases + "-o cases --truth truth").exit_code, 0);
@@ -129,7 +129,8 @@ TEST_F(ChallengeCommand, DiagnosesAHandfulAndAgainWithoutTheLawsItNamed) {
   }
   EXPECT_GE(named, 2U);
   const auto score = nlohmann::json::parse(
-      graybox("challenge score cases answers --truth truth --left-out without --json -o tables").out);
+      graybox("challenge score cases answers --truth truth --left-out without --json -o tables")
+          .out);
   const auto& rates = score["rates"];
   EXPECT_EQ(rates["answered"]["hits"], 6);
   EXPECT_EQ(rates["detectable_detected"]["hits"], rates["detectable_detected"]["of"]);

@@ -1,5 +1,5 @@
-// The challenge without its command: hidden laws against the limits that they stand for, detectability
-// against Monte Carlo, composition and draws, seal and scoring.
+// The challenge without its command: hidden laws against the limits that they stand for,
+// detectability against Monte Carlo, composition and draws, seal and scoring.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -150,7 +150,8 @@ TEST(HiddenLaws, FrictionSlidesAtTheLevelsOfItsLaws) {
   }
 }
 
-// Before they yield, Dahl's and Bouc-Wen's laws are springs; far beyond, they hold their yield force.
+// Before they yield, Dahl's and Bouc-Wen's laws are springs; far beyond, they hold their yield
+// force.
 TEST(HiddenLaws, MemoriesAreSpringsFirst) {
   for (const auto& law : {made("dahl", {40.0, 2.0}), made("bouc_wen", {40.0, 0.05, 2.0, 0.7})}) {
     const Motion motion = slide(*law, 1e-3);
@@ -167,7 +168,8 @@ TEST(HiddenLaws, SlackSliderIsAPlayThatSlips) {
   EXPECT_NEAR(slide(*law, -2.0).force.back(), -10.0, 1e-6);
 }
 
-// The absorber's force is that of a mass on a spring and damper: far below its frequency an inertia.
+// The absorber's force is that of a mass on a spring and damper: far below its frequency an
+// inertia.
 TEST(HiddenLaws, AbsorberIsAnInertiaAtLowFrequency) {
   const Motion motion = swing(*made("mode", {0.2, 40.0, 0.3}), 0.01, 3.0);
   const double square = std::pow(2.0 * std::numbers::pi, 2);
@@ -453,7 +455,8 @@ TEST(Score, OnlyWholeRunsEnterTheHistory) {
   EXPECT_THROW(append_history(score, folder.file("other.csv")), InputError);
 }
 
-// Without the law that is there: `unknown`, or one that holds on recordings kept out, or says that it does not.
+// Without the law that is there: `unknown`, or one that holds on recordings kept out, or says that
+// it does not.
 TEST(Score, NearestLawsMustHoldOnWhatWasKeptOut) {
   const CaseTruth truth =
       truth_with("a", CaseKind::kOneEffect, {effect_of("load", "coulomb", 0.5)});

@@ -206,7 +206,7 @@ TEST(WorkingSet, SaysWhenItsMatrixIsSingular) {
   EXPECT_EQ(working.optimise(1e-8, 10), WorkingSetStatus::kSingular);
 }
 
-class ColumnGenerationFamilies : public testing::TestWithParam<int> {};
+class ColumnGenerationFamilies : public ::testing::TestWithParam<int> {};
 
 TEST_P(ColumnGenerationFamilies, CertifiedOnEveryShape) {
   const auto seed = static_cast<std::uint64_t>(GetParam());
@@ -219,7 +219,7 @@ TEST_P(ColumnGenerationFamilies, CertifiedOnEveryShape) {
   expect_certified(wishart_set(d, count, rank, spread, seed), 1e-9, seed);
 }
 
-INSTANTIATE_TEST_SUITE_P(RandomShapes, ColumnGenerationFamilies, testing::Range(1, 61));
+INSTANTIATE_TEST_SUITE_P(RandomShapes, ColumnGenerationFamilies, ::testing::Range(1, 61));
 
 TEST(ColumnGeneration, SurvivesTiesAndDuplicates) {
   expect_certified(cube_set(4), 1e-9);

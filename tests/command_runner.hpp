@@ -24,9 +24,9 @@ class CommandRunner : public ::testing::Test {
  protected:
   // Runs `graybox arguments` in the test's folder; `before` may hold a wrapping command.
   Outcome graybox(const std::string& arguments, const std::string& before = {}) {
-    const std::string command = "cd '" + folder_.file("") + "' && " + before +
-                                " '" + built_executable("bin/graybox") + "' " + arguments + " >'" + logs_.file("out") +
-                                "' 2>'" + logs_.file("err") + "'";
+    const std::string command = "cd '" + folder_.file("") + "' && " + before + " '" +
+                                built_executable("bin/graybox") + "' " + arguments + " >'" +
+                                logs_.file("out") + "' 2>'" + logs_.file("err") + "'";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(logs_.file("out")),
             read_text(logs_.file("err"))};

@@ -1,5 +1,5 @@
-// What recordings have in common after their free motion was taken out: the covariance that is stated, in
-// closed form and by Monte Carlo, and what it does to held-out recordings.
+// What recordings have in common after their free motion was taken out: the covariance that is
+// stated, in closed form and by Monte Carlo, and what it does to held-out recordings.
 #include "graybox/diagnosis/periodic_mismatch/common_error.hpp"
 
 #include <gtest/gtest.h>
@@ -119,7 +119,8 @@ TEST(CommonError, HasTheCovarianceThatIsStated) {
   EXPECT_NEAR(independent / count, 1.0, 4.0 * deviation);
 }
 
-// Little is known from weak recordings; strong ones see how wrong it is, which is no missing physics.
+// Little is known from weak recordings; strong ones see how wrong it is, which is no missing
+// physics.
 TEST(HeldOut, AllowsForTheErrorsOfTheFittedParameters) {
   const testing::TemporaryFolder folder;
   double raw = 0.0, within = 0.0, joint = 0.0;

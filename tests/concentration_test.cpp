@@ -1,5 +1,5 @@
-// The concentration limit: the linear maximum over its polytope against enumeration of vertices, and
-// the constrained designs against closed forms, a refined grid and the certificate's promise.
+// The concentration limit: the linear maximum over its polytope against enumeration of vertices,
+// and the constrained designs against closed forms, a refined grid and the certificate's promise.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -201,7 +201,8 @@ TEST(ConcentratedDesign, ClosedFormOfStrongAndWeakCandidates) {
     const Solution answer = solve_concentrated(set, limit, {.duality_gap = 1e-10});
     const double expected = kD * std::log((kStrong * share + kWeak * (1.0 - share)) / kD);
     EXPECT_NEAR(log_det(set, weights_of(answer.design)), expected, 1e-8) << "share " << share;
-    // The price is the derivative of log det by the share, except at the ends, where it is one-sided.
+    // The price is the derivative of log det by the share, except at the ends, where it is
+    // one-sided.
     if (share > 0.5 && share < 1.0) {
       const double slope = kD * (kStrong - kWeak) / (kStrong * share + kWeak * (1.0 - share));
       EXPECT_NEAR(certify_concentrated(set, answer.design, limit).price, slope, 1e-4);

@@ -183,7 +183,8 @@ TEST_F(CriterionCommand, ComparesCriteria) {
     }
   }
   EXPECT_NEAR(rows[0]["efficiencies"]["A"].get<double>(), 8.0 / 9.0, 1e-6);
-  EXPECT_NEAR(rows[1]["standard_deviations"]["x^2"].get<double>(), 2.0, 1e-6);  // weights 1/4 1/2 1/4
+  EXPECT_NEAR(rows[1]["standard_deviations"]["x^2"].get<double>(), 2.0,
+              1e-6);  // weights 1/4 1/2 1/4
   for (const std::string name : {"criteria", "criteria_efficiency", "criteria_deviations"}) {
     const std::string table = read_text(folder_.file(name + ".csv"));
     EXPECT_GE(std::ranges::count(table, '\n'), 4) << name;

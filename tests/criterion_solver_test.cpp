@@ -83,9 +83,9 @@ TEST(CriterionSolver, ReachesTheKnownOptima) {
   }
 }
 
-// Elfving 1952: the least variance of c^T theta is the square of max {c^T z : |f_i^T z| <= 1}, whose
-// maximiser solves d of the equations f_i^T z = +-1: all of them are tried. Many of these optima are
-// singular.
+// Elfving 1952: the least variance of c^T theta is the square of max {c^T z : |f_i^T z| <= 1},
+// whose maximiser solves d of the equations f_i^T z = +-1: all of them are tried. Many of these
+// optima are singular.
 TEST(CriterionSolver, CombinationsHaveElfvingsVariance) {
   Random random(5);
   int singular = 0;

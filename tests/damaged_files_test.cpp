@@ -1,5 +1,6 @@
-// Files that are damaged, absurd or half understood: every reader refuses them in one line with exit
-// code 2, soon, without a crash and without the memory that they claim; and `graybox` as users get it.
+// Files that are damaged, absurd or half understood: every reader refuses them in one line with
+// exit code 2, soon, without a crash and without the memory that they claim; and `graybox` as users
+// get it.
 #include <hdf5.h>
 #include <unistd.h>
 
@@ -27,8 +28,8 @@ namespace graybox {
 namespace {
 
 using testing::CommandRunner;
-using testing::Outcome;
 using testing::expect_refused;
+using testing::Outcome;
 using testing::read_text;
 using testing::TemporaryFolder;
 using testing::write_text;
@@ -136,8 +137,8 @@ TEST(ReadingProcess, ChunkedAndContiguousSetsAreTheSame) {
   const hid_t space = H5Screate_simple(2, shape.data(), nullptr);
   const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
   H5Pset_chunk(creation, 2, chunk.data());
-  const hid_t dataset = H5Dcreate2(file, "information", H5T_IEEE_F64BE, space, H5P_DEFAULT,
-                                   creation, H5P_DEFAULT);
+  const hid_t dataset =
+      H5Dcreate2(file, "information", H5T_IEEE_F64BE, space, H5P_DEFAULT, creation, H5P_DEFAULT);
   const InformationSet set = small_set();
   H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, set.data());
   H5Dclose(dataset);
@@ -170,8 +171,8 @@ TEST_F(DamagedFiles, ThatClaimMoreThanTheyStoreAreRefusedBeforeMemoryIsTaken) {
   const hid_t space = H5Screate_simple(2, shape.data(), nullptr);
   const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
   H5Pset_chunk(creation, 2, chunk.data());
-  H5Dclose(H5Dcreate2(file, "information", H5T_IEEE_F64LE, space, H5P_DEFAULT, creation,
-                      H5P_DEFAULT));
+  H5Dclose(
+      H5Dcreate2(file, "information", H5T_IEEE_F64LE, space, H5P_DEFAULT, creation, H5P_DEFAULT));
   const hid_t text = H5Tcopy(H5T_C_S1);
   H5Tset_size(text, 25);
   const hid_t one = H5Screate(H5S_SCALAR);
@@ -183,7 +184,8 @@ TEST_F(DamagedFiles, ThatClaimMoreThanTheyStoreAreRefusedBeforeMemoryIsTaken) {
   H5Pclose(creation);
   H5Sclose(space);
   H5Fclose(file);
-  expect_refused_soon("solve v.h5", "v.h5: dataset information: truncated: shape [17179869184 x 6]");
+  expect_refused_soon("solve v.h5",
+                      "v.h5: dataset information: truncated: shape [17179869184 x 6]");
 }
 
 TEST(Memory, ThatIsNotThereIsNamedWithWhatIsNeeded) {
@@ -222,10 +224,11 @@ TEST_F(DamagedFiles, LoopsOfLinksAreBadInputForEveryReader) {
   const std::string campaign = examples + "fit/drive/campaign.yaml";
   for (const std::string& arguments :
        {std::string("solve l.h5"), std::string("solve l.mat"), std::string("solve l.csv"),
-        std::string("solve l.npy"), std::string("recordings l.yaml"),
-        "fit l.yaml " + campaign, "fit " + drive + " l.yaml", "diagnose l.yaml " + campaign,
-        std::string("responses l.yaml"), "simulate l.yaml " + examples + "simulate/drive_plan.yaml -o s",
-        "simulate " + drive + " l.yaml -o s", std::string("problem robot --model l.yaml -o s.h5")}) {
+        std::string("solve l.npy"), std::string("recordings l.yaml"), "fit l.yaml " + campaign,
+        "fit " + drive + " l.yaml", "diagnose l.yaml " + campaign, std::string("responses l.yaml"),
+        "simulate l.yaml " + examples + "simulate/drive_plan.yaml -o s",
+        "simulate " + drive + " l.yaml -o s",
+        std::string("problem robot --model l.yaml -o s.h5")}) {
     expect_refused_soon(arguments, "l.");
   }
   write_text(folder_.file("campaign.yaml"),
@@ -323,7 +326,8 @@ TEST_F(DamagedFiles, ValuesWhoseSquaresOverflowAreErrorsWithFileAndChannel) {
 TEST(WildSamples, AreFoundWhateverTheUnitAndOnlyThey) {
   Eigen::VectorXd signal(2000);
   for (Eigen::Index k = 0; k < signal.size(); ++k) {
-    signal(k) = std::sin(0.05 * static_cast<double>(k)) + 0.1 * std::sin(2.1 * static_cast<double>(k));
+    signal(k) =
+        std::sin(0.05 * static_cast<double>(k)) + 0.1 * std::sin(2.1 * static_cast<double>(k));
   }
   for (const double scale : {1.0, -1.0, 1e-9, 1e9}) {
     for (const double offset : {0.0, 3.0}) {

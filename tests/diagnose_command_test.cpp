@@ -1,5 +1,5 @@
-// `graybox diagnose` as users see it: verdicts of simulated drives, faults of recordings, laws of one's
-// own, bad input.
+// `graybox diagnose` as users see it: verdicts of simulated drives, faults of recordings, laws of
+// one's own, bad input.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -107,8 +107,8 @@ TEST_F(Diagnose, StopsAfterItsTimeAndSaysSo) {
   EXPECT_EQ(verdict("--time-limit 1000")["interrupted"], false);
 }
 
-// Weak friction at one level looks like other things; the experiment that graybox designs excludes the
-// nearest of them.
+// Weak friction at one level looks like other things; the experiment that graybox designs excludes
+// the nearest of them.
 TEST_F(Diagnose, DesignsTheExperimentThatTells) {
   write_text(folder_.file("plan.yaml"), example("rotor_short_plan.yaml"));
   simulate(example("hidden_weak_friction.yaml"), 5);
@@ -162,8 +162,8 @@ TEST_F(Diagnose, FindsALawOfOnesOwn) {
   EXPECT_EQ(Json::parse(again.out)["verdict"], "none") << again.out;
 }
 
-// A cable that no drawing shows, between two shafts that are no neighbours: what is searched by itself does
-// not explain it.
+// A cable that no drawing shows, between two shafts that are no neighbours: what is searched by
+// itself does not explain it.
 TEST_F(Diagnose, FindsAPlaceOfOnesOwn) {
   write_text(folder_.file("model.yaml"), example("chain.yaml"));
   simulate(example("hidden_cable.yaml"));
@@ -216,8 +216,8 @@ TEST_F(Diagnose, SaysThatASensorIsSaturated) {
   EXPECT_NE(found["verdict"], "none");
 }
 
-// Dry and viscous friction of a single axis that its model does not have: laws that are nearly alike must not
-// keep the second out (its makers reach 6.1 % by hand).
+// Dry and viscous friction of a single axis that its model does not have: laws that are nearly
+// alike must not keep the second out (its makers reach 6.1 % by hand).
 TEST_F(Diagnose, FindsTheFrictionOfARealAxis) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
     GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
@@ -241,8 +241,9 @@ TEST_F(Diagnose, FindsTheFrictionOfARealAxis) {
     EXPECT_GT(law["held_out_gain"].get<double>(), 0.0) << law;
 }
 
-// Cogging of a real motor of 7 pole pairs and 12 slots: the harmonics are those of its construction, and by hand
-// ten of them leave 18.6 %. Without ripple in the catalogue what is left is not called noise.
+// Cogging of a real motor of 7 pole pairs and 12 slots: the harmonics are those of its
+// construction, and by hand ten of them leave 18.6 %. Without ripple in the catalogue what is left
+// is not called noise.
 TEST_F(Diagnose, FindsTheHarmonicsOfARealMotor) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
     GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";

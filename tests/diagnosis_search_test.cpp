@@ -80,13 +80,16 @@ class RegressionProblem : public MismatchProblem {
     columns_.back() = column;
     distance_ = distance;
   }
-  // With one parameter more, with which the data say so much more of them all; less where the new one makes
-  // up for the amplitude.
+  // With one parameter more, with which the data say so much more of them all; less where the new
+  // one makes up for the amplitude.
   void generalise(const std::string& law, const std::string& special_case, double information) {
     hypotheses_[index_of(law)].special_cases = {special_case};
     further_information_[index_of(law)] = information;
   }
 
+  void rank_last(const std::string& law) {
+    for (Hypothesis& hypothesis : hypotheses_) hypothesis.rank = hypothesis.law == law ? 1 : 0;
+  }
   void describe(const std::string& law, Characteristic characteristic) {
     hypotheses_[index_of(law)].characteristic = characteristic;
   }
@@ -347,7 +350,8 @@ Diagnosis diagnose_until(const std::string& stop) {
   return diagnose(problem, options);
 }
 
-// A force that no hypothesis has, beside one that is there. Laws that lean a little towards the first stay out.
+// A force that no hypothesis has, beside one that is there. Laws that lean a little towards the
+// first stay out.
 TEST(DiagnosisSearch, GivesUpWhereNoLawExplainsEnough) {
   RegressionProblem problem;
   Eigen::VectorXd effect = scaled_effect(problem, "harmonic_4", 30.0);
@@ -365,6 +369,18 @@ TEST(DiagnosisSearch, GivesUpWhereNoLawExplainsEnough) {
 }
 
 // Five effects where the search takes four: none of them is said to be better than its rivals.
+// Two laws that are nearly one: the same recordings name whichever comes first.
+TEST(DiagnosisSearch, TakesLawsOfALowerRankFirst) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "step", 30.0);
+  for (const auto& [first, last] :
+       {std::pair("step", "slanted_step"), std::pair("slanted_step", "step")}) {
+    problem.rank_last(last);
+    const Diagnosis diagnosis = diagnose_effect(problem, effect, 79);
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of(first));
+  }
+}
 TEST(DiagnosisSearch, WeighsNoRivalsOfLawsThatLeaveMoreThanNoise) {
   RegressionProblem problem;
   Eigen::VectorXd effect = Eigen::VectorXd::Zero(kSamples);
@@ -401,7 +417,8 @@ TEST(DiagnosisSearch, WeighsTheRivalsOfWhateverItExplains) {
   EXPECT_GT(unweighed, 0);
 }
 
-// As many effects as the search looks for, of equal size: each explains its share, and none is given up.
+// As many effects as the search looks for, of equal size: each explains its share, and none is
+// given up.
 TEST(DiagnosisSearch, DoesNotGiveUpFourEqualEffects) {
   RegressionProblem problem;
   Eigen::VectorXd effect = Eigen::VectorXd::Zero(kSamples);
@@ -430,10 +447,10 @@ TEST(DiagnosisSearch, AsksForNoiseOnTheFitsOwnRecordingsToo) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
 }
 
-// Two effects; without the second the fit does not settle. Its rivals are weighed all the same, and nothing
-// is said of how much worse the model would be without it.
-// Where a law explains all there is, the model alone need not be fitted to its very optimum: far from the data
-// it ends a little lower from wherever it begins, each time with other parameters.
+// Two effects; without the second the fit does not settle. Its rivals are weighed all the same, and
+// nothing is said of how much worse the model would be without it.
+// Where a law explains all there is, the model alone need not be fitted to its very optimum: far
+// from the data it ends a little lower from wherever it begins, each time with other parameters.
 TEST(DiagnosisSearch, DoesNotFitTheModelAloneForEverWhereALawExplainsAll) {
   RegressionProblem problem;
   problem.never_quite_ends_without_laws();
@@ -500,8 +517,8 @@ TEST(DiagnosisSearch, NamesOneEffectAndEstimatesIt) {
   EXPECT_GE(covered, right - 2);
 }
 
-// In larger motion the errors of a law's amplitude are more than the noise. What is found is right, but whether
-// nothing else is missing these recordings do not tell: it is not called explained.
+// In larger motion the errors of a law's amplitude are more than the noise. What is found is right,
+// but whether nothing else is missing these recordings do not tell: it is not called explained.
 TEST(DiagnosisSearch, DoesNotCallExplainedWhatIsNotPredicted) {
   int explained = 0, explained_larger = 0, named = 0;
   constexpr int cases = 40;
@@ -528,8 +545,8 @@ TEST(DiagnosisSearch, DoesNotCallExplainedWhatIsNotPredicted) {
   EXPECT_GE(named, 20);
 }
 
-// A third of the samples sees a strong effect well enough: laws far behind it are not fitted to all, and are
-// excluded nevertheless. Those that are near go on.
+// A third of the samples sees a strong effect well enough: laws far behind it are not fitted to
+// all, and are excluded nevertheless. Those that are near go on.
 TEST(DiagnosisSearch, RacesOnFewRecordingsFirst) {
   RegressionProblem whole, raced;
   raced.race_on_few();
@@ -588,8 +605,8 @@ TEST(DiagnosisSearch, FindsTwoEffectsOneAfterTheOther) {
   EXPECT_EQ(diagnosis.effects[1].law.hypothesis, problem.index_of("harmonic_8"));
 }
 
-// More noise than is known of, as finer physics may leave it: some law always gains a little there. The model without it
-// is a rival as others are, and not excluded.
+// More noise than is known of, as finer physics may leave it: some law always gains a little there.
+// The model without it is a rival as others are, and not excluded.
 TEST(DiagnosisSearch, TakesNoLawThatDoesNotExcludeTheModelWithoutIt) {
   int tempting = 0, found_two = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
@@ -615,8 +632,9 @@ TEST(DiagnosisSearch, TakesNoLawThatDoesNotExcludeTheModelWithoutIt) {
   EXPECT_GE(found_two, 36);
 }
 
-// What is left beside a large effect is noise by its chi-square, but not to the test aimed at it. Where that
-// points to the place of the large effect, it may be no more than the imperfection of its law.
+// What is left beside a large effect is noise by its chi-square, but not to the test aimed at it.
+// Where that points to the place of the large effect, it may be no more than the imperfection of
+// its law.
 TEST(DiagnosisSearch, FindsASmallEffectBesideALargeOneAtAnotherPlace) {
   int found = 0, found_here = 0, was_noise = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
@@ -641,8 +659,9 @@ TEST(DiagnosisSearch, FindsASmallEffectBesideALargeOneAtAnotherPlace) {
   EXPECT_LE(found_here, 20 - was_noise / 2);
 }
 
-// A force that only resembles a law leaves something at that law's place, which the chi-square of all residuals does not
-// see. It is another effect where it is of another characteristic; and what a law leaves by its imperfection is none.
+// A force that only resembles a law leaves something at that law's place, which the chi-square of
+// all residuals does not see. It is another effect where it is of another characteristic; and what
+// a law leaves by its imperfection is none.
 TEST(DiagnosisSearch, SaysThatALawIsNotQuiteWhatIsThere) {
   constexpr double kRest = 7.0;
   int unknown = 0, was_noise = 0, explained_by_two = 0, departed_beside_larger = 0;
@@ -675,8 +694,8 @@ TEST(DiagnosisSearch, SaysThatALawIsNotQuiteWhatIsThere) {
   EXPECT_EQ(departed_beside_larger, 0);
 }
 
-// Where one or two effects are exactly what was fitted few leave something: the level is that of all laws at all their
-// places.
+// Where one or two effects are exactly what was fitted few leave something: the level is that of
+// all laws at all their places.
 TEST(ShapeComparison, LawsThatAreThereLeaveNothingAtTheStatedLevel) {
   RegressionProblem problem;
   const std::vector<std::string> effects{"harmonic_5", "step"};
@@ -964,9 +983,9 @@ TEST(DiagnosisSearch, NamesTheTwinOfTheLawFoundFirst) {
   }
 }
 
-// A law that holds the one found fits as well always. It is a rival where the data do not know its further
-// parameters, so that the effect may as well be one of it; it is named beside the law where they do not ask for
-// it; and it is left out where they speak against it.
+// A law that holds the one found fits as well always. It is a rival where the data do not know its
+// further parameters, so that the effect may as well be one of it; it is named beside the law where
+// they do not ask for it; and it is left out where they speak against it.
 TEST(DiagnosisSearch, ALawThatGeneralisesTheBestIsARivalWhereItMayBeTheOne) {
   // Beside what the richer law gains by chance.
   for (const double information : {-4.0, -0.5, 4.0, 40.0}) {
@@ -1034,13 +1053,16 @@ TEST(DiagnosisSearch, DoesNotSayNoneWhereItWasStopped) {
   problem.measure(Eigen::VectorXd::Zero(kSamples), random);
   SearchOptions options;
   EXPECT_EQ(diagnose(problem, options).verdict, Verdict::kNone);
-  options.proceed = [](const std::string& step) { return step.find("changes") == std::string::npos; };
+  options.proceed = [](const std::string& step) {
+    return step.find("changes") == std::string::npos;
+  };
   const Diagnosis stopped = diagnose(problem, options);
   EXPECT_TRUE(stopped.interrupted);
   EXPECT_EQ(stopped.verdict, Verdict::kUnknown);
 }
 
-// Of the laws whose size can't be negative, noise gives about half a negative one: they were looked for all the same.
+// Of the laws whose size can't be negative, noise gives about half a negative one: they were looked
+// for all the same.
 TEST(DiagnosisSearch, ASignThatALawCanNotHaveHidesNothing) {
   RegressionProblem problem;
   problem.allow_only_positive();
@@ -1119,8 +1141,8 @@ TEST(ScoreTest, FamilyThresholdIsMetInTheMean) {
   EXPECT_THROW((void)family_threshold(std::vector<double>(10, 0.5), 0.05), InputError);
 }
 
-// What can have one sign only is found by half of all noise: with draws of both signs the level would be half of the one
-// that is stated.
+// What can have one sign only is found by half of all noise: with draws of both signs the level
+// would be half of the one that is stated.
 TEST(ScoreTest, OneSidedTermsMeetTheirLevel) {
   constexpr int kDraws = 199, kRepeats = 4000;
   constexpr double kLevel = 0.05;

@@ -25,3 +25,19 @@ code=0
 "$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/negative.csv" 2> "$folder/errors" || code=$?
 [[ "$code" == 2 ]] || fail "an indefinite matrix gave exit code $code, not 2"
 grep -q 'candidate 2' "$folder/errors" || fail "the candidate is not named: $(cat "$folder/errors")"
+
+# As the other commands: the version with its commit, and a word where standard output fails.
+"$graybox_mpi" --version | grep -q '^graybox [0-9.]* (commit ' || fail "no version"
+[[ "$("$graybox_mpi" --version)" == "$("$graybox" --version)" ]] || fail "another version"
+for flag in "" --json; do
+  code=0
+  # shellcheck disable=SC2086  # no word where there is no flag
+  "$graybox_mpi" "$folder/set.h5" $flag > /dev/full 2> "$folder/errors" || code=$?
+  [[ "$code" == 1 ]] || fail "a full standard output gave exit code $code, not 1"
+  [[ "$(cat "$folder/errors")" == "graybox_mpi: standard output can't be written: "* ]] ||
+    fail "no word of standard output: $(cat "$folder/errors")"
+done
+code=0
+"$graybox_mpi" "$folder/set.h5" -o "$folder/set.h5" > /dev/null 2> "$folder/errors" || code=$?
+[[ "$code" == 2 ]] || fail "an input was written over: exit code $code, not 2"
+"$graybox" check "$folder/set.h5" "$folder/design.json" || fail "an input was written over"

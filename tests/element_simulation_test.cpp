@@ -1,5 +1,5 @@
-// Plants with elements: closed forms, energy, delays to the fraction of a sample, and the local model
-// against the non-linear robot.
+// Plants with elements: closed forms, energy, delays to the fraction of a sample, and the local
+// model against the non-linear robot.
 #include <gtest/gtest.h>
 
 #include <cmath>

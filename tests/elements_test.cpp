@@ -124,8 +124,8 @@ TEST(Laws, TheBalancersTorqueIsTheSlopeOfItsEnergy) {
   }
 }
 
-// The torque of the gas balancer is the slope of the work done on its gas, F_0 g/(n - 1) x^(1 - n) with
-// x = 1 - s/g; long gas columns are springs of constant force.
+// The torque of the gas balancer is the slope of the work done on its gas, F_0 g/(n - 1) x^(1 - n)
+// with x = 1 - s/g; long gas columns are springs of constant force.
 TEST(Laws, TheGasBalancersTorqueIsTheSlopeOfItsEnergy) {
   const std::vector<double> p{3e4, 0.9, 1.3, 0.9, 0.3, 0.2};
   const auto stroke = [&](double z) {
@@ -204,7 +204,8 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
   EXPECT_NEAR(work_of_a_cycle(*law("bouc_wen", {4000.0, 0.0025, 2.0, 0.5}), 0.3, 1.0), 12.0, 0.15);
 }
 
-// Derivatives by deflection, rate, states and parameters against central differences, away from kinks.
+// Derivatives by deflection, rate, states and parameters against central differences, away from
+// kinks.
 TEST(Laws, DerivativesAreThoseOfTheFormulas) {
   for (const LawEntry& entry : all_laws()) {
     if (!entry.make) continue;
@@ -269,8 +270,8 @@ TEST(Laws, EveryEntryIsComplete) {
   }
 }
 
-// LawParameter::is_linear: f(p + s) = f(p) + f(s) where p and s differ in the marked parameters alone,
-// and every force without states has one.
+// LawParameter::is_linear: f(p + s) = f(p) + f(s) where p and s differ in the marked parameters
+// alone, and every force without states has one.
 TEST(Laws, ForcesAreLinearInTheParametersMarkedSo) {
   for (const LawEntry& entry : all_laws()) {
     if (entry.use != LawUse::kForce) continue;
@@ -408,8 +409,8 @@ TEST_F(ElementFiles, PayloadAndInertiaAreBuiltIntoTheRobot) {
   EXPECT_NEAR(with.mass_matrix(q)(9, 9) - before.mass_matrix(q)(9, 9), 3.0, 1e-9);
 }
 
-// Of all values of its parameters none makes what others make as well, but for those that are said to set the scale of
-// others: a fit that moves both finds no end.
+// Of all values of its parameters none makes what others make as well, but for those that are said
+// to set the scale of others: a fit that moves both finds no end.
 TEST(LawCatalogue, OnlyDeclaredParametersSetTheScaleOfOthers) {
   for (const LawEntry& entry : all_laws()) {
     if (!entry.make) continue;
@@ -654,8 +655,8 @@ TEST_F(ElementFiles, LinearElementsJoinTheRobotsOwnParts) {
     testing::expect_refused([&] { (void)load_robot_model(file); }, "elements");
     VectorXd b = VectorXd::Unit(18, gearbox);
     b(13) = -1.0;
-    const LocalModel stiff =
-        LocalModelBuilder(load_linear_robot(file).robot).build_at(local(own).position.head(12), position);
+    const LocalModel stiff = LocalModelBuilder(load_linear_robot(file).robot)
+                                 .build_at(local(own).position.head(12), position);
     EXPECT_LT((stiff.stiffness - local(own).stiffness - 1e5 * b * b.transpose()).norm(), 1e-6);
   }
   {

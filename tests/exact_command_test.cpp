@@ -43,8 +43,7 @@ TEST_F(ExactCommand, EveryMethodReportsTheSameKeys) {
     std::int64_t total = 0;
     for (const Json& entry : line["counts"]) total += entry["count"].get<std::int64_t>();
     EXPECT_EQ(total, 6);
-    EXPECT_LE(line["log_det"].get<double>(),
-              best["log_det_bound"].get<double>() + 1e-9);
+    EXPECT_LE(line["log_det"].get<double>(), best["log_det_bound"].get<double>() + 1e-9);
   }
 }
 

@@ -1,5 +1,5 @@
-// Exact designs against enumeration: every method, every bound and every elimination rule is held to
-// what trying all designs of M experiments says.
+// Exact designs against enumeration: every method, every bound and every elimination rule is held
+// to what trying all designs of M experiments says.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -207,7 +207,8 @@ TEST(ExactDesign, ExchangeFindsTheOptimumOfMostSmallProblems) {
   EXPECT_GE(found, tried * 95 / 100);
 }
 
-// Full-rank matrices of 1e-6 beside rank-one ones of 1: designs differ in condition by many decades.
+// Full-rank matrices of 1e-6 beside rank-one ones of 1: designs differ in condition by many
+// decades.
 InformationSet mixed_set(std::uint64_t seed, Eigen::Index d, std::size_t small, std::size_t lines) {
   Random random(seed);
   std::vector<Eigen::MatrixXd> all;
@@ -283,7 +284,8 @@ TEST(ExactDesign, IsProvenToTheSmallestGapOnIllConditionedSets) {
           exact_method("branch_and_bound")
               .solve(set, relaxation,
                      {.experiments = experiments, .gap = 1e-9, .time_limit = 60.0});
-      // One design a box at M = 1. Beyond that rounding may hide the last of the gap, and it is said.
+      // One design a box at M = 1. Beyond that rounding may hide the last of the gap, and it is
+      // said.
       const bool is_hidden = answer.status == ExactStatus::kFeasible &&
                              answer.message.find("rounding hides") != std::string::npos;
       EXPECT_TRUE(answer.status == ExactStatus::kOptimal || (experiments > 1 && is_hidden))
@@ -415,7 +417,8 @@ TEST(BoxQuadratic, MeetsTheOptimalityConditions) {
 }
 
 TEST(Rounding, FollowsThePapersFootnote) {
-  // M lambda = 2.4 2.4 2.4 2.8 rounds to 2 2 2 3, one short: the smallest m - M lambda is the first.
+  // M lambda = 2.4 2.4 2.4 2.8 rounds to 2 2 2 3, one short: the smallest m - M lambda is the
+  // first.
   EXPECT_EQ(round_weights(std::vector{0.24, 0.24, 0.24, 0.28}, 10), (Counts{3, 2, 2, 3}));
   // 1.5 1.5 1.5 0.5 rounds away from zero to 2 2 2 1, two too many: the first two ties give way.
   EXPECT_EQ(round_weights(std::vector{0.3, 0.3, 0.3, 0.1}, 5), (Counts{1, 1, 2, 1}));

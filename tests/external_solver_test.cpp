@@ -205,7 +205,7 @@ TEST(ExternalSolver, StopsWhenTheObserverAsks) {
 }
 
 TEST(ExternalSolver, LeavesNoFilesBehind) {
-  const fs::path folder = fs::path(testing::TempDir()) / "graybox_external_folder";
+  const fs::path folder = fs::path(::testing::TempDir()) / "graybox_external_folder";
   fs::remove_all(folder);
   fs::create_directories(folder);
   setenv("TMPDIR", folder.c_str(), 1);

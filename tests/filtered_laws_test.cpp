@@ -1,5 +1,5 @@
-// Laws of torques that went through filters, and sums of plain laws that a richer one imitates: on a
-// simulated motor whose friction is known.
+// Laws of torques that went through filters, and sums of plain laws that a richer one imitates: on
+// a simulated motor whose friction is known.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
@@ -131,8 +131,8 @@ TEST(FilteredLaws, DryAndViscousFrictionBehindALowPassAreNotSurelyAnotherLaw) {
   EXPECT_GE(2 * named, cases);
 }
 
-// What a filter makes of a law's force is the filtered force, and of a linear law nothing else than of
-// the motion.
+// What a filter makes of a law's force is the filtered force, and of a linear law nothing else than
+// of the motion.
 TEST(FilteredLaws, AreTheFilteredForceOfTheUnfilteredMotion) {
   constexpr Eigen::Index kFine = 20001, kStride = 50;
   constexpr double kFast = 1e-4, kCutOff = 20.0;

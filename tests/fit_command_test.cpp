@@ -1,5 +1,5 @@
-// `graybox fit` of a robot, from simulated recordings to the report, and one clear line for wrong input;
-// `graybox design verify` on a small study.
+// `graybox fit` of a robot, from simulated recordings to the report, and one clear line for wrong
+// input; `graybox design verify` on a small study.
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <filesystem>
@@ -192,7 +192,8 @@ TEST_F(FitCommand, SaysWhatOneFrequencyInOnePositionDoesNotShow) {
   EXPECT_NE(fit["notes"].dump().find("no recording has the role validation"), std::string::npos);
 }
 
-// What a diagnosis writes every other command reads: what a linear model can hold is in it, and the rest is named.
+// What a diagnosis writes every other command reads: what a linear model can hold is in it, and the
+// rest is named.
 TEST_F(FitCommand, AModelWithFurtherPhysicsIsReadByTheCommandsOfLinearModels) {
   const std::string model = read_text(folder_.file("irb6600_like.yaml"));
   const std::string stiffer = R"(elements:
@@ -208,8 +209,8 @@ TEST_F(FitCommand, AModelWithFurtherPhysicsIsReadByTheCommandsOfLinearModels) {
 )";
   write_text(folder_.file("stiffer.yaml"), model + stiffer);
   write_text(folder_.file("extended.yaml"), model + stiffer + rubbing);
-  for (const char* command :
-       {"problem robot --grid 20 -o set.h5 --model", "design robust --grid 20 --samples 4 -o robust.json --model"}) {
+  for (const char* command : {"problem robot --grid 20 -o set.h5 --model",
+                              "design robust --grid 20 --samples 4 -o robust.json --model"}) {
     const std::string text = command;
     const Outcome whole = graybox(text + " stiffer.yaml");
     ASSERT_EQ(whole.exit_code, 0) << text << whole.err;

@@ -1,4 +1,5 @@
-// `graybox fit` of lumped models: the worked example of docs/fit_lumped.md, bad input, and real data.
+// `graybox fit` of lumped models: the worked example of docs/fit_lumped.md, bad input, and real
+// data.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -156,7 +157,8 @@ TEST_F(RealAxes, TheFrictionDampersBandsSlipBehindPlay) {
   EXPECT_LT(nrmse(bands, 1), 24.5);
 }
 
-// By hand, of the twist between the encoders: skew 15.7, 25, 12 %, with the compliance 7.5, 9.2, 10.2 %.
+// By hand, of the twist between the encoders: skew 15.7, 25, 12 %, with the compliance 7.5, 9.2,
+// 10.2 %.
 TEST_F(RealAxes, TheKr300sEncodersDifferBySkewAndComplianceOnAxis3) {
   const Json zero = fit("two_encoders", "kr300_axis_3", "");
   const Json skew = fit("two_encoders", "kr300_axis_3", "encoder_skew.yaml");

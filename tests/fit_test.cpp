@@ -1,5 +1,5 @@
-// What is said about a fit: which parameters the data determine, whether covariances are as predicted,
-// the report; and fits of simulated recordings.
+// What is said about a fit: which parameters the data determine, whether covariances are as
+// predicted, the report; and fits of simulated recordings.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -285,9 +285,9 @@ TEST(EstimatorStatistics, RefusesWhatHasNoCovariance) {
 
 // ---- simulated campaigns ---------------------------------------------------------------------------
 
-// One position, as long as the study records. Noise makes the inputs, by way of the controller; taken for
-// excitation it would promise errors up to 30 % smaller here. Free motion costs what the prediction leaves
-// out.
+// One position, as long as the study records. Noise makes the inputs, by way of the controller;
+// taken for excitation it would promise errors up to 30 % smaller here. Free motion costs what the
+// prediction leaves out.
 TEST(EfficiencyStudy, FitsSimulatedRecordingsAsPreciselyAsItPredicts) {
   RobotModel robot = load_robot_model(default_robot_file());
   robot.velocity_psd_slope *= 1e-6;

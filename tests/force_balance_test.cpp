@@ -24,11 +24,11 @@ namespace {
 namespace fs = std::filesystem;
 
 // A carriage moved along a sum of sines; the force is that of its mass, a law and noise.
-class ForceBalance : public testing::Test {
+class ForceBalance : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = fs::path(::testing::TempDir()) /
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::create_directories(folder_);
     std::ofstream(folder_ / "drive.yaml") << R"(format: graybox-rigid-robot/1
 gravity: [0, 0, -9.81]
@@ -266,7 +266,8 @@ TEST_F(ForceBalance, FindsHarmonicsThatHideEachOther) {
   }
 }
 
-// No sensor errs by half of what it measures for seconds on end. What it is, such recordings do not tell.
+// No sensor errs by half of what it measures for seconds on end. What it is, such recordings do not
+// tell.
 TEST_F(ForceBalance, CallsARestThatFollowsItselfNoNoise) {
   record([](double, double) { return 0.0; }, 6.0, 9, 0.99);
   const Diagnosis slow = diagnose(*problem());
@@ -308,7 +309,8 @@ TEST(LawForce, FollowsABristleOfAnyStiffnessUnderConstantVelocity) {
   }
 }
 
-// Dahl's friction in closed form: towards the level of the direction by e^(-stiffness |dx| / level).
+// Dahl's friction in closed form: towards the level of the direction by e^(-stiffness |dx| /
+// level).
 class Bristle {
  public:
   double operator()(double x, double) {

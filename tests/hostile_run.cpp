@@ -73,8 +73,7 @@ HostileDraw run_hostile_sets(std::uint64_t seed, std::size_t verdicts,
       bool solvable = false, by_default = false;
       for (const auto& entry : registry.entries()) {
         if (entry.solver == nullptr) continue;
-        HostileVerdict verdict =
-            run(*set, *entry.solver, gap, draw.tally[{entry.name, gap}]);
+        HostileVerdict verdict = run(*set, *entry.solver, gap, draw.tally[{entry.name, gap}]);
         verdict.set = n;
         ++draw.verdicts;
         if (each) each(verdict);

@@ -18,9 +18,9 @@ namespace graybox::testing_sets {
 struct HostileTally {
   std::size_t verdicts = 0;
   std::size_t solved = 0;
-  std::size_t falsely_solved = 0;   // the true gap is above the gap asked
-  std::size_t outside_bound = 0;    // the true gap is further from the checked one than its bound
-  std::size_t withdrawn_claims = 0; // claimed by the back-end, refused by the checker
+  std::size_t falsely_solved = 0;    // the true gap is above the gap asked
+  std::size_t outside_bound = 0;     // the true gap is further from the checked one than its bound
+  std::size_t withdrawn_claims = 0;  // claimed by the back-end, refused by the checker
   double seconds = 0.0;
 };
 

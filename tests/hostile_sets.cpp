@@ -196,10 +196,9 @@ Matrices saturation(Random& random) {  // Michaelis and Menten, by both paramete
 
 Matrices hats(Random& random) {  // linear splines: each candidate sees two neighbours
   const Index d = whole(random, 3, 8);
-  return curve(d, some_candidates(random) + 2 * d, 0.0, static_cast<double>(d - 1),
-               [](Index k, double x) {
-                 return std::max(0.0, 1.0 - std::abs(x - static_cast<double>(k)));
-               });
+  return curve(
+      d, some_candidates(random) + 2 * d, 0.0, static_cast<double>(d - 1),
+      [](Index k, double x) { return std::max(0.0, 1.0 - std::abs(x - static_cast<double>(k))); });
 }
 
 Matrices monomials(Random& random, double from) {

@@ -1,5 +1,5 @@
-// Information sets made to be hard: badly scaled, nearly singular, copied, rounded, degenerate. Every
-// back-end runs on them, and what is called solved is compared with the gap in 60 digits.
+// Information sets made to be hard: badly scaled, nearly singular, copied, rounded, degenerate.
+// Every back-end runs on them, and what is called solved is compared with the gap in 60 digits.
 //
 //   Random random(seed);
 //   const InformationSet set = hostile_set(kind, random);         // kind < hostile_kinds().size()
@@ -25,8 +25,9 @@ namespace graybox::testing_sets {
 // positive semidefinite.
 [[nodiscard]] InformationSet hostile_set(std::size_t kind, Random& random);
 
-// max_i tr(M^-1 H_i)/d - 1 over all candidates in 60 decimal digits, for the weights as certify() reads
-// them: negative ones set to zero, sum one. Infinity where M is singular or the weights are none.
+// max_i tr(M^-1 H_i)/d - 1 over all candidates in 60 decimal digits, for the weights as certify()
+// reads them: negative ones set to zero, sum one. Infinity where M is singular or the weights are
+// none.
 [[nodiscard]] double true_gap(const InformationSet& set, const Design& design);
 
 // A seed from the machine's entropy.

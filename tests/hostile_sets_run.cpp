@@ -2,8 +2,8 @@
 //
 //   hostile_sets [--verdicts N] [--seed S] [--rows FILE]
 //
-// Prints a table of all back-ends; exit code 1 where a design was called solved that is not, or a true
-// gap lies outside the checker's bound. --rows writes every verdict as CSV.
+// Prints a table of all back-ends; exit code 1 where a design was called solved that is not, or a
+// true gap lies outside the checker's bound. --rows writes every verdict as CSV.
 #include <fmt/format.h>
 
 #include <cstdio>

@@ -25,9 +25,8 @@ TEST(HostileSets, NothingIsCalledSolvedThatIsNot) {
     EXPECT_EQ(tally.falsely_solved, 0U) << key.first << " at " << key.second << ", seed " << seed;
     EXPECT_EQ(tally.outside_bound, 0U) << key.first << " at " << key.second << ", seed " << seed;
   }
-  // Finding S2: the default solves nearly all that any back-end does.
-  EXPECT_GE(static_cast<double>(draw.solved_by_default),
-            0.96 * static_cast<double>(draw.solvable))
+  // Finding S2: the default solves nearly all that any back-end does; one of a hundred may fail.
+  EXPECT_GE(static_cast<double>(draw.solved_by_default), 0.99 * static_cast<double>(draw.solvable))
       << "seed " << seed;
 }
 

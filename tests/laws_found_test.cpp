@@ -1,5 +1,6 @@
-// Every law of the catalogue, and every kind of place, once from the simulator through `diagnose` to the verdict. Drives take
-// all laws but those that only a robot has. What of all this is found at which size, the challenge counts (docs/challenge.md).
+// Every law of the catalogue, and every kind of place, once from the simulator through `diagnose`
+// to the verdict. Drives take all laws but those that only a robot has. What of all this is found
+// at which size, the challenge counts (docs/challenge.md).
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -41,7 +42,8 @@ std::string name_of(const ::testing::TestParamInfo<HiddenLaw>& info) {
 
 using Member = std::pair<std::string, std::string>;  // place, law
 
-// All that the answer calls this effect: the law named, those not excluded, and the same at other places.
+// All that the answer calls this effect: the law named, those not excluded, and the same at other
+// places.
 std::set<Member> class_of(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
   std::set<Member> members;
   const auto add = [&](const FittedLaw& law) {
@@ -159,8 +161,8 @@ TEST_P(LawOfARobot, IsFound) {
   expect_found(hidden, *robot.problem());
 }
 
-// Laws that only robots have, and each kind of their places. Gearboxes, constant forces, balancers and couplings are those of
-// periodic_mismatch_test.cpp.
+// Laws that only robots have, and each kind of their places. Gearboxes, constant forces, balancers
+// and couplings are those of periodic_mismatch_test.cpp.
 const std::vector<HiddenLaw> kLawsOfRobots{
     {"joint_2.bearing_x", "{kind: element, joint: joint_2, axis: bearing_x}", "cubic_spring",
      "stiffness: {value: 5.0e10, unit: N m/rad^3}"},

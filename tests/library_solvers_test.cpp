@@ -54,7 +54,7 @@ InformationSet regression(std::size_t dimension, const std::vector<double>& regr
   return InformationSet(dimension, std::move(information));
 }
 
-class LibrarySolverTest : public testing::TestWithParam<std::string> {
+class LibrarySolverTest : public ::testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
     for (const auto& entry : registry_.entries()) {
@@ -288,8 +288,8 @@ TEST(NloptSlsqp, RefusesMoreVariablesThanDenseSqpCanTake) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Libraries, LibrarySolverTest,
-                         testing::Values("ipopt_primal", "ipopt_lifted", "ipopt_dual",
-                                         "nlopt_slsqp", "nlopt_mma", "nlopt_ccsa", "nlopt_lbfgs"),
+                         ::testing::Values("ipopt_primal", "ipopt_lifted", "ipopt_dual",
+                                           "nlopt_slsqp", "nlopt_mma", "nlopt_ccsa", "nlopt_lbfgs"),
                          [](const auto& test) { return test.param; });
 
 }  // namespace

@@ -207,8 +207,8 @@ TEST(MaximumLikelihood, InformationIsTheSumOfThePositions) {
 }
 
 // (theta_hat - theta)^T H (theta_hat - theta) is chi-square with d degrees of freedom where the
-// noise is small, and the fit's chi-square has its own: sums over many fits lie within five standard
-// deviations of their expectation.
+// noise is small, and the fit's chi-square has its own: sums over many fits lie within five
+// standard deviations of their expectation.
 TEST(MaximumLikelihood, ErrorsAndChiSquareAreDistributedAsStated) {
   const RobotModel robot = quick_robot(1e-7);
   const RobotResponseModel model(robot);
@@ -297,8 +297,8 @@ TEST(ConstitutiveResiduals, GradientIsThatOfTheMisfit) {
   }
 }
 
-// Without relaxation the misfit is that of the likelihood; relaxing it never raises it; at the truth
-// nothing is left to explain.
+// Without relaxation the misfit is that of the likelihood; relaxing it never raises it; at the
+// truth nothing is left to explain.
 TEST(ConstitutiveResiduals, AreBoundedByTheLikelihoods) {
   const RobotModel robot = quick_robot(1e-6);
   Random random(4);
@@ -324,8 +324,8 @@ TEST(ConstitutiveResiduals, AreBoundedByTheLikelihoods) {
   EXPECT_LT(half_squares(ConstitutiveResiduals(robot, clean, truth, 1.0), 0.0 * at), 1e-12);
 }
 
-// The optimum is the one that a fit from the truth finds. From starts like these the closed-loop stage
-// alone ends elsewhere more often than not.
+// The optimum is the one that a fit from the truth finds. From starts like these the closed-loop
+// stage alone ends elsewhere more often than not.
 TEST(FitSearch, FindsTheOptimumFromThreeTimesOff) {
   const RobotModel robot = quick_robot(1e-6);
   const RobotResponseModel model(robot);

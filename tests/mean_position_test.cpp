@@ -1,4 +1,5 @@
-// Where masses that no spring holds stand on average, which no line of a recording shows, and laws that follow it.
+// Where masses that no spring holds stand on average, which no line of a recording shows, and laws
+// that follow it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -186,7 +187,8 @@ TEST(MeanPosition, IsThatWhichTheControllerHolds) {
   EXPECT_GT(most - least, 0.2);  // recordings differ by what they would be wrong by without it
 }
 
-// A balancer's torque turns with the rotor: it fits only where each recording stands where it stood.
+// A balancer's torque turns with the rotor: it fits only where each recording stands where it
+// stood.
 TEST(MeanPosition, TellsABalancerWhereItsRotorStands) {
   const RecordedRotor rotor(kControlled, kBalancer, "[1, 3]");
   const auto problem = rotor.problem();

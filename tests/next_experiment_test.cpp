@@ -19,8 +19,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// y = a x + b x^2 against one with s (|x| - x^2) more, at points x; n M_i of n = 8 recordings and what is
-// known already.
+// y = a x + b x^2 against one with s (|x| - x^2) more, at points x; n M_i of n = 8 recordings and
+// what is known already.
 Matrix3d information_at(double x) {
   const Vector3d row(x, x * x, std::abs(x) - x * x);
   return 8.0 * row * row.transpose();

@@ -1,4 +1,5 @@
-// Noise that was estimated from few samples: what its errors do to chi-square and to scores, against drawn covariances.
+// Noise that was estimated from few samples: what its errors do to chi-square and to scores,
+// against drawn covariances.
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 
 #include <gtest/gtest.h>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/random.hpp"
 
 namespace graybox {
@@ -21,8 +23,6 @@ using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
 
 constexpr Index kOutputs = 4;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // Entries of variance two, as whitened residuals are.
 MatrixXcd drawn(Random& random, Index rows, Index columns) {
@@ -54,8 +54,8 @@ struct Group {
   Index samples = 0;  // of each line
 };
 
-// Whitens new noise of each group by a covariance estimated from other noise, pooled over neighbouring lines to
-// `wanted` samples: chi-square over its numbers. Sets the groups' pools.
+// Whitens new noise of each group by a covariance estimated from other noise, pooled over
+// neighbouring lines to `wanted` samples: chi-square over its numbers. Sets the groups' pools.
 double drawn_chi_square(Random& random, const std::vector<Group>& groups, double wanted,
                         PeriodicData& data) {
   const std::vector<double> frequencies(data.frequencies.begin() + 1, data.frequencies.end());
@@ -81,7 +81,8 @@ double drawn_chi_square(Random& random, const std::vector<Group>& groups, double
   return sum / numbers;
 }
 
-// Groups of different sizes; a chi-square over its degrees of freedom has the variance two over them.
+// Groups of different sizes; a chi-square over its degrees of freedom has the variance two over
+// them.
 TEST(EffectiveDegreesOfFreedom, GiveTheVarianceOfChiSquareUnderEstimatedNoise) {
   constexpr Index kLines = 40;
   constexpr int kDraws = 4000;
@@ -109,7 +110,8 @@ TEST(EffectiveDegreesOfFreedom, GiveTheVarianceOfChiSquareUnderEstimatedNoise) {
   EXPECT_GT(variance * fisher / 2.0, 1.15);
 }
 
-// One output over a few of the lines: fewer samples say what its noise is, also where they are pooled with neighbours.
+// One output over a few of the lines: fewer samples say what its noise is, also where they are
+// pooled with neighbours.
 TEST(EffectiveDegreesOfFreedom, GiveTheVarianceInACellOfTheMap) {
   constexpr Index kLines = 40;
   const std::vector<double> frequencies = frame(kLines).frequencies;
@@ -134,7 +136,8 @@ TEST(EffectiveDegreesOfFreedom, GiveTheVarianceInACellOfTheMap) {
         const auto whitening =
             whitening_of(inverse_bias(one.degrees_of_freedom, kOutputs) * one.covariance,
                          Eigen::VectorXd::Zero(kOutputs), 0.0);
-        sum += (*whitening * drawn(random, kOutputs, kRecords) / std::sqrt(2.0)).row(0).squaredNorm();
+        sum +=
+            (*whitening * drawn(random, kOutputs, kRecords) / std::sqrt(2.0)).row(0).squaredNorm();
       }
       mean += sum / kDraws;
       squares += sum * sum / kDraws;

@@ -32,9 +32,9 @@ class OutputCommand : public testing::CommandRunner {
   void SetUp() override {
     write_text(file("plan.yaml"), kPlan);
     write_text(file("csv_plan.yaml"), std::string(kPlan) + "data: csv\n");
-    ASSERT_EQ(graybox("problem random --family rob --candidates 60 --dimension 6 -o set.h5")
-                  .exit_code,
-              0);
+    ASSERT_EQ(
+        graybox("problem random --family rob --candidates 60 --dimension 6 -o set.h5").exit_code,
+        0);
   }
   [[nodiscard]] std::string file(const std::string& name) const { return folder_.file(name); }
 
@@ -51,15 +51,16 @@ class OutputCommand : public testing::CommandRunner {
                   .exit_code,
               0);
   }
-  std::string study = "study --quick --solvers column_generation --max-candidates 50 "
-                      "--no-families -o ";
+  std::string study =
+      "study --quick --solvers column_generation --max-candidates 50 "
+      "--no-families -o ";
 
   // Exit code of the command with standard output elsewhere and files of at most so many bytes.
   int with_file_limit(const std::string& arguments, std::uintmax_t bytes) {
-    const std::string command = "cd '" + file("") + "' && prlimit --fsize=" +
-                                std::to_string(bytes) + " '" + built_executable("bin/graybox") +
-                                "' " + arguments + " 2>&1 >/dev/null | cat > '" +
-                                logs_.file("err") + "'; exit ${PIPESTATUS[0]}";
+    const std::string command =
+        "cd '" + file("") + "' && prlimit --fsize=" + std::to_string(bytes) + " '" +
+        built_executable("bin/graybox") + "' " + arguments + " 2>&1 >/dev/null | cat > '" +
+        logs_.file("err") + "'; exit ${PIPESTATUS[0]}";
     write_text(logs_.file("run.sh"), command + "\n");
     const int status = std::system(("bash '" + logs_.file("run.sh") + "'").c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
@@ -145,12 +146,11 @@ TEST_F(OutputCommand, WritesThroughDevicesPipesAndLinks) {
   EXPECT_TRUE(fs::is_symlink(file("link.json")));
   EXPECT_EQ(json::parse(read_text(file("target.json")))["format"], "graybox-design/1");
   // Into standard output, whether it is a pipe or a file: nothing of either text is lost.
-  write_text(file("pipe.sh"), "'" + built_executable("bin/graybox") +
-                                  "' solve set.h5 -o /dev/stdout | cat > piped\n'" +
-                                  built_executable("bin/graybox") +
-                                  "' solve set.h5 -o /dev/stdout > direct\n'" +
-                                  built_executable("bin/graybox") +
-                                  "' solve set.h5 -o >(cat > substituted) > out; wait\n");
+  write_text(
+      file("pipe.sh"),
+      "'" + built_executable("bin/graybox") + "' solve set.h5 -o /dev/stdout | cat > piped\n'" +
+          built_executable("bin/graybox") + "' solve set.h5 -o /dev/stdout > direct\n'" +
+          built_executable("bin/graybox") + "' solve set.h5 -o >(cat > substituted) > out; wait\n");
   ASSERT_EQ(std::system(("cd '" + file("") + "' && bash pipe.sh && sleep 0.5").c_str()), 0);
   for (const char* name : {"piped", "direct"}) {
     const std::string text = read_text(file(name));
@@ -261,8 +261,8 @@ TEST_F(OutputCommand, SimulateGoesOnInAFolderOfItsOwnLeftovers) {
   ASSERT_EQ(std::fscanf(ended, "%d", &process), 1);
   pclose(ended);
   fs::create_directory(file("campaign"));
-  const std::string left = "campaign/.simulation.json.graybox-" + std::to_string(process) +
-                           "-Ab12Cd.tmp";
+  const std::string left =
+      "campaign/.simulation.json.graybox-" + std::to_string(process) + "-Ab12Cd.tmp";
   write_text(file(left), "");
   write_text(file("campaign/simulation.json.Ab12Cd"), "");  // as releases before 0.1 left it
   EXPECT_EQ(simulate("campaign").exit_code, 0);

@@ -1,5 +1,5 @@
-// First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady states
-// that they are made of.
+// First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady
+// states that they are made of.
 #include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
 #include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
 
@@ -34,8 +34,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Recordings of the three-axis robot; what `changes` replace in its file is what the model believes. `hidden`:
-// elements of a graybox-physics/1 file, or nothing.
+// Recordings of the three-axis robot; what `changes` replace in its file is what the model
+// believes. `hidden`: elements of a graybox-physics/1 file, or nothing.
 class RecordedArm {
  public:
   RecordedArm(const std::string& level, const std::string& positions,
@@ -161,8 +161,9 @@ std::vector<ActingLaw> acting(const PlantFamily& family, const std::string& plac
   return {{&*found, find_law(law, false), std::move(values), {}}};
 }
 
-// A mass that swings at the end of the band is nearly the mass that carries it: along the valley between the two
-// chi-square falls slowly, and the valley bends. Wherever a fit begins, it ends at the one optimum.
+// A mass that swings at the end of the band is nearly the mass that carries it: along the valley
+// between the two chi-square falls slowly, and the valley bends. Wherever a fit begins, it ends at
+// the one optimum.
 TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
   const std::vector<double> swinging{0.004, 38.5, 0.055};
   std::string model = kChain;
@@ -194,7 +195,8 @@ TEST(PeriodicFit, FollowsAValleyThatBendsToItsEnd) {
   }
 }
 
-// Laws of many parameters creep. Where one can't come below what another fit has come to it is given up, and only there.
+// Laws of many parameters creep. Where one can't come below what another fit has come to it is
+// given up, and only there.
 TEST(PeriodicFit, IsGivenUpWhereItCannotWin) {
   const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
   const auto family = plant_family(chain.model());
@@ -219,8 +221,8 @@ TEST(PeriodicFit, IsGivenUpWhereItCannotWin) {
   EXPECT_EQ(winner.chi_square, whole.chi_square);
 }
 
-// With a transition velocity far below all that is reached friction jumps, and where no motion is found under it the
-// recordings are fitted by a force that was taken from them.
+// With a transition velocity far below all that is reached friction jumps, and where no motion is
+// found under it the recordings are fitted by a force that was taken from them.
 TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
   const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
   const auto problem = periodic_mismatch_problem(chain.model(), chain.campaign());
@@ -249,8 +251,8 @@ TEST(PeriodicFit, HasNotConvergedWhereNoSteadyStateIsFound) {
   EXPECT_GE(without, 1);
 }
 
-// A motion that is in part the recording's own predicts nothing of that part. Friction with transitions ever narrower does
-// ever the same to the motion, also where that is no longer found.
+// A motion that is in part the recording's own predicts nothing of that part. Friction with
+// transitions ever narrower does ever the same to the motion, also where that is no longer found.
 TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
   const RecordedChain chain(kChain, kRubbing, "[1.4, 3.0]");
   const auto family = plant_family(chain.model(), {});
@@ -285,7 +287,8 @@ TEST(PeriodicAssessment, CountsWhatIsLeftOfASearchAsError) {
   }
 }
 
-// Of five positions the three that have the most information of all choices of three, or nearly; of few all.
+// Of five positions the three that have the most information of all choices of three, or nearly; of
+// few all.
 TEST(TellingRecordings, AreOfThePositionsThatTellMost) {
   const RecordedArm arm(
       "[1.0]", "[[20, 30, 40], [21, 30, 40], [22, 31, 40], [-60, 80, -70], [0, -40, 90]]", {});
@@ -354,8 +357,8 @@ std::vector<ActingLaw> acting(const RecordedArm& arm, const std::string& place,
   return acting(*arm.family, place, law, std::move(values));
 }
 
-// A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters far off: with its
-// law the fit must not begin there.
+// A gearbox that hardens so strongly that the model alone fits nowhere, and pulls its parameters
+// far off: with its law the fit must not begin there.
 TEST(FitsIfNear, FindALawFromTheModelsOwnValues) {
   const RecordedArm arm("[2.0, 6.0]", "[[20, 30, 40]]", {{"4.0e4", "3.6e4"}, {"1.5e4", "1.6e4"}},
                         kHardening);
@@ -377,8 +380,9 @@ TEST(FitsIfNear, FindALawFromTheModelsOwnValues) {
   EXPECT_FALSE(other.trouble.empty());
 }
 
-// With any force allowed at its place, the other parameters come out right without a word about the law, and
-// then the law from that force; the spring beside it can't be told before. Elsewhere nothing comes near.
+// With any force allowed at its place, the other parameters come out right without a word about the
+// law, and then the law from that force; the spring beside it can't be told before. Elsewhere
+// nothing comes near.
 TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
   const RecordedArm arm("[2.0, 6.0]", "[[20, 30, 40], [-60, 10, -30]]",
                         {{"4.0e4", "3.4e4"}, {"5.0e4", "5.9e4"}, {"1.5e4", "1.75e4"}}, kHardening);
@@ -415,7 +419,8 @@ TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
   EXPECT_LT((fit.parameters - truth).cwiseAbs().maxCoeff(), 5e-4);
   EXPECT_NEAR(fit.laws[0].parameters[0] / kHardeningStiffness, 1.0, 1e-3);
 
-  // Beside another law, which does nothing, and one at the same place, which can't be told from any force there.
+  // Beside another law, which does nothing, and one at the same place, which can't be told from any
+  // force there.
   std::vector<ActingLaw> others = acting(arm, "joint_1.gearbox", "viscous", {1.0});
   others.push_back(acting(arm, "joint_2.gearbox", "viscous", {0.0})[0]);
   const PeriodicFit beside =
@@ -437,8 +442,8 @@ TEST(FreedFits, FindParametersWithoutTheLawAndTheLawFromItsForce) {
   EXPECT_FALSE(elsewhere.converged);
 }
 
-// A spring that yields to the weight moves the rest of the law beside it, and where that is steep the law's
-// slope: derivatives know it. Against central differences of the outputs.
+// A spring that yields to the weight moves the rest of the law beside it, and where that is steep
+// the law's slope: derivatives know it. Against central differences of the outputs.
 TEST(SteadyStates, DerivativesAreThoseOfDifferences) {
   const RecordedArm arm("[4.0]", "[[20, 60, 40]]", {});
   const std::vector<ActingLaw> laws =
@@ -507,8 +512,8 @@ TEST(SteadyStates, DoNotDependOnWhereTheyWereSoughtFrom) {
   }
 }
 
-// By substitution alone this motion, far beyond what the arm's equations of second order are good for, does not
-// settle in 25 passes.
+// By substitution alone this motion, far beyond what the arm's equations of second order are good
+// for, does not settle in 25 passes.
 TEST(SteadyStates, OfFastMotionSettle) {
   const RecordedArm arm("[120.0]", "[[20, 30, 40]]", {});
   const ModelState model = evaluate_model(*arm.family, arm.data, arm.own, {}, false, 1);

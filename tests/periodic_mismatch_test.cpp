@@ -45,8 +45,8 @@ const HypothesisScore& best_of(const ScoreTable& table) {
   });
 }
 
-// The place is ranked first, with this law close to the best there (laws that bend alike are told apart
-// by refits); the refit finds the hidden parameters, and what is left is noise, also on the
+// The place is ranked first, with this law close to the best there (laws that bend alike are told
+// apart by refits); the refit finds the hidden parameters, and what is left is noise, also on the
 // recordings that were kept out.
 void expect_found(const HiddenPhysics& hidden, const std::string& place, const std::string& law,
                   const std::vector<double>& truth, std::size_t checked) {
@@ -224,7 +224,8 @@ PeriodicMotion motion_of_three_tones(double size) {
   return motion;
 }
 
-// Of a force that remembers as well: against the force of a motion that is a little larger and later.
+// Of a force that remembers as well: against the force of a motion that is a little larger and
+// later.
 TEST(PeriodicLaw, TangentsAreThoseOfDifferences) {
   struct Example {
     const char* law;
@@ -311,7 +312,8 @@ void expect_explained(const HiddenPhysics& hidden, const std::string& place, con
   }
 }
 
-// What has been cut off is not in the recordings any more: most of the signal looks like a gain error.
+// What has been cut off is not in the recordings any more: most of the signal looks like a gain
+// error.
 TEST(PeriodicMismatch, RanksASaturationBeforeTheGainErrorThatItLooksLike) {
   const HiddenPhysics hidden(
       element("{kind: sensor, output: speed}", "saturation",
@@ -387,8 +389,8 @@ TEST(PeriodicMismatch, ADelayBesideDragIsOneSystemAtTwoPlaces) {
   EXPECT_LT(experiments->distance_at_best, 0.02);
 }
 
-// With one input and one output it can't be told which of them is late; and that something is, which leaves
-// the recordings far from the model, must not make a gain error look like it.
+// With one input and one output it can't be told which of them is late; and that something is,
+// which leaves the recordings far from the model, must not make a gain error look like it.
 TEST(PeriodicMismatch, ADelayOfTheOnlyChannelsIsOneSystemAtTwoPlaces) {
   const HiddenPhysics hidden(
       element("{kind: actuator, input: torque}", "delay", "time: {value: 0.0015, unit: s}"),
@@ -457,7 +459,8 @@ TEST(PeriodicMismatch, FindsNothingMissingInARobotWithItsOwnNonLinearities) {
   EXPECT_NEAR(problem->validate(fit)->chi_square_per_dof(), 1.0, 0.1);
 }
 
-// The commonest missing physics is a wiring fault: said before anything is fitted, and nothing is searched.
+// The commonest missing physics is a wiring fault: said before anything is fitted, and nothing is
+// searched.
 TEST(PeriodicMismatch, SaysThatARobotIsWiredWrongly) {
   const auto said = [](const RecordedRobot& robot) {
     const auto problem = robot.problem();
@@ -504,14 +507,16 @@ TEST(PeriodicMismatch, CellsOfTheMapAreNoiseWhereNothingIsMissing) {
   EXPECT_LE(static_cast<double>(rejected), limit(0.05, 24));
 }
 
-// Where its transition velocity is never reached, dry friction is viscous: one that the recordings do not tell from
-// viscous friction is no rival of it. Of force balances frictions that never slide are no candidates.
+// Where its transition velocity is never reached, dry friction is viscous: one that the recordings
+// do not tell from viscous friction is no rival of it. Of force balances frictions that never slide
+// are no candidates.
 TEST(PeriodicMismatch, KnowsThatSlowDryFrictionIsViscous) {
   const auto has = [](const std::string& law, bool may_creep, const std::string& special) {
     const std::vector<std::string> cases = special_cases_of(*find_law(law, false), may_creep);
     return std::ranges::find(cases, special) != cases.end();
   };
-  for (const std::string law : {"coulomb", "stribeck", "asymmetric_coulomb", "sublinear_friction"}) {
+  for (const std::string law :
+       {"coulomb", "stribeck", "asymmetric_coulomb", "sublinear_friction"}) {
     EXPECT_TRUE(has(law, true, "viscous")) << law;
     EXPECT_FALSE(has(law, false, "viscous")) << law;
     EXPECT_EQ(has(law, false, "coulomb"), law != "coulomb") << law;
@@ -519,8 +524,9 @@ TEST(PeriodicMismatch, KnowsThatSlowDryFrictionIsViscous) {
   EXPECT_FALSE(has("dahl", true, "viscous"));
 }
 
-// In these positions the bearing of joint 2 hardly shows, and the fit has a valley for each of many stiffnesses: from
-// the model's values it ends in a wrong one, which another position tells at once.
+// In these positions the bearing of joint 2 hardly shows, and the fit has a valley for each of many
+// stiffnesses: from the model's values it ends in a wrong one, which another position tells at
+// once.
 TEST(PeriodicMismatch, ChecksAFirstFitThatDoesNotPredict) {
   const testing::TemporaryFolder folder;
   const std::filesystem::path robot =
@@ -573,8 +579,8 @@ void expect_explained_by(const std::string& law, const std::string& place,
   EXPECT_EQ(found.law, law);
 }
 
-// A command that only grazes a limit says little of where it is: a limit far above with a corner that reaches down to the
-// motion fits as well, and is wrong where the motion is larger.
+// A command that only grazes a limit says little of where it is: a limit far above with a corner
+// that reaches down to the motion fits as well, and is wrong where the motion is larger.
 TEST(PeriodicMismatch, FindsALimitThatTheMotionOnlyGrazes) {
   const testing::TemporaryFolder folder;
   std::string model = drive("30");
@@ -611,7 +617,8 @@ frequencies: {from: 1, to: 60, count: 40, spacing: log}
   EXPECT_LT(diagnosis.validation_after->chi_square_per_dof(), 1.5);
 }
 
-// It shows in no line by itself, but the arm hangs elsewhere and its mass matrix is another one there.
+// It shows in no line by itself, but the arm hangs elsewhere and its mass matrix is another one
+// there.
 TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
   const auto torque = [](double value, const std::string& more = "") {
     return fmt::format(
@@ -641,8 +648,8 @@ TEST(PeriodicMismatch, NamesAConstantTorqueAtAnArm) {
   EXPECT_GT(fixed.estimation.chi_square_per_dof(), 2.0);
 }
 
-// So strongly that the model alone fits nowhere (chi-square over its degrees of freedom above 10^4), with its own
-// stiffnesses off besides.
+// So strongly that the model alone fits nowhere (chi-square over its degrees of freedom above
+// 10^4), with its own stiffnesses off besides.
 TEST(PeriodicMismatch, NamesAGearboxThatHardensStrongly) {
   const RecordedRobot robot(
       "  - name: hidden\n    location: {kind: element, joint: joint_2, axis: gearbox}\n"
@@ -675,8 +682,9 @@ TEST(PeriodicShapes, ABalancerIsTriedWhereThePlaceTurnsFarEnough) {
   EXPECT_EQ(std::ranges::count(hypothetical_laws(place, 1), balancer), 0);
 }
 
-// A gearbox whose torque follows the angle of its motor bends the robot by far more than the motion does,
-// in each position by another amount: no line shows that, but the robot moves otherwise there.
+// A gearbox whose torque follows the angle of its motor bends the robot by far more than the motion
+// does, in each position by another amount: no line shows that, but the robot moves otherwise
+// there.
 TEST(PeriodicMismatch, ACouplingBendsTheRobotWhereItStands) {
   const RecordedRobot robot(
       "  - name: coupling\n    location: {kind: element, joint: joint_3, axis: gearbox, "
@@ -713,7 +721,8 @@ TEST(PeriodicMismatch, NamesABalancerAtAnArm) {
   EXPECT_NEAR(diagnosis.validation_within_errors->chi_square_per_dof(), 1.0, 0.1);
 }
 
-// The joint stands at 40 degrees and moves by a thousandth of that: bristles know but how far it moves.
+// The joint stands at 40 degrees and moves by a thousandth of that: bristles know but how far it
+// moves.
 TEST(PeriodicMismatch, FindsFrictionWithMemoryAtAJointFarFromZero) {
   const RecordedRobot robot(R"(  - name: seal
     location: {kind: element, joint: joint_3, axis: arm}

@@ -39,8 +39,8 @@ double mean_square_of_rest(const ForcePicture& picture) {
   return square / static_cast<double>(picture.force.size());
 }
 
-// Finding B1. Where a law explains all, what is left of the recordings' force is their noise, and the
-// picture shows it: as much as the fit states.
+// Finding B1. Where a law explains all, what is left of the recordings' force is their noise, and
+// the picture shows it: as much as the fit states.
 TEST(LawPictures, RecordedForcesScatterAboutTheTrueLawByTheNoiseThatTheFitStates) {
   double ratio = 0.0;
   constexpr int kSeeds = 4;

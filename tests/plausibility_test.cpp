@@ -1,4 +1,5 @@
-// The gate of physical sanity, rule by rule: what violates it is caught, and what a machine has is not.
+// The gate of physical sanity, rule by rule: what violates it is caught, and what a machine has is
+// not.
 #include "graybox/diagnosis/plausibility/plausibility.hpp"
 
 #include <gtest/gtest.h>

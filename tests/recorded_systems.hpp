@@ -1,5 +1,5 @@
-// Systems whose physics is known, recorded by simulation, and the models that are to be diagnosed with the recordings: a drive of two
-// masses, and a robot of three axes.
+// Systems whose physics is known, recorded by simulation, and the models that are to be diagnosed
+// with the recordings: a drive of two masses, and a robot of three axes.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +41,8 @@ inline std::string element(const std::string& location, const std::string& law,
          ", law: " + law + ", parameters: {" + parameters + "}}\n";
 }
 
-// A campaign simulated with hidden physics and the model, 10 % off in its stiffness, to diagnose it.
+// A campaign simulated with hidden physics and the model, 10 % off in its stiffness, to diagnose
+// it.
 class HiddenPhysics {
  public:
   explicit HiddenPhysics(const std::string& physics, std::uint64_t seed = 1, int threads = 1)
@@ -93,7 +94,8 @@ class HiddenPhysics {
   std::unique_ptr<MismatchProblem> problem_;
 };
 
-// The whole robot of three axes moves far beyond its linear model; its stiffnesses are off by up to 15 %.
+// The whole robot of three axes moves far beyond its linear model; its stiffnesses are off by up to
+// 15 %.
 class RecordedRobot {
  public:
   // `hidden`: elements of a graybox-physics/1 file, or nothing.

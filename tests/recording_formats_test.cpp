@@ -212,8 +212,8 @@ DriveMotion emps_motion(std::size_t experiment) {
   return motion;
 }
 
-// Mass, viscous and Coulomb friction and offset of EMPS by least squares, as its authors publish them,
-// hold on the second file too: wrong units, gains, time or filters would show.
+// Mass, viscous and Coulomb friction and offset of EMPS by least squares, as its authors publish
+// them, hold on the second file too: wrong units, gains, time or filters would show.
 TEST(RealRecordings, EmpsHasThePublishedMassAndFriction) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) GTEST_SKIP() << "set GRAYBOX_RECORDINGS";
   const DriveMotion fit = emps_motion(0);

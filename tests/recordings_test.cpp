@@ -396,7 +396,8 @@ TEST(TimeDerivative, IsExactForParabolasAtUnevenTimes) {
   EXPECT_LT((time_derivative(time, values) - slope).cwiseAbs().maxCoeff(), 1e-12);
 }
 
-// A whole number of half periods from end to end: a sum of sines, and so the derivative is exact, on a line, too.
+// A whole number of half periods from end to end: a sum of sines, and so the derivative is exact,
+// on a line, too.
 TEST(BandLimitedDerivative, IsExactForSinesOnALine) {
   constexpr Eigen::Index kSize = 241;
   constexpr double kStep = 0.01;
@@ -418,8 +419,7 @@ TEST(BandLimitedDerivative, HoldsForAnyPhaseAwayFromTheEnds) {
   const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(kSize, 0.0, kSize - 1.0);
   const double rate = 2.0 * std::numbers::pi * 0.33;  // rad a sample
   const Eigen::VectorXd values = (rate * time.array() + 0.4).sin();
-  const Eigen::VectorXd second =
-      band_limited_derivative(1.0, band_limited_derivative(1.0, values));
+  const Eigen::VectorXd second = band_limited_derivative(1.0, band_limited_derivative(1.0, values));
   const Eigen::VectorXd error = (second + rate * rate * values).cwiseAbs() / (rate * rate);
   EXPECT_LT(error.segment(1000, 2000).maxCoeff(), 2e-3);
   EXPECT_LT(error.segment(1000, 2000).maxCoeff(), 0.2 * error.segment(50, 100).maxCoeff());

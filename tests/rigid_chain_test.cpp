@@ -106,7 +106,7 @@ VectorXd shifted(const VectorXd& q, Eigen::Index i, double step) {
   return result;
 }
 
-class RigidChainProperties : public testing::TestWithParam<int> {
+class RigidChainProperties : public ::testing::TestWithParam<int> {
  protected:
   RigidChainProperties()
       : chain_(GetParam() == 0 ? robot_test::paper_robot().chain
@@ -186,7 +186,7 @@ TEST_P(RigidChainProperties, CoriolisTorqueFollowsFromTheMassMatrix) {
 }
 
 INSTANTIATE_TEST_SUITE_P(PaperRobotAndRandomChains, RigidChainProperties,
-                         testing::Values(0, 1, 2, 3));
+                         ::testing::Values(0, 1, 2, 3));
 
 TEST(RigidChain, RefusesAnEmptyChainAndAZeroAxis) {
   EXPECT_THROW(RigidChain({}, Vector3d::Zero()), InputError);

@@ -298,9 +298,9 @@ double mean_square_of_standardised_errors(const RigidRobotModel& robot, double c
   return sum / (kRuns * static_cast<double>(kArmTruth.size()));
 }
 
-// 640 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error. Kernel
-// estimates of correlated noise are known to be low in short records: at 0.7, the white formula would
-// give 4 to 6.
+// 640 squares, correlated among the parameters: +-25 % is far beyond their Monte-Carlo error.
+// Kernel estimates of correlated noise are known to be low in short records: at 0.7, the white
+// formula would give 4 to 6.
 TEST_F(RigidRobot, StandardErrorsHoldForWhiteAndCorrelatedNoise) {
   const RigidRobotModel robot = model(kArm + kFriction);
   EXPECT_NEAR(mean_square_of_standardised_errors(robot, 0.0), 1.0, 0.25);
@@ -559,6 +559,49 @@ joints:
   swapped.replace(swapped.find("name: shoulder"), 14, "name: elbow");
   testing::expect_refused([&] { (void)model(swapped); },
                           "the joint at this place in arm.urdf is 'shoulder'");
+}
+
+// A lift that carries one link: its force is (m1 + m2) (q'' + g), and the arm's weight acts with its
+// lever; the head beside them is locked and carried, too.
+TEST_F(RigidRobot, ReadsPrismaticJointsFromAUrdfAndLocksThoseBesideTheChain) {
+  testing::write_text(folder_.file("lift.urdf"), R"(<robot name="lift">
+  <link name="base"/>
+  <link name="column"><inertial><mass value="4"/>
+    <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="head"><inertial><mass value="1"/>
+    <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="column"/>
+    <axis xyz="0 0 2"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="nod" type="continuous"><parent link="column"/><child link="head"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="shoulder" type="continuous"><parent link="column"/><child link="arm"/>
+    <axis xyz="0 -1 0"/></joint>
+</robot>
+)");
+  const RigidRobotModel robot = model(R"(format: graybox-rigid-robot/1
+urdf: lift.urdf
+base: base
+tip: arm
+gravity: [0, 0, -9.81]
+joints:
+  - {name: lift, gear_ratio: 1, rotor_inertia: 0}
+  - {name: shoulder, gear_ratio: 1, rotor_inertia: 0}
+)");
+  ASSERT_TRUE(robot.joints[0].is_prismatic);
+  ASSERT_FALSE(robot.joints[1].is_prismatic);
+  EXPECT_EQ(robot.joints[0].body->mass, 5.0);
+  RigidBodyRegressor regressor(robot);
+  Eigen::VectorXd parameters(2 * kStandardParameters);
+  parameters << standard_parameters(*robot.joints[0].body),
+      standard_parameters(*robot.joints[1].body);
+  const Eigen::VectorXd forces =
+      regressor.evaluate(Eigen::Vector2d(0.4, 0.0), Eigen::Vector2d::Zero(),
+                         Eigen::Vector2d(3.0, 0.0)) *
+      parameters;
+  EXPECT_NEAR(forces(0), 7.0 * (3.0 + 9.81), 1e-9);
+  EXPECT_NEAR(forces(1), 2.0 * 0.5 * (3.0 + 9.81), 1e-9);
 }
 
 // ---- real recordings -----------------------------------------------------------------------------

@@ -121,7 +121,8 @@ TEST(RobotDynamics, EnergyBalance) {
   }
 }
 
-// Let go without dampers, the robot swings and keeps its energy, while kinetic energy comes and goes.
+// Let go without dampers, the robot swings and keeps its energy, while kinetic energy comes and
+// goes.
 TEST(RobotDynamics, FreeMotionKeepsItsEnergy) {
   RobotModel robot = robot_test::paper_robot();
   for (ArmSpring& spring : robot.springs) spring.damping = 0.0;

@@ -13,9 +13,9 @@ namespace {
 
 std::filesystem::path write_file(const std::string& text) {
   const std::filesystem::path file =
-      std::filesystem::path(testing::TempDir()) /
+      std::filesystem::path(::testing::TempDir()) /
       (std::string("graybox_positions_") +
-       testing::UnitTest::GetInstance()->current_test_info()->name() + ".csv");
+       ::testing::UnitTest::GetInstance()->current_test_info()->name() + ".csv");
   std::ofstream(file) << text;
   return file;
 }

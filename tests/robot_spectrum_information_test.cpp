@@ -57,9 +57,9 @@ MatrixXcd response(const LocalModel& model, const RobotModel& robot, double w, E
   return frequency_response(model.with_parameters(theta), w, robot.sample_time);
 }
 
-// Formula (5) as the paper writes it: Lambda = [(U U^H)^-1]^T (x) Phi_v in full, U = (G + F^-1)^-1 R
-// with R R^H = diag(rho) > 0, and derivatives of G by central differences. (Of fourth order: the step
-// must be far below the modal damping of 0.2 %, and large enough for the lowest frequencies.)
+// Formula (5) as the paper writes it: Lambda = [(U U^H)^-1]^T (x) Phi_v in full, U = (G + F^-1)^-1
+// R with R R^H = diag(rho) > 0, and derivatives of G by central differences. (Of fourth order: the
+// step must be far below the modal damping of 0.2 %, and large enough for the lowest frequencies.)
 MatrixXd full_information(const RobotModel& robot, const VectorXd& position,
                           const std::vector<double>& rho) {
   LocalModelBuilder builder(robot);
@@ -240,8 +240,8 @@ TEST(RobotSpectrumSet, ScalesWithExcitationAndNoise) {
   }
 }
 
-// A robot whose motors 4 and 5 are listed in the other order (the rows of the transmission, which is
-// then not diagonal) is the same robot: its lines are exchanged and nothing else.
+// A robot whose motors 4 and 5 are listed in the other order (the rows of the transmission, which
+// is then not diagonal) is the same robot: its lines are exchanged and nothing else.
 TEST(RobotSpectrumSet, ExchangedAxesExchangeTheirLines) {
   RobotModel robot = robot_test::paper_robot();
   RobotModel exchanged = robot;

@@ -76,8 +76,8 @@ TEST(RobustDesign, ClosedFormsOfOneParameter) {
   EXPECT_NEAR(solved(problem_of(sets, RobustObjective::kWorstCase, true))[0], 4.0 / 7.0, 1e-8);
 }
 
-// Two parameters, diagonal: three candidates diag(1, 0), diag(0, 1), and diag(b, c), where (b, c) is
-// (2, 0) in one sample and (0, 2) in the other. With weights (x, x, 1 - 2 x), by symmetry, det =
+// Two parameters, diagonal: three candidates diag(1, 0), diag(0, 1), and diag(b, c), where (b, c)
+// is (2, 0) in one sample and (0, 2) in the other. With weights (x, x, 1 - 2 x), by symmetry, det =
 // x (x + 2 (1 - 2 x)) = 2 x - 3 x^2 under both: x = 1/3.
 TEST(RobustDesign, ClosedFormOfDiagonalSamples) {
   const auto diagonal = [](double a, double b) { return MatrixXd(VectorXd{{a, b}}.asDiagonal()); };

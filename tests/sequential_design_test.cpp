@@ -46,8 +46,8 @@ TEST(NextExperiments, AreAsManyAsAskedAndNearTheRelaxedOptimum) {
   EXPECT_LT(duality_gap(set, weights), 0.02);
 }
 
-// Where all experiments so far went to one candidate, the next ones make up for it, and exchanging one
-// of them for another gains nothing.
+// Where all experiments so far went to one candidate, the next ones make up for it, and exchanging
+// one of them for another gains nothing.
 TEST(NextExperiments, ComplementWhatWasDone) {
   const InformationSet set = make_family("wis", 200, 4, 3);
   Counts past(200, 0);
@@ -79,7 +79,8 @@ TEST(NextExperiments, RefuseNothingToDoAndCountsOfAnotherSet) {
 
 class SequentialStudy : public ::testing::Test {
  protected:
-  // The paper's robot with every eighth frequency and a small grid: a repetition takes less than a second.
+  // The paper's robot with every eighth frequency and a small grid: a repetition takes less than a
+  // second.
   static RobotModel quick_robot() {
     RobotModel robot = robot_test::paper_robot();
     std::vector<double> frequencies;

@@ -64,7 +64,8 @@ TEST_F(SimulateCommand, WritesTheSameCampaignOnAnyNumberOfThreadsAndAfterAnInter
   }
   const std::string lost = read_text(folder_.file("one/p1_l1_r2_e4.h5"));
   fs::remove(folder_.file("one/p1_l1_r2_e4.h5"));
-  write_text(folder_.file("one/.p1_l1_r2_e4.h5.graybox-999999999-Ab3dEf.tmp"), "half");  // killed while it wrote
+  write_text(folder_.file("one/.p1_l1_r2_e4.h5.graybox-999999999-Ab3dEf.tmp"),
+             "half");  // killed while it wrote
   const Outcome resumed = graybox("simulate irb6600_like.yaml plan.yaml --seed 3 -o one --json");
   EXPECT_EQ(resumed.exit_code, 0);
   EXPECT_NE(resumed.out.find("\"already_there\":23"), std::string::npos) << resumed.out;

@@ -1,4 +1,5 @@
-// The simulator: excitation, hold timing, plants against each other and against frequency responses.
+// The simulator: excitation, hold timing, plants against each other and against frequency
+// responses.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>

@@ -219,9 +219,10 @@ InformationSet hostile_curve(std::uint64_t seed) {
   return seed % 3 == 0 ? in_random_units(set, random) : set;
 }
 
-class HostileCurves : public testing::TestWithParam<std::uint64_t> {};
+class HostileCurves : public ::testing::TestWithParam<std::uint64_t> {};
 
-// 230 of them. Before the well-conditioned start 14 of 230 such curves ended with a singular design.
+// 230 of them. Before the well-conditioned start 14 of 230 such curves ended with a singular
+// design.
 TEST_P(HostileCurves, EveryOneIsSolvedAndTheClaimIsTrue) {
   for (std::uint64_t seed = 10 * GetParam(); seed < 10 * GetParam() + 10; ++seed) {
     const InformationSet set = hostile_curve(seed);
@@ -233,7 +234,7 @@ TEST_P(HostileCurves, EveryOneIsSolvedAndTheClaimIsTrue) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, HostileCurves, testing::Range<std::uint64_t>(0, 23));
+INSTANTIATE_TEST_SUITE_P(Seeds, HostileCurves, ::testing::Range<std::uint64_t>(0, 23));
 
 }  // namespace
 }  // namespace graybox

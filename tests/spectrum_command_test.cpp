@@ -68,9 +68,9 @@ TEST_F(SpectrumCommand, TheDesignIsTheSetsAndChecked) {
   EXPECT_LE(certificate.duality_gap, 1.1e-8);
   EXPECT_EQ(report["duality_gap"].get<double>(), certificate.duality_gap);
   EXPECT_NEAR(report["covariance"].get<double>(), std::exp(-certificate.log_det / 12.0), 1e-9);
-  const Json json = Json::parse(read_text(folder_.file("design.json")));
+  const Json written = Json::parse(read_text(folder_.file("design.json")));
   for (const char* name : {"q1", "q6", "frequency", "axis"}) {
-    EXPECT_TRUE(json["support"][0]["candidate"].contains(name)) << name;
+    EXPECT_TRUE(written["support"][0]["candidate"].contains(name)) << name;
   }
   EXPECT_EQ(graybox("check set.h5 design.json").exit_code, 0);
 }

@@ -18,8 +18,8 @@ using testing::read_text;
 using testing::write_text;
 using Json = nlohmann::json;
 
-// Far above what a command may take, also on a busy machine and under sanitizers; what does not end by
-// then is killed, exit code 137.
+// Far above what a command may take, also on a busy machine and under sanitizers; what does not end
+// by then is killed, exit code 137.
 const std::string kAfterOneSecond =
     "timeout --foreground --preserve-status --signal=INT --kill-after=20 1";
 const std::string kAtMost = "timeout --foreground --signal=KILL 30";
@@ -39,7 +39,8 @@ class StopCommand : public testing::CommandRunner {
     const Outcome made = graybox(arguments);
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
-  // One that has something to hand over (1), has nothing and ends as any program (130), or was done.
+  // One that has something to hand over (1), has nothing and ends as any program (130), or was
+  // done.
   void expect_stopped(const std::string& arguments) {
     SCOPED_TRACE(arguments);
     const Outcome outcome = graybox(arguments, kAfterOneSecond);
@@ -62,6 +63,7 @@ TEST_F(StopCommand, CommandsOfSetsEndAtCtrlC) {
   expect_stopped("exact cube.h5 -M 12:40 --table table.csv");
   expect_stopped("check set.h5 design.json");
   expect_stopped("design criteria set.h5 --gap 1e-14");
+  expect_stopped("design robust set.h5 --largest-share 0.5 --of-positions 0.01 --gap 1e-14");
 }
 
 TEST_F(StopCommand, CommandsOfTheRobotEndAtCtrlC) {
@@ -71,6 +73,8 @@ TEST_F(StopCommand, CommandsOfTheRobotEndAtCtrlC) {
   expect_stopped("design sequential --repetitions 50");
   expect_stopped("design continuous --refined 10000000");
   expect_stopped("design spectrum");
+  expect_stopped("design verify --grid 500 --recordings 0 --repetitions 5000 -o responses");
+  expect_stopped("design verify --grid 500 --recordings 100 --repetitions 0 -o recordings");
   make("problem robot -o robot.h5");
   make("solve robot.h5 -o design.json");
   expect_stopped("design efficiency design.json --samples 2000 -o efficiency.csv");
@@ -104,8 +108,9 @@ TEST_F(StopCommand, ADiagnosisHandsOverWhatItHasAtItsTimeLimit) {
   make("simulate rotor.yaml rotor_plan.yaml -o campaign");
   for (const char* limit : {"0.01", "0.1", "0.3", "1"}) {
     SCOPED_TRACE(limit);
-    const Outcome outcome = graybox(
-        "diagnose rotor.yaml campaign --json -o report --time-limit " + std::string(limit), kAtMost);
+    const Outcome outcome =
+        graybox("diagnose rotor.yaml campaign --json -o report --time-limit " + std::string(limit),
+                kAtMost);
     ASSERT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1) << outcome.err;
     const Json found = Json::parse(outcome.out);
     EXPECT_EQ(found["interrupted"].get<bool>(), found["verdict"] == "unknown") << outcome.out;
@@ -125,7 +130,8 @@ TEST_F(StopCommand, TheExchangeThatNeverEndedEnds) {
       for (int c = 0; c <= r; ++c) {
         double sum = 0.0;
         for (int k = 0; k < (i % 2 == 0 ? 5 : 1); ++k) sum += hash(i, r, k) * hash(i, c, k);
-        lines += std::to_string(1e6 * sum * (i % 2 == 0 ? 1e-6 : 1.0)) + (r == 4 && c == 4 ? "\n" : ",");
+        lines +=
+            std::to_string(1e6 * sum * (i % 2 == 0 ? 1e-6 : 1.0)) + (r == 4 && c == 4 ? "\n" : ",");
       }
     }
   }

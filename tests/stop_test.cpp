@@ -94,10 +94,9 @@ TEST_P(EveryBackEnd, EndsAtItsTimeLimitWithADesign) {
     SCOPED_TRACE(count);
     const InformationSet set = wishart(60, count, rank, 1, 3.0);
     const double before = cpu_seconds();
-    const Solution solution =
-        solver.solve(set, {.duality_gap = 1e-12, .time_limit = kLimit});
-    // The work of this thread, which a busy machine does not make more; three times what is allowed,
-    // for sanitizers.
+    const Solution solution = solver.solve(set, {.duality_gap = 1e-12, .time_limit = kLimit});
+    // The work of this thread, which a busy machine does not make more; three times what is
+    // allowed, for sanitizers.
     EXPECT_LT(cpu_seconds() - before, 3.0 * (kLimit + 1.0));
     EXPECT_NE(solution.status, SolveStatus::kIterationLimit);
     expect_design(set, solution);

@@ -183,8 +183,8 @@ TEST(TimeVariation, IsNotSeenWhereNothingChanges) {
   }
 }
 
-// A sensor whose gain changes, made in time: s(t) y(t), y the model's steady state, and its discrete Fourier
-// transform term by term.
+// A sensor whose gain changes, made in time: s(t) y(t), y the model's steady state, and its
+// discrete Fourier transform term by term.
 TEST(TimeVariation, CourseIsThatOfTheChangeMade) {
   for (const int periods : {2, 3, 4}) {
     ClearedDrive cleared{ChangingDrive({}, 1, periods)};
@@ -244,7 +244,8 @@ TEST(TimeVariation, CourseIsThatOfTheChangeMade) {
   }
 }
 
-// What is left between the lines drawn anew as noise: the statistics are chi-square, correlated or not.
+// What is left between the lines drawn anew as noise: the statistics are chi-square, correlated or
+// not.
 TEST(TimeVariation, StatisticsAreChiSquareUnderNoise) {
   const ChangingDrive drive({});
   ClearedDrive cleared(drive);

@@ -1,4 +1,5 @@
-// Free motion in periodic recordings: taken out exactly where the model is right, whatever its damping.
+// Free motion in periodic recordings: taken out exactly where the model is right, whatever its
+// damping.
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
 
 #include <gtest/gtest.h>
@@ -159,8 +160,9 @@ TEST(Transients, LeaveNothingButTheNoise) {
   }
 }
 
-// A mode within 0.03 % of an excited line that hardly decays while it is recorded (14 s of damping, 2.7 s of record): a
-// small change of what own forces make of both motions is a large one of the motion at that line.
+// A mode within 0.03 % of an excited line that hardly decays while it is recorded (14 s of damping,
+// 2.7 s of record): a small change of what own forces make of both motions is a large one of the
+// motion at that line.
 TEST(Transients, AgreeWithARobotsOwnForcesAtAResonance) {
   const std::filesystem::path robot =
       std::filesystem::path(GRAYBOX_SOURCE_DIR) / "problems/robot/three_axis.yaml";
@@ -197,9 +199,10 @@ noise: 1e-12
   EXPECT_NEAR(chi_square_per_number(*family, model, data), 1.0, 0.06);
 }
 
-// The slope of a hardening shaft changes with the motion: where that meets free motion, both fall on the lines. By its mean
-// slope alone chi-square over numbers would be 3 for the softer of these. The harder one changes it so much that the two
-// can't be brought to agree: it counts by its mean slope.
+// The slope of a hardening shaft changes with the motion: where that meets free motion, both fall
+// on the lines. By its mean slope alone chi-square over numbers would be 3 for the softer of these.
+// The harder one changes it so much that the two can't be brought to agree: it counts by its mean
+// slope.
 TEST(Transients, AgreeWithALawThatIsNotLinear) {
   for (const double stiffness : {1e3, 2e4}) {
     const std::string hardening = R"(  - name: hardening
@@ -232,9 +235,9 @@ struct AddedMass {
   std::vector<double> values;
 };
 
-// Masses more, fixed or on springs: free motion has these, too. By mean stiffness and damping alone what is left of it would
-// pass for noise, and chi-square over numbers would be 0.77 with one on a spring and 0.90 with a fixed one. Nothing changes
-// with time.
+// Masses more, fixed or on springs: free motion has these, too. By mean stiffness and damping alone
+// what is left of it would pass for noise, and chi-square over numbers would be 0.77 with one on a
+// spring and 0.90 with a fixed one. Nothing changes with time.
 TEST(Transients, AreThoseOfMassesThatLawsAdd) {
   const AddedMass slow{"load",
                        "mode",

@@ -33,6 +33,8 @@ Diagnosis friction() {
   effect.held_out = HeldOutEffect{60.0, 3.3, 0.9};
   diagnosis.effects = {effect};
   diagnosis.after.laws = {effect.law};
+  diagnosis.channels_after = {{"torque of arm", 3.0, 0.02, 1.0, 3.3},
+                              {"torque of wrist", 8.0, 0.02, 1.0, 9.0}};
   return diagnosis;
 }
 
@@ -81,6 +83,13 @@ const Change kOfUnknownNoise[] = {
     {"kept out", [](Diagnosis& d) { d.validation_after->chi_square = 4000.0; }, Verdict::kUnknown},
     {"structure", [](Diagnosis& d) { d.remaining_structure = 0.4; }, Verdict::kUnknown},
     {"structure not told", [](Diagnosis& d) { d.remaining_structure.reset(); }, Verdict::kUnknown},
+    {"a channel",
+     [](Diagnosis& d) {
+       d.channels_after[1].nrmse = d.channels_after[1].held_out_nrmse.emplace(16.0);
+     },
+     Verdict::kUnknown},
+    {"a channel that was not seen", [](Diagnosis& d) { d.channels_after[0].held_out_nrmse = 6.0; },
+     Verdict::kUnknown},
     {"own past", [](Diagnosis& d) { d.autocorrelated_error = 30.0; }, Verdict::kUnknown},
 };
 const Change kOfKnownNoise[] = {

@@ -389,11 +389,11 @@ TEST(SvgChart, LeavesOutWhatCanNotBeShown) {
   EXPECT_EQ(empty.find("inf"), std::string::npos);
 }
 
-class ExtendedModel : public testing::Test {
+class ExtendedModel : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -460,7 +460,8 @@ outputs: [{name: speed, mass: motor, quantity: velocity}]
   EXPECT_EQ(added.elements[0].parameters, extended.elements[0].parameters);
 }
 
-// Laws that a model has already, of robots, too: estimates without a unit are no factors, and a parameter may have been left out.
+// Laws that a model has already, of robots, too: estimates without a unit are no factors, and a
+// parameter may have been left out.
 TEST_F(ExtendedModel, TakesTheEstimatesOfItsOwnLaws) {
   const std::string elements = R"(
 elements:

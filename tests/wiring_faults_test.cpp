@@ -1,5 +1,5 @@
-// Swapped wires, wrong signs and units of rigid robots: of simulated arms, where everything is known, and of real
-// recordings that are rewired here.
+// Swapped wires, wrong signs and units of rigid robots: of simulated arms, where everything is
+// known, and of real recordings that are rewired here.
 #include "graybox/diagnosis/force_balance/wiring_faults.hpp"
 
 #include <fmt/format.h>
@@ -40,7 +40,8 @@ constexpr const char* kDirect = R"(channels:
   position_of: arm
 )";
 
-// A shoulder about the vertical axis, an arm and a forearm. `bodies`: of each link, or nothing where they are unknown.
+// A shoulder about the vertical axis, an arm and a forearm. `bodies`: of each link, or nothing
+// where they are unknown.
 std::string arm_file(const char* drives, const std::vector<std::string>& bodies = {"", "", ""}) {
   const bool is_direct = drives == kDirect;
   const auto ratio = [&](int gear) {
@@ -157,8 +158,9 @@ std::string messages(const std::vector<ChannelFault>& faults) {
   return text;
 }
 
-// Physics that is missing is no fault of the wires, however large: a spring as strong as gravity, a load, dry friction
-// four times what the drives have, a force that follows another joint, torque that is late.
+// Physics that is missing is no fault of the wires, however large: a spring as strong as gravity, a
+// load, dry friction four times what the drives have, a force that follows another joint, torque
+// that is late.
 TEST(WiringFaults, AreNotFoundWhereThereAreNone) {
   const std::vector<RecordedArm::Force> missing{
       {},
@@ -205,8 +207,8 @@ void swap_motions(Motion& piece, Index a, Index b) {
   }
 }
 
-// One statement for one fault. (Where masses are not known and the arm is nearly the same without what a fault changes,
-// others may do as well, and stand beside it.)
+// One statement for one fault. (Where masses are not known and the arm is nearly the same without
+// what a fault changes, others may do as well, and stand beside it.)
 TEST(WiringFaults, AreNamedWhetherMassesAreKnownOrNot) {
   const std::vector<Fault> faults{
       {"t1 and t2 are swapped", [](Motion& piece) { swap_columns(piece.torque, 0, 1); }},

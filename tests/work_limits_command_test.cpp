@@ -21,7 +21,8 @@ class WorkLimits : public testing::CommandRunner {
                    "\nfrequencies: {from: 10, to: 80, count: 5, spacing: linear}\n");
   }
   void write_drive(const std::string& stiffness, const std::string& friction) {
-    write_text(folder_.file("drive.yaml"), R"(format: graybox-lumped/1
+    write_text(folder_.file("drive.yaml"),
+               R"(format: graybox-lumped/1
 sample_time: 0.001
 motion: rotation
 masses: {motor: 0.0021, load: 0.035}
@@ -29,11 +30,13 @@ elements:
   - name: shaft
     location: {kind: element, between: [motor, load]}
     law: stiffness
-    parameters: {stiffness: {value: )" + stiffness + R"(, unit: N m/rad}}
+    parameters: {stiffness: {value: )" +
+                   stiffness + R"(, unit: N m/rad}}
   - name: friction
     location: {kind: element, mass: load}
     law: coulomb
-    parameters: {level: {value: )" + friction + R"(, unit: N m}, transition_velocity: {value: 0.001, unit: rad/s}}
+    parameters: {level: {value: )" +
+                   friction + R"(, unit: N m}, transition_velocity: {value: 0.001, unit: rad/s}}
 inputs:
   - {name: torque, mass: motor}
 outputs:

@@ -81,8 +81,8 @@ std::vector<CaseOutline> outlines_of(std::size_t cases, std::optional<Family> fa
 
 bool is_offset(const HiddenLaw& law) { return law.name == "offset"; }
 
-// The pair whose law, then place, has come up least, or by turns whose place, then law; at random among
-// equals.
+// The pair whose law, then place, has come up least, or by turns whose place, then law; at random
+// among equals.
 class Turns {
  public:
   explicit Turns(std::uint64_t seed) : random_(seed) {}
@@ -120,8 +120,8 @@ class Turns {
   std::map<std::pair<Family, std::size_t>, int> places_;
 };
 
-// A law that only adds to a parameter that a fit adjusts hides nothing: one whose matrix is a multiple of
-// b b^T, b the place's direction.
+// A law that only adds to a parameter that a fit adjusts hides nothing: one whose matrix is a
+// multiple of b b^T, b the place's direction.
 bool is_fitted(const HiddenLaw& law, const ChallengePlace& place, const LinearDynamics& dynamics) {
   const bool is_stiffness = law.name == "stiffness";
   if (!is_stiffness && law.name != "viscous") return false;
@@ -185,8 +185,8 @@ SizedEffect effect_of(const LawAtPlace& pair, const ChallengePlace& place, doubl
   return result;
 }
 
-// The smallest detectable size, lambda within 25 % of what is required, by steps of sqrt(lambda) kept
-// within the bracket so far. None up to the law's largest.
+// The smallest detectable size, lambda within 25 % of what is required, by steps of sqrt(lambda)
+// kept within the bracket so far. None up to the law's largest.
 template <typename Lambda>
 std::optional<double> smallest_size(const Lambda& lambda_at, double required, double largest,
                                     const std::function<bool()>& keep_going) {

@@ -1,14 +1,16 @@
 // Which cases a challenge has, and the draw of each.
 //
-// Composition of n cases (400 unless `--quick`, then 40): 30 % on the full robot, 20 % on a three-axis
-// robot, 50 % on lumped systems; 25 % with nothing missing, 10 % with two effects, 7.5 % with a law
-// that the catalogue lacks, the rest with one effect, in the same proportions in each family; their
-// order is shuffled. Laws and places are taken in turn, so that all come up, from shuffled lists.
+// Composition of n cases (400 unless `--quick`, then 40): 30 % on the full robot, 20 % on a
+// three-axis robot, 50 % on lumped systems; 25 % with nothing missing, 10 % with two effects, 7.5 %
+// with a law that the catalogue lacks, the rest with one effect, in the same proportions in each
+// family; their order is shuffled. Laws and places are taken in turn, so that all come up, from
+// shuffled lists.
 //
-// Size: an effect's smallest detectable size is searched for (detectability.hpp) to 12 %; its size is
-// that times 20^U, U uniform, unless the law's largest size comes first. Where a place hides a law at
-// any size, the case takes another law and place, but for offsets: a constant can't be seen in the
-// lines of periodic data, and its few cases are kept as cases with an effect that is not detectable.
+// Size: an effect's smallest detectable size is searched for (detectability.hpp) to 12 %; its size
+// is that times 20^U, U uniform, unless the law's largest size comes first. Where a place hides a
+// law at any size, the case takes another law and place, but for offsets: a constant can't be seen
+// in the lines of periodic data, and its few cases are kept as cases with an effect that is not
+// detectable.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +43,8 @@ struct CaseOutline {
 // Every law that may be put at each place of a system.
 [[nodiscard]] std::vector<LawAtPlace> possible_effects(const CaseSystem& system, bool in_catalogue);
 
-// Empty name where `keep_going` has said no. Throws std::runtime_error where no effect can be drawn.
+// Empty name where `keep_going` has said no. Throws std::runtime_error where no effect can be
+// drawn.
 [[nodiscard]] CaseTruth draw_case(const CaseOutline& outline,
                                   const std::function<bool()>& keep_going = {});
 

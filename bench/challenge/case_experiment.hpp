@@ -1,4 +1,5 @@
-// The experiments of a challenge case: its true system with hidden elements, simulated under the plan.
+// The experiments of a challenge case: its true system with hidden elements, simulated under the
+// plan.
 #pragma once
 
 #include <cstdint>

@@ -1,10 +1,11 @@
-// CaseSystem: the system of one challenge case, twice: as the user believes it to be (the model file)
-// and as it is (fitted parameters off by up to 20 %), with the experiments made on it.
+// CaseSystem: the system of one challenge case, twice: as the user believes it to be (the model
+// file) and as it is (fitted parameters off by up to 20 %), with the experiments made on it.
 //
 // Families: the full robot (irb6600_like), a three-axis robot (three_axis), and lumped systems: a
-// speed-controlled rotor (one_mass), a speed-controlled drive with an elastic shaft (two_mass), a mass
-// on a mount, driven open-loop (oscillator), and a chain of three masses with two forces (chain).
-// Everything of one family has the same plan, so that files of its cases have the same sizes.
+// speed-controlled rotor (one_mass), a speed-controlled drive with an elastic shaft (two_mass), a
+// mass on a mount, driven open-loop (oscillator), and a chain of three masses with two forces
+// (chain). Everything of one family has the same plan, so that files of its cases have the same
+// sizes.
 #pragma once
 
 #include <Eigen/Core>
@@ -45,8 +46,8 @@ struct ChallengePlan {
   std::vector<ExperimentSet> sets;
 };
 
-// M q'' + C q' + K q = B u, y = S_0 q + S_1 q' about rest, and what each fitted parameter, relative to
-// its value, adds to M, C and K.
+// M q'' + C q' + K q = B u, y = S_0 q + S_1 q' about rest, and what each fitted parameter, relative
+// to its value, adds to M, C and K.
 struct LinearDynamics {
   struct Derivative {
     Eigen::MatrixXd mass, damping, stiffness;  // empty: none
@@ -90,8 +91,8 @@ class CaseSystem {
     return static_cast<Eigen::Index>(channels_.outputs.size());
   }
 
-  // The true system with further elements at a position of the plan. Throws InputError where it has no
-  // rest.
+  // The true system with further elements at a position of the plan. Throws InputError where it has
+  // no rest.
   [[nodiscard]] virtual std::unique_ptr<Plant> plant(const std::vector<Element>& elements,
                                                      std::size_t position) const = 0;
   // The true system without further elements.

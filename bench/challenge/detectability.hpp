@@ -1,15 +1,15 @@
 // Detectability of a hidden effect, from noise-free data and never from a diagnosis.
 //
-// Each estimation recording is simulated without noise, without the effect (0) and with it (1). With G
-// the frequency response of the true system without the effect, the effect is, at line k,
+// Each estimation recording is simulated without noise, without the effect (0) and with it (1).
+// With G the frequency response of the true system without the effect, the effect is, at line k,
 //
 //   e(k) = [Y_1 - G U_1] - [Y_0 - G U_0]
 //
 // (the second bracket takes out what the base model itself has of non-linearity), and the model's
-// fitted parameters theta can take away its part in the span of dG/dtheta U_1. The noise of Y - G U is
-// the sensors' noise alone, of known spectrum Phi(k) / P after the mean over P periods. With the lines
-// of all recordings whitened by sqrt(2 P / Phi) and stacked as real numbers, r of e and J of the
-// derivatives,
+// fitted parameters theta can take away its part in the span of dG/dtheta U_1. The noise of Y - G U
+// is the sensors' noise alone, of known spectrum Phi(k) / P after the mean over P periods. With the
+// lines of all recordings whitened by sqrt(2 P / Phi) and stacked as real numbers, r of e and J of
+// the derivatives,
 //
 //   lambda = min_x |r - J x|^2
 //
@@ -54,8 +54,8 @@ struct ResponseAt {
 //
 //   G(w) = S (e^(j w T_s) - A_d)^-1 B_d,   [A_d B_d; 0 I] = exp([A B; 0 0] T_s)   (Van Loan 1978).
 //
-// G without the images of the hold would leave of every gain error what the images make of it, and call
-// detectable what the fitted parameters can take up. Derivatives are central differences.
+// G without the images of the hold would leave of every gain error what the images make of it, and
+// call detectable what the fitted parameters can take up. Derivatives are central differences.
 class SampledDynamics {
  public:
   SampledDynamics(const LinearDynamics& dynamics, double sample_time);

@@ -85,7 +85,8 @@ std::shared_ptr<const Law> tooth_ripple(Parameters p) {
 }
 
 // The spring's pull times its lever arm, by vectors: anchor A = a (cos, sin)(angle), lever end
-// B = b (cos z, sin z); torque on the lever B x (pull along A - B), its negative is the law's force.
+// B = b (cos z, sin z); torque on the lever B x (pull along A - B), its negative is the law's
+// force.
 std::shared_ptr<const Law> spring_balancer(Parameters p) {
   return static_law([k = p[0], free = p[1], a = p[2], b = p[3], angle = p[4]](double z, double) {
     const double anchor_x = a * std::cos(angle), anchor_y = a * std::sin(angle);
@@ -177,8 +178,8 @@ std::shared_ptr<const Law> friction(const FrictionCurve& curve) {
   return std::make_shared<const BristleFriction>(curve);
 }
 
-// Dry friction that is nothing but that: bristles would make it Dahl's law, or LuGre's, which are laws
-// of the catalogue themselves. The sign of z' is rounded.
+// Dry friction that is nothing but that: bristles would make it Dahl's law, or LuGre's, which are
+// laws of the catalogue themselves. The sign of z' is rounded.
 double rounded_sign(double rate, double rounding) { return rate / rounded_abs(rate, rounding); }
 
 std::shared_ptr<const Law> dry_friction(Parameters p) {
@@ -258,9 +259,9 @@ class YieldingSpring final : public SimulatedLaw {
   double yield_force_, yield_, exponent_, shape_;
 };
 
-// A slider behind a spring whose slack has rounded corners. The spring's deflection x follows z but for
-// the slip of the slider, which sets in as the spring's force nears the level: the share of z' that
-// slips is (|f|/F_c)^n while the spring is being loaded.
+// A slider behind a spring whose slack has rounded corners. The spring's deflection x follows z but
+// for the slip of the slider, which sets in as the spring's force nears the level: the share of z'
+// that slips is (|f|/F_c)^n while the spring is being loaded.
 class SlackSlider final : public SimulatedLaw {
  public:
   explicit SlackSlider(Parameters p)

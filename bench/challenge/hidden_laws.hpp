@@ -1,6 +1,6 @@
-// The laws that a challenge hides in its simulated recordings. They share no code with the catalogue
-// of graybox/problems/elements and are finer physics where they can be, so that a diagnosis is not
-// asked to recover its own formulas:
+// The laws that a challenge hides in its simulated recordings. They share no code with the
+// catalogue of graybox/problems/elements and are finer physics where they can be, so that a
+// diagnosis is not asked to recover its own formulas:
 //
 //   play, dead zones, saturations   corners rounded as by elastic contact: |x| is sqrt(x^2 + c^2)
 //   dry friction                    a sign rounded as by a lubricant's film; bristles before sliding are
@@ -9,8 +9,9 @@
 //   hardening springs, ripple       a small higher term on top
 //   Dahl, Bouc-Wen                  with the force or the share of the yield force as state
 //
-// Each law is described in the catalogue's terms (name, parameters, units with F, x, I of the place),
-// with further parameters of its own where it is finer. Laws that the catalogue lacks are here too.
+// Each law is described in the catalogue's terms (name, parameters, units with F, x, I of the
+// place), with further parameters of its own where it is finer. Laws that the catalogue lacks are
+// here too.
 #pragma once
 
 #include <functional>

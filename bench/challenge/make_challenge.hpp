@@ -7,8 +7,8 @@
 //   truth/index.json, case_017.json ...     seed and truth, for `score` alone
 //
 // What is in a case folder depends on its family, apart from numbers: same names, same sizes, all
-// files of one age. Resumes: truths and case folders appear whole or not at all. The result depends on
-// seed and number of cases alone.
+// files of one age. Resumes: truths and case folders appear whole or not at all. The result depends
+// on seed and number of cases alone.
 //
 // Cost: on the full robot 36 recordings of 20 s of a case and about as much again for the search of
 // the smallest detectable size.

@@ -74,8 +74,8 @@ std::vector<fs::path> files_of(const std::vector<std::string>& command) {
   return files;
 }
 
-// One case being diagnosed, by a thread of its own that can read the case's folder, its answer's and the
-// system's, so that the process it starts can't either.
+// One case being diagnosed, by a thread of its own that can read the case's folder, its answer's
+// and the system's, so that the process it starts can't either.
 class CaseRun {
  public:
   CaseRun(const RunOptions& options, const std::string& name, std::vector<std::string> without)

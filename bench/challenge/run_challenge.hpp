@@ -1,17 +1,17 @@
-// Runs a diagnosis on every case of a challenge, each in a process of its own that is given the case's
-// folder and nothing else: its working folder is the case's, its environment is empty but for PATH and
-// the counts of threads, and no argument names another folder but the one for its answer. Where the
-// system has Landlock, the process can open nothing but these two folders, the program and the
-// system's libraries (confinement.hpp). Seed and truth are not known here.
+// Runs a diagnosis on every case of a challenge, each in a process of its own that is given the
+// case's folder and nothing else: its working folder is the case's, its environment is empty but
+// for PATH and the counts of threads, and no argument names another folder but the one for its
+// answer. Where the system has Landlock, the process can open nothing but these two folders, the
+// program and the system's libraries (confinement.hpp). Seed and truth are not known here.
 //
 //   answers/run.json                    which cases, command and options
 //   answers/case_017/verdict.json ...   what the diagnosis writes
 //   answers/case_017/run.json           its exit code and time; written last
 //   answers/case_017/log.txt            what it printed
 //
-// Leaving laws out. With `without_named` (an earlier folder of answers) each case whose verdict names
-// laws is run again with these laws taken out of the catalogue; the others are passed over. Which law
-// is right is not known here: `score` takes those cases whose named law was the true one.
+// Leaving laws out. With `without_named` (an earlier folder of answers) each case whose verdict
+// names laws is run again with these laws taken out of the catalogue; the others are passed over.
+// Which law is right is not known here: `score` takes those cases whose named law was the true one.
 #pragma once
 
 #include <filesystem>

@@ -42,8 +42,9 @@ AnsweredLaw law_from(const Json& json, const std::string& law_name) {
   return law;
 }
 
-// The law at its place, and at others where it is the same system. Nor have alternatives that are only
-// named, without parameters, a system of their own: such recordings can't tell them from the one before.
+// The law at its place, and at others where it is the same system. Nor have alternatives that are
+// only named, without parameters, a system of their own: such recordings can't tell them from the
+// one before.
 void add_members(const Json& json, std::vector<AnsweredLaw>& members) {
   const auto law = json.at("law").get<std::string>();
   members.push_back(law_from(json, law));
@@ -82,7 +83,8 @@ const AnsweredLaw* member_of(const std::vector<AnsweredLaw>& effect_class,
   return found == effect_class.end() ? nullptr : &*found;
 }
 
-// The effects of the answer whose class holds each true effect, the smallest class first; none twice.
+// The effects of the answer whose class holds each true effect, the smallest class first; none
+// twice.
 std::vector<const std::vector<AnsweredLaw>*> classes_with(const CaseTruth& truth,
                                                           const Answer& answer) {
   std::vector<const std::vector<AnsweredLaw>*> found;
@@ -414,8 +416,8 @@ std::string rates_table(const Score& score) {
 struct Named {
   std::size_t wrong_place = 0, right_place = 0;
 };
-// By the true law, then by the law named first or the verdict; cases with one detectable effect, and those outside
-// the catalogue.
+// By the true law, then by the law named first or the verdict; cases with one detectable effect,
+// and those outside the catalogue.
 using Confusion = std::map<std::string, std::map<std::string, Named>>;
 
 Confusion confusion_of(const Score& score) {

@@ -1,9 +1,9 @@
 // Scores the answers to a challenge against its unsealed truth.
 //
-// An answer's effect is a class: the law at a place that it names, the alternatives that it says the
-// data can't exclude, and the more general laws that it names beside these; where a verdict says that one
-// law is the same system at several places, each place counts as a member. For a case with one detectable
-// effect:
+// An answer's effect is a class: the law at a place that it names, the alternatives that it says
+// the data can't exclude, and the more general laws that it names beside these; where a verdict
+// says that one law is the same system at several places, each place counts as a member. For a case
+// with one detectable effect:
 //
 //   right            verdict explained, one effect: the true law at the true place, no alternatives
 //   in_class         the truth is in the class of one of the effects named, of at most 3 members
@@ -13,16 +13,17 @@
 //   unknown, none    the verdict; `unknown` also where it lists laws found so far
 //   no_answer        the diagnosis crashed, refused or ran out of time
 //
-// An explained case that names the truth and one effect too many is `in_class` with `extra` set: the
-// truth is named, but not alone; it does not count as right. Cases with two effects count as right
-// where both are in classes of at most 3 of different effects of a verdict explained or ambiguous.
-// Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out test fails (`nearest_law_fails`:
-// the answer is ambiguous and says that it does not predict what was kept out, `predicts_kept_out`); what passed on
-// held-out data is `nearest_law`.
-// Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at
-// places that make one system (a delay of the only actuator or the only sensor) as one member, and so
-// alternatives that the answer only names, as the same in such recordings. Parameters that an answer
-// gives without a standard error, as not determined by the data, are no claim: counted apart.
+// An explained case that names the truth and one effect too many is `in_class` with `extra` set:
+// the truth is named, but not alone; it does not count as right. Cases with two effects count as
+// right where both are in classes of at most 3 of different effects of a verdict explained or
+// ambiguous. Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out
+// test fails (`nearest_law_fails`: the answer is ambiguous and says that it does not predict what
+// was kept out, `predicts_kept_out`); what passed on held-out data is `nearest_law`.
+// Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law
+// at places that make one system (a delay of the only actuator or the only sensor) as one member,
+// and so alternatives that the answer only names, as the same in such recordings. Parameters that
+// an answer gives without a standard error, as not determined by the data, are no claim: counted
+// apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once
@@ -118,13 +119,13 @@ struct NamedRate {
 [[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
 [[nodiscard]] std::string score_text(const Score& score);
 
-// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv and, where
-// laws were left out, challenge_left_out.csv in `folder`.
+// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv,
+// challenge_classes.csv and, where laws were left out, challenge_left_out.csv in `folder`.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
-// Appends one line to a CSV file, with its header where it is new: counts, the seal, and in how many of the cases the
-// diagnosis was confined. Throws InputError unless the challenge's seed is that of its commit and all cases have been run,
-// and for a file with other columns.
+// Appends one line to a CSV file, with its header where it is new: counts, the seal, and in how
+// many of the cases the diagnosis was confined. Throws InputError unless the challenge's seed is
+// that of its commit and all cases have been run, and for a file with other columns.
 void append_history(const Score& score, const std::filesystem::path& file);
 
 }  // namespace graybox::bench

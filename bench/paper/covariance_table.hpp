@@ -1,5 +1,5 @@
-// Table I of the paper: the positions of a design, each with the covariance it would give alone, and
-// the candidates whose covariance alone is the least, the median and the largest.
+// Table I of the paper: the positions of a design, each with the covariance it would give alone,
+// and the candidates whose covariance alone is the least, the median and the largest.
 //
 // Covariance is the geometric mean (det H^-1)^(1/d) of the eigenvalues of H^-1, in units of the
 // design's own, (det M^-1)^(1/d) with M = sum_i lambda_i H_i, which is 1 (paper, Section VI-D).
@@ -38,7 +38,8 @@ struct CovarianceTable {
 // InputError if the design does not fit the set or is singular.
 [[nodiscard]] CovarianceTable covariance_table(const InformationSet& set, const Design& design);
 
-// Columns: row ("1", "2", ..., "Min", "Med", "Max"), candidate, its coordinates, covariance, weight.
+// Columns: row ("1", "2", ..., "Min", "Med", "Max"), candidate, its coordinates, covariance,
+// weight.
 [[nodiscard]] std::string to_csv(const InformationSet& set, const CovarianceTable& table);
 
 }  // namespace graybox::bench

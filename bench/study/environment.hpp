@@ -13,7 +13,8 @@ namespace graybox::bench {
 // SHA-256 of the running program, shortened: two runs are comparable only if it is the same.
 [[nodiscard]] std::string program_hash();
 
-// The commit of the working folder; a final "+" marks changes that are not committed. Empty outside one.
+// The commit of the working folder; a final "+" marks changes that are not committed. Empty outside
+// one.
 [[nodiscard]] std::string current_commit();
 
 [[nodiscard]] double load_average();  // over one minute; 0 where unknown

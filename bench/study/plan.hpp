@@ -36,8 +36,8 @@ struct StudyOptions {
   std::optional<std::size_t> memory_limit;  // bytes a run; otherwise by mode
   int threads = 1;
   std::uint64_t seed = 1;
-  bool resume = false;  // goes on with the rows that are there
-  bool fresh = false;   // deletes them
+  bool resume = false;   // goes on with the rows that are there
+  bool fresh = false;    // deletes them
   bool families = true;  // false: the scaling experiment alone
 };
 

@@ -148,8 +148,8 @@ class StudyRunner {
     for (const auto& entry : fs::directory_iterator(options_.output)) {
       const std::string name = entry.path().filename().string();
       if (name == "work" || is_temporary_name(name)) continue;
-      throw InputError(fmt::format(
-          "{}: is not empty and holds no study; choose another folder", folder));
+      throw InputError(
+          fmt::format("{}: is not empty and holds no study; choose another folder", folder));
     }
   }
 

@@ -47,8 +47,8 @@ struct StudyOutcome {
   std::size_t runs_found = 0;  // done earlier, found on resuming
 };
 
-// Earlier rows are refused without options.resume or options.fresh. Throws InputError for bad options and where
-// nothing can be written.
+// Earlier rows are refused without options.resume or options.fresh. Throws InputError for bad
+// options and where nothing can be written.
 StudyOutcome run_study(const StudyOptions& options, const SolverRegistry& registry,
                        const StudySetup& setup, Progress& progress);
 

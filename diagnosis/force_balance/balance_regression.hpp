@@ -1,10 +1,11 @@
-// Least squares of a force balance with columns of laws beside those of the model, many times over: the
-// model's columns are compressed once.
+// Least squares of a force balance with columns of laws beside those of the model, many times over:
+// the model's columns are compressed once.
 //
 // Rows of coordinate j are divided by a noise s_j of their own (weighted_regression.hpp). With the
-// model's columns W = Q R, Q^T Q = I, a fit with laws' columns L needs of the samples only the products
-// of L with Q, L and the force, by coordinate and block: noise iterations and cross-validation work on
-// these (Frisch and Waugh 1933; the normal equations of an orthonormal Q lose nothing).
+// model's columns W = Q R, Q^T Q = I, a fit with laws' columns L needs of the samples only the
+// products of L with Q, L and the force, by coordinate and block: noise iterations and
+// cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
+// lose nothing).
 //
 // Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
 //
@@ -41,7 +42,8 @@ class BalanceRegression {
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
   [[nodiscard]] BalanceFit fit(std::span<const BalanceColumns> laws) const;
 
-  // Over noise(), less what the model's columns imitate; rows of all coordinates, one after another.
+  // Over noise(), less what the model's columns imitate; rows of all coordinates, one after
+  // another.
   [[nodiscard]] Eigen::MatrixXd projected(const BalanceColumns& columns) const;
   [[nodiscard]] const Eigen::VectorXd& projected_force() const { return projected_force_; }
 
@@ -72,7 +74,8 @@ class BalanceRegression {
   std::vector<Products> products_;
 };
 
-// Adds what an orthonormal basis lacks of each column; whether more than 1e-5 of its length was left.
+// Adds what an orthonormal basis lacks of each column; whether more than 1e-5 of its length was
+// left.
 [[nodiscard]] std::vector<bool> extend_basis(const Eigen::MatrixXd& columns,
                                              Eigen::MatrixXd& basis);
 

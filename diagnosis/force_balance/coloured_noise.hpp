@@ -1,10 +1,10 @@
-// Noise whose samples follow each other, as an autoregressive model of the residuals of a fit: how much
-// they are worth, and draws of the like.
+// Noise whose samples follow each other, as an autoregressive model of the residuals of a fit: how
+// much they are worth, and draws of the like.
 //
 //   e_t = sum over k = 1..P of a_k e_(t-k) + innovation
 //
-// by the Yule-Walker equations (Levinson and Durbin), P <= 10 log10(n) with the least n ln(innovation
-// variance) + P ln n.
+// by the Yule-Walker equations (Levinson and Durbin), P <= 10 log10(n) with the least n
+// ln(innovation variance) + P ln n.
 #pragma once
 
 #include <Eigen/Core>

@@ -14,11 +14,11 @@ namespace graybox {
 namespace {
 
 constexpr Eigen::Index kFewestSamples = 50;
-// Of the estimation data. Samples closer than residuals forget each other say little more, but laws with
-// memory take their time for each.
+// Of the estimation data. Samples closer than residuals forget each other say little more, but laws
+// with memory take their time for each.
 constexpr Eigen::Index kMostSamples = 6000;
-// What is left of a column after projection on the others, below which these data can't tell it from
-// them.
+// What is left of a column after projection on the others, below which these data can't tell it
+// from them.
 constexpr double kDependent = 1e-6;
 
 // Every stride-th sample.

@@ -1,5 +1,5 @@
-// What force_balance_mismatch works on: motions and forces of several coordinates (a robot's joints) as
-// rows of a linear regression, and the places at which physics may be missing.
+// What force_balance_mismatch works on: motions and forces of several coordinates (a robot's
+// joints) as rows of a linear regression, and the places at which physics may be missing.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,8 @@
 
 namespace graybox {
 
-// Forces of one term of the balance, by coordinate: samples x columns, or nothing where the term does
-// not act.
+// Forces of one term of the balance, by coordinate: samples x columns, or nothing where the term
+// does not act.
 struct BalanceColumns {
   std::vector<Eigen::MatrixXd> in;
   Eigen::Index count = 0;  // of columns
@@ -47,7 +47,8 @@ struct BalanceCoordinate {
 struct ForceBalanceData {
   std::vector<BalanceCoordinate> coordinates;
   std::vector<std::string> parameter_names, parameter_units;  // of the model's columns
-  // What each may be: a sum of masses, moments of inertia or coefficients of laws, or kOther where anything is possible.
+  // What each may be: a sum of masses, moments of inertia or coefficients of laws, or kOther where
+  // anything is possible.
   std::vector<QuantityKind> parameter_kinds;
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
@@ -57,8 +58,8 @@ struct ForceBalanceData {
   std::vector<Motion> recorded;      // for estimation, every sample
 };
 
-// Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can tell
-// apart. Throws InputError as force_balance_problem does.
+// Of a rigid robot (graybox-rigid-robot/1). Base parameters are those that the estimation data can
+// tell apart. Throws InputError as force_balance_problem does.
 [[nodiscard]] ForceBalanceData load_force_balance_data(
     const std::filesystem::path& model, const Campaign& campaign,
     std::span<const std::filesystem::path> place_files = {});

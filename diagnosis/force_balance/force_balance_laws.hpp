@@ -17,20 +17,21 @@ struct PlacedLaw {
   const LawEntry* entry = nullptr;  // of the catalogue
   std::vector<double> parameters;
 
-  // Parameters in which the force is linear. Laws with memory have none; their force is multiplied by
-  // a factor if all parameters with the unit of a force (or of a force over something) are.
+  // Parameters in which the force is linear. Laws with memory have none; their force is multiplied
+  // by a factor if all parameters with the unit of a force (or of a force over something) are.
   [[nodiscard]] std::vector<std::size_t> linear() const;
   [[nodiscard]] std::vector<std::size_t> scaled() const;
   // Those that shape the force, to be refined: not linear, and not one that only sets the scale of
-  // another (the first of scaled(); LawParameter::sets_scale), nor where a payload's mass sits: at the flange.
+  // another (the first of scaled(); LawParameter::sets_scale), nor where a payload's mass sits: at
+  // the flange.
   [[nodiscard]] std::vector<std::size_t> refined() const;
   // Number of columns of law_columns, and their amplitudes written into the parameters.
   [[nodiscard]] Eigen::Index amplitudes() const;
   void set_amplitudes(const Eigen::Ref<const Eigen::VectorXd>& values);
 };
 
-// One column for each linear parameter, at the present values of the others; for a law without linear
-// parameters its force.
+// One column for each linear parameter, at the present values of the others; for a law without
+// linear parameters its force.
 [[nodiscard]] BalanceColumns law_columns(const PlacedLaw& law, const ForceBalanceData& data,
                                          const ForceBalanceRows& rows);
 // The force at the present values: one column.

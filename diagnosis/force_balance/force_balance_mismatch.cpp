@@ -95,7 +95,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else {
       result.trouble = "the laws' shapes could not be refined";
     }
-    // Without one of their number, laws that are known may leave their ranges; as they are they remain.
+    // Without one of their number, laws that are known may leave their ranges; as they are they
+    // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
       ExtendedFit held = fit_amplitudes(starts, given);
@@ -163,6 +164,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
       channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
     }
+    add_held_out_errors(fit, channels);
     return channels;
   }
 
@@ -209,6 +211,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
+
+  void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
+    if (data_.validation.empty()) return;
+    const Eigen::MatrixXd rest = residuals(fit, data_.validation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double signal = centred_square(data_.validation.measured.col(j));
+      if (!(signal > 0.0)) continue;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse =
+          100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
 
   // With the laws' shapes as they are.
   [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
@@ -339,8 +352,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return columns;
   }
 
-  // Scores of least squares estimates by columns over the noise: row t, column k is what the residuals
-  // at time t add to the error of parameter k, x_k - truth = sum over t.
+  // Scores of least squares estimates by columns over the noise: row t, column k is what the
+  // residuals at time t add to the error of parameter k, x_k - truth = sum over t.
   [[nodiscard]] Eigen::MatrixXd influences(const Eigen::MatrixXd& columns,
                                            const BalanceFit& fitted) const {
     const Eigen::VectorXd lengths = columns.colwise().norm();
@@ -386,8 +399,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return sums;
   }
 
-  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the spread between
-  // recordings (recording_spread.hpp); NaN where the data do not see one.
+  // Standard deviations of the model's parameters and of those of the laws, at least as wide as the
+  // spread between recordings (recording_spread.hpp); NaN where the data do not see one.
   struct Deviations {
     Eigen::VectorXd model;
     std::vector<Column> parameters;

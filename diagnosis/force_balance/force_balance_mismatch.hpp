@@ -1,5 +1,5 @@
-// Large motions of a rigid robot (graybox-rigid-robot/1), or of any drive whose motion and force are
-// both measured, as the search for missing physics sees them (mismatch_problem.hpp):
+// Large motions of a rigid robot (graybox-rigid-robot/1), or of any drive whose motion and force
+// are both measured, as the search for missing physics sees them (mismatch_problem.hpp):
 //
 //   N^T u = known(q, q', q'') + W(q, q', q'') p + sum of b_out f(z, z', x; parameters),   z = b_in^T q
 //
@@ -8,19 +8,19 @@
 //
 // Fit. Parameters in which the force is linear by weighted least squares on compressed columns
 // (balance_regression.hpp), the others of the laws by variable projection (shape_refinement.hpp).
-// Standard errors and Wald statistics allow for residuals that are correlated in time; standard errors are at least as
-// wide as the spread between recordings (recording_spread.hpp).
+// Standard errors and Wald statistics allow for residuals that are correlated in time; standard
+// errors are at least as wide as the spread between recordings (recording_spread.hpp).
 //
-// Noise is not known: its deviation s_j at each joint is that of the residuals, its memory that of an
-// autoregressive model of what the first fit leaves, less what of that depends on the motion
-// (coloured_noise.hpp, remaining_structure.hpp); n_j effective samples give deviance = sum n_j ln s_j^2.
-// A law has to pay in a cross-validation, too: ten contiguous blocks of the recordings, each predicted
-// by linear parameters from the others (ExtendedFit::held_out).
+// Noise is not known: its deviation s_j at each joint is that of the residuals, its memory that of
+// an autoregressive model of what the first fit leaves, less what of that depends on the motion
+// (coloured_noise.hpp, remaining_structure.hpp); n_j effective samples give deviance = sum n_j ln
+// s_j^2. A law has to pay in a cross-validation, too: ten contiguous blocks of the recordings, each
+// predicted by linear parameters from the others (ExtendedFit::held_out).
 //
 //
 // What is left. Noise being unknown, no chi-square can say whether the rest is noise. Instead:
-// does it still depend on the motion? The share of its variance that a cross-validated regression on
-// steps in z and z' of every joint predicts (remaining_structure).
+// does it still depend on the motion? The share of its variance that a cross-validated regression
+// on steps in z and z' of every joint predicts (remaining_structure).
 //
 // Places: the axis of each joint, each motor whose transmission couples joints, and the sum and
 // difference of neighbouring joints.
@@ -42,8 +42,8 @@ struct ForceBalanceOptions {
   std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
 };
 
-// Throws InputError of one line for a model or campaign that can't be used (motion_record.hpp), and for
-// fewer than 50 samples.
+// Throws InputError of one line for a model or campaign that can't be used (motion_record.hpp), and
+// for fewer than 50 samples.
 [[nodiscard]] std::unique_ptr<MismatchProblem> force_balance_problem(
     const std::filesystem::path& model, const Campaign& campaign,
     const ForceBalanceOptions& options = {});

@@ -1,4 +1,5 @@
 #include "graybox/diagnosis/force_balance/rate_faults.hpp"
+#include "graybox/problems/array_index.hpp"
 
 #include <fmt/format.h>
 
@@ -17,8 +18,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 constexpr Index kWindow = 10;  // samples
 constexpr Index kFewestWindows = 20;

@@ -1,11 +1,11 @@
 // The parameters that shape laws' forces (thresholds, exponents, wave lengths, those of laws with
 // memory), by variable projection: linear parameters are solved for at each step (Golub and Pereyra
-// 1973), with Kaufman's Jacobian (1975): of -P(dL a) for laws' columns L(theta) of amplitudes a and P
-// the projection on what neither the model's columns nor L imitate.
+// 1973), with Kaufman's Jacobian (1975): of -P(dL a) for laws' columns L(theta) of amplitudes a and
+// P the projection on what neither the model's columns nor L imitate.
 //
-// Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the best
-// others, each refined alone; after that all laws are refined together. Friction that is not new keeps a
-// transition within kSliding.
+// Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the
+// best others, each refined alone; after that all laws are refined together. Friction that is not
+// new keeps a transition within kSliding.
 #pragma once
 
 #include <functional>
@@ -16,7 +16,8 @@
 
 namespace graybox {
 
-// Friction whose transition is wider than this share of the recorded speeds is no friction but a damper.
+// Friction whose transition is wider than this share of the recorded speeds is no friction but a
+// damper.
 inline constexpr double kSliding = 0.5;
 
 struct RefinedLaw {

@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "graybox/problems/array_index.hpp"
+
 namespace graybox {
 namespace {
 
@@ -20,8 +22,6 @@ constexpr double kTransition = 0.05;  // of the velocity's rms
 constexpr double kStill = 1e-10;      // of a force's square: what rounding leaves of no variance
 constexpr Index kBetween =
     10;  // samples from one evaluation of inertia and dissipation to the next
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // Columns of `signals` (samples x joints) as wired.
 MatrixXd rewired(const MatrixXd& signals, const std::vector<Index>& from, const VectorXd& factors) {

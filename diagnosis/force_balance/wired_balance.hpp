@@ -1,19 +1,21 @@
-// The force balance of a rigid robot as it would be with other wires: least squares over all joints of
+// The force balance of a rigid robot as it would be with other wires: least squares over all joints
+// of
 //
 //   N^T u = known + W(q, q', q'') p + d q' + c tanh(q'/v) + o,
 //
-// p what the model does not know, and at every joint d, c, o for viscous and dry friction and a constant (v a twentieth
-// of the velocity's rms), which most models leave out and all machines have. Each joint counts over the deviation of its
-// own force, so that no unit matters, and one whose force does not change does not count. Parameters that the motion
-// can't tell apart share what they explain (least norm).
+// p what the model does not know, and at every joint d, c, o for viscous and dry friction and a
+// constant (v a twentieth of the velocity's rms), which most models leave out and all machines
+// have. Each joint counts over the deviation of its own force, so that no unit matters, and one
+// whose force does not change does not count. Parameters that the motion can't tell apart share
+// what they explain (least norm).
 //
 //   WiredBalance balance(robot, pieces);
 //   Wiring wiring(robot.size());
 //   std::swap(wiring.force[0], wiring.force[1]);
 //   balance.fit(wiring).error;
 //
-// Cost: O(N n p^2) for every wiring of the motions, N at most 1500 samples of n joints; n p^2 numbers are kept of each (11
-// times as many where parts were left out); O(n p^2 + p^3) a fit.
+// Cost: O(N n p^2) for every wiring of the motions, N at most 1500 samples of n joints; n p^2
+// numbers are kept of each (11 times as many where parts were left out); O(n p^2 + p^3) a fit.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,8 +29,8 @@
 
 namespace graybox {
 
-// What each joint's signals are taken to be, as they are recorded (of the motors or of the joints): the recorded
-// signal of `force`[j] times a factor, and of `motion`[j], with its rates, likewise.
+// What each joint's signals are taken to be, as they are recorded (of the motors or of the joints):
+// the recorded signal of `force`[j] times a factor, and of `motion`[j], with its rates, likewise.
 struct Wiring {
   std::vector<Eigen::Index> force, motion;
   Eigen::VectorXd force_factors, motion_factors;
@@ -57,7 +59,8 @@ class WiredBalance {
 
   // m_jj = e_j^T M(q) e_j by that fit, summed over the motion.
   [[nodiscard]] double inertia(const Wiring& wiring, const WiredFit& fit, Eigen::Index j);
-  // What friction takes, (f_j(q, q') - f_j(q, -q')) q'_j / 2, laws with memory as they are, summed likewise.
+  // What friction takes, (f_j(q, q') - f_j(q, -q')) q'_j / 2, laws with memory as they are, summed
+  // likewise.
   [[nodiscard]] double dissipation(const Wiring& wiring, const WiredFit& fit, Eigen::Index j);
 
   // What is kept of other motions.

@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/force_balance/rate_faults.hpp"
 #include "graybox/diagnosis/force_balance/wired_balance.hpp"
 #include "graybox/diagnosis/force_balance/wrap_faults.hpp"
+#include "graybox/problems/array_index.hpp"
 
 namespace graybox {
 namespace {
@@ -33,8 +34,6 @@ constexpr double kErrors = 3.0;        // that what can't be negative is below z
 constexpr double kSmallestGain = 0.8;  // of the error, by the other sign
 constexpr double kSmallestFactor = 3.0;
 constexpr int kMostFaults = 4;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 class Detective {
  public:
@@ -103,7 +102,8 @@ class Detective {
     });
   }
 
-  // Whether undoing it makes the balance fit, not at the cost of other joints; then with its figures.
+  // Whether undoing it makes the balance fit, not at the cost of other joints; then with its
+  // figures.
   [[nodiscard]] bool settles(const VectorXd& now, Suspicion& suspicion) {
     const VectorXd then = balance_.fit(suspicion.wiring).error;
     if (suspicion.is_force_unit) {  // shows at joints that share masses with it
@@ -201,8 +201,8 @@ class Detective {
     }
   }
 
-  // A force that outweighs all others keeps the masses that they share to itself, and fits at any scale: factors far away
-  // must do much worse.
+  // A force that outweighs all others keeps the masses that they share to itself, and fits at any
+  // scale: factors far away must do much worse.
   void add_force_units(std::vector<Suspicion>& list) const {
     constexpr double kFar = 30.0, kDifferent = 2.0;
     const auto add = [&](Index j, double factor, std::string message) {
@@ -228,9 +228,9 @@ class Detective {
     }
   }
 
-  // Joints turn twice at most: degrees read as radians show by more, and no angle is taken for one that would turn
-  // farther. Over many turns the bodies' torques are waves of every length, and fit what they like: other factors must do
-  // worse.
+  // Joints turn twice at most: degrees read as radians show by more, and no angle is taken for one
+  // that would turn farther. Over many turns the bodies' torques are waves of every length, and fit
+  // what they like: other factors must do worse.
   void add_angle_units(std::vector<Suspicion>& list) const {
     constexpr double kDegrees = 180.0 / std::numbers::pi;
     constexpr double kMostTurn = 4.0 * std::numbers::pi;  // of a joint
@@ -268,8 +268,8 @@ class Detective {
     }
   }
 
-  // Whether it moves against its force: of inertia and friction neither can be negative. Joints that share motors share
-  // these, too, and are passed over.
+  // Whether it moves against its force: of inertia and friction neither can be negative. Joints
+  // that share motors share these, too, and are passed over.
   [[nodiscard]] bool drives_itself(Index j) {
     if (!has_own_motor(j) || !(friction_over_error(wiring_, j) < -kErrors)) return false;
     const WiredFit now = balance_.fit(wiring_);

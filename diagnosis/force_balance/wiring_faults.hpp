@@ -1,5 +1,6 @@
-// Faults of wiring, sign and unit in the recordings of a rigid robot, whose masses the recordings themselves must tell
-// (channel_faults.hpp has those of flexible models, whose responses are known). Four questions:
+// Faults of wiring, sign and unit in the recordings of a rigid robot, whose masses the recordings
+// themselves must tell (channel_faults.hpp has those of flexible models, whose responses are
+// known). Four questions:
 //
 //   0. Do positions or velocities jump as counters do that wrap (wrap_faults.hpp)? Then only that is said.
 //   1. Are recorded velocities and accelerations those of the recorded positions (rate_faults.hpp)? Where they are not
@@ -18,13 +19,14 @@
 //      fifth smaller. A missing spring may make the inertia negative, a late force the friction; a stiff spring and a
 //      late force together may look like a wrong sign. Joints that share motors are passed over.
 //
-// Masses that are not known take what they can of a fault. What changes no more than their values can't be found: a
-// unit of all forces, or the mirror image of an upright axis. With one joint the first and third question are all, but
-// for angles in degrees.
+// Masses that are not known take what they can of a fault. What changes no more than their values
+// can't be found: a unit of all forces, or the mirror image of an upright axis. With one joint the
+// first and third question are all, but for angles in degrees.
 //
-// Calibration (tests/wiring_faults_test.cpp has a part of it): no alarm in 1400 draws of a simulated arm with springs,
-// ripples, friction and couplings missing that are as large as gravity, masses known and unknown, motions large and
-// small. Without the condition on friction 1.2 % of them raised one.
+// Calibration (tests/wiring_faults_test.cpp has a part of it): no alarm in 1400 draws of a
+// simulated arm with springs, ripples, friction and couplings missing that are as large as gravity,
+// masses known and unknown, motions large and small. Without the condition on friction 1.2 % of
+// them raised one.
 //
 // Cost: some 10 n + 2 n^2 fits, and sums for n^2 / 2 + 4 n motions.
 #pragma once
@@ -39,8 +41,8 @@
 
 namespace graybox {
 
-// `pieces`: of the estimation recordings, every sample. At most four faults of the second and third question.
-// `keep_going`, if any, returning false: those found so far.
+// `pieces`: of the estimation recordings, every sample. At most four faults of the second and third
+// question. `keep_going`, if any, returning false: those found so far.
 [[nodiscard]] std::vector<ChannelFault> find_wiring_faults(
     const RigidRobotModel& robot, std::span<const Motion> pieces,
     const std::function<bool()>& keep_going = {});

@@ -8,7 +8,8 @@
 
 namespace graybox {
 
-// What a law that is not linear describes as a whole: the curve of the spring at its place, or the friction there.
+// What a law that is not linear describes as a whole: the curve of the spring at its place, or the
+// friction there.
 enum class Characteristic : std::int8_t { kNone, kSpring, kFriction };
 
 struct CandidatePlace {

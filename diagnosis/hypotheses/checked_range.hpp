@@ -1,4 +1,5 @@
-// The range of motion that a verdict was checked in: outside of it nothing was seen, and nothing is said.
+// The range of motion that a verdict was checked in: outside of it nothing was seen, and nothing is
+// said.
 #pragma once
 
 #include <string>

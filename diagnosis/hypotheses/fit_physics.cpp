@@ -14,7 +14,8 @@ bool is_signal(const Hypothesis& hypothesis) {
   return hypothesis.place.starts_with("sensor ") || hypothesis.place.starts_with("actuator ");
 }
 
-// A gap or a velocity that the motion has to pass; lengths of levers, waves and stated scales are none.
+// A gap or a velocity that the motion has to pass; lengths of levers, waves and stated scales are
+// none.
 QuantityKind kind_of(const LawEntry& entry, const LawParameter& parameter,
                      const LawParameterEstimate& estimate) {
   if (parameter.is_relative || parameter.sets_scale) return QuantityKind::kOther;
@@ -56,8 +57,8 @@ void add_model(const PhysicalContext& context, const ExtendedFit& fit, FittedPhy
   }
 }
 
-// What the deflection alone sets is given back, and what moves a mass. The rest is taken from the law itself: the force along
-// the motion may have passed a filter.
+// What the deflection alone sets is given back, and what moves a mass. The rest is taken from the
+// law itself: the force along the motion may have passed a filter.
 void add_conservative_part(const LawEntry& entry, const FittedLaw& law, LawTrace& trace) {
   if (!entry.make || entry.use != LawUse::kForce) {
     trace.conservative = trace.force;

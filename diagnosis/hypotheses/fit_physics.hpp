@@ -1,5 +1,6 @@
-// A fit of the search as the gate of physical sanity reads it (plausibility.hpp): names, kinds and errors from the
-// catalogue of laws, what only the problem knows from its PhysicalEvidence, if it has any.
+// A fit of the search as the gate of physical sanity reads it (plausibility.hpp): names, kinds and
+// errors from the catalogue of laws, what only the problem knows from its PhysicalEvidence, if it
+// has any.
 #pragma once
 
 #include <span>
@@ -22,8 +23,8 @@ namespace graybox {
 // A parameter that sets the size of the law's force: absent where it is zero.
 [[nodiscard]] bool sets_size(const LawParameterEstimate& estimate);
 
-// Whether a law's force is there by its own errors: some parameter that sets its size has an error that tells it from
-// zero.
+// Whether a law's force is there by its own errors: some parameter that sets its size has an error
+// that tells it from zero.
 [[nodiscard]] bool excludes_its_absence(const FittedLaw& law);
 
 }  // namespace graybox

@@ -1,14 +1,15 @@
 // Is it this law, or only one like it? What a fit leaves at the places of its own laws.
 //
-// The chi-square of all residuals has power against everything, and so little against anything: among 8000 residuals the
-// force k z^5 passes as play, though the two differ by 220 in -2 log likelihood. Where a law of the catalogue is the true
-// one, nothing is left at its place that another law there would explain; where it only stands for one that the catalogue
-// lacks, something is, and the score tests (score_test.hpp) of the laws at that place see it. They are asked as a family:
-// the least p-value against those of draws of pure noise.
+// The chi-square of all residuals has power against everything, and so little against anything:
+// among 8000 residuals the force k z^5 passes as play, though the two differ by 220 in -2 log
+// likelihood. Where a law of the catalogue is the true one, nothing is left at its place that
+// another law there would explain; where it only stands for one that the catalogue lacks, something
+// is, and the score tests (score_test.hpp) of the laws at that place see it. They are asked as a
+// family: the least p-value against those of draws of pure noise.
 //
-// No law of a catalogue is exact either: corners are rounder, dry friction has a little of everything. A departure is
-// significantly more than a share `imperfection` of what the fit's laws explain, too (of all of them: what a large effect
-// leaves is seen at the places of small ones).
+// No law of a catalogue is exact either: corners are rounder, dry friction has a little of
+// everything. A departure is significantly more than a share `imperfection` of what the fit's laws
+// explain, too (of all of them: what a large effect leaves is seen at the places of small ones).
 #pragma once
 
 #include <cstdint>
@@ -40,8 +41,8 @@ struct ShapeTest {
   std::uint64_t seed = 1;
 };
 
-// What of these hypotheses, each at the place of a law of the fit, departs. The noise must be known. Cost: a ranking of
-// them, and only where one may depart another with 10 / level draws.
+// What of these hypotheses, each at the place of a law of the fit, departs. The noise must be
+// known. Cost: a ranking of them, and only where one may depart another with 10 / level draws.
 [[nodiscard]] ShapeComparison compare_shapes(const MismatchProblem& problem, const ExtendedFit& fit,
                                              std::span<const std::size_t> hypotheses,
                                              const ShapeTest& test);

@@ -34,8 +34,8 @@ std::vector<double> transition_velocities(const MotionScale& scale) {
   return values;
 }
 
-// A play small against the motion shows by stiffness x gap alone; its flanks then are as stiff as the
-// spring that has it.
+// A play small against the motion shows by stiffness x gap alone; its flanks then are as stiff as
+// the spring that has it.
 LawShape small_backlash(double gap, double spring_stiffness) {
   constexpr double kOneParameter = 2.0;  // Akaike 1974
   LawShape shape = single_amplitude({gap, 1.0}, 1, true);
@@ -118,8 +118,8 @@ LawShape ripple_of(double period) {
   return shape;
 }
 
-// Whole multiples of a turn where the place turns by at least one period of them; besides waves of the
-// recorded range, half a wave apart, where those leave them out.
+// Whole multiples of a turn where the place turns by at least one period of them; besides waves of
+// the recorded range, half a wave apart, where those leave them out.
 std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& scale) {
   constexpr int kHarmonics = 64;
   constexpr int kHalfWaves = 24;
@@ -187,8 +187,8 @@ std::vector<LawShape> bouc_wen(const MotionScale& scale) {
 // A spring with play behind a slider: force and slip level scale together.
 std::vector<LawShape> play_and_slip(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  // Shares of the motion's reach, not quantiles: a motion that rests or comes in bursts of several sizes has
-  // quantiles far from each other, and either parameter may be the smaller.
+  // Shares of the motion's reach, not quantiles: a motion that rests or comes in bursts of several
+  // sizes has quantiles far from each other, and either parameter may be the smaller.
   const double whole = scale.excursion(0.99);
   if (!(whole > 0.0)) return shapes;
   for (const double gap : {0.03 * whole, 0.1 * whole, 0.3 * whole}) {
@@ -223,8 +223,8 @@ std::vector<LawShape> sublinear_friction(const MotionScale& scale) {
   return shapes;
 }
 
-// Laws that a file defines: all amplitudes, for all combinations of what its other parameters are tried
-// at.
+// Laws that a file defines: all amplitudes, for all combinations of what its other parameters are
+// tried at.
 std::vector<double> trial_values(const LawParameter& parameter, const MotionScale& scale) {
   std::vector<double> values = parameter.trials.values;
   for (const double share : parameter.trials.deflection_shares) {

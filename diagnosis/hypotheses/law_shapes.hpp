@@ -1,8 +1,9 @@
-// What of a law its score test can estimate without a refit: amplitudes, for each of several shapes.
+// What of a law its score test can estimate without a refit: amplitudes, for each of several
+// shapes.
 //
-// At given thresholds, transition velocities and wave lengths a law is a sum of basis functions times
-// amplitudes. Shapes are spread over the motion that was recorded: thresholds over quantiles of |z|,
-// velocities over those of |z'|.
+// At given thresholds, transition velocities and wave lengths a law is a sum of basis functions
+// times amplitudes. Shapes are spread over the motion that was recorded: thresholds over quantiles
+// of |z|, velocities over those of |z'|.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,34 +35,37 @@ struct LawShape {
   // The law's parameters at given amplitudes, within their ranges; empty where none are possible
   // (a friction that drives).
   std::function<std::vector<double>(const Eigen::VectorXd&)> parameters;
-  // Of the score statistic, where shapes are compared: of one that leaves a parameter at its physical value.
+  // Of the score statistic, where shapes are compared: of one that leaves a parameter at its
+  // physical value.
   double head_start = 0.0;
   [[nodiscard]] bool allows(const Eigen::VectorXd& amplitudes) const {
     return !parameters(amplitudes).empty();
   }
-  // Fits that start at shapes of the same one end alike: of each the best is tried. Below zero: a valley of its own.
+  // Fits that start at shapes of the same one end alike: of each the best is tried. Below zero: a
+  // valley of its own.
   int valley = -1;
 };
 
 // One amplitude, the parameter at `index`, of the law with the parameters `unit`.
 [[nodiscard]] LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool positive);
 
-// Balancers of these levers and free lengths, in units of the anchor's distance, and so many angles a turn:
-// only ratios and the angle shape the torque.
+// Balancers of these levers and free lengths, in units of the anchor's distance, and so many angles
+// a turn: only ratios and the angle shape the torque.
 [[nodiscard]] std::vector<LawShape> balancer_shapes(const std::vector<double>& levers,
                                                     const std::vector<double>& free_lengths,
                                                     int angles);
 
-// Of laws with a force, and inertia. Empty where there was no motion that could show the law, and for
-// laws of several parameters that have no shapes.
+// Of laws with a force, and inertia. Empty where there was no motion that could show the law, and
+// for laws of several parameters that have no shapes.
 [[nodiscard]] std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                                const MotionScale& scale);
 
-// kNone of linear laws, of drag, of what follows the position where the model has no spring, and of users' laws.
+// kNone of linear laws, of drag, of what follows the position where the model has no spring, and of
+// users' laws.
 [[nodiscard]] Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place);
 
-// Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition velocity may lie above all
-// velocities that were recorded, so that it is viscous.
+// Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition
+// velocity may lie above all velocities that were recorded, so that it is viscous.
 [[nodiscard]] std::vector<std::string> special_cases_of(const LawEntry& entry,
                                                         bool dry_friction_may_creep);
 

@@ -1,12 +1,12 @@
-// MismatchProblem: recordings seen through a model, as the search for missing physics needs them. One
-// class a kind of data implements it: periodic recordings in the frequency domain, arbitrary signals
-// of lumped models in the time domain, inverse dynamics of rigid robots in large motion.
+// MismatchProblem: recordings seen through a model, as the search for missing physics needs them.
+// One class a kind of data implements it: periodic recordings in the frequency domain, arbitrary
+// signals of lumped models in the time domain, inverse dynamics of rigid robots in large motion.
 //
 //   const std::unique_ptr<MismatchProblem> problem = ...;
 //   const Diagnosis diagnosis = diagnose(*problem);           // diagnosis_search.hpp
 //
-// A hypothesis is an element that the model may lack: a place and a law. A fit estimates the model's
-// own parameters together with the parameters of the laws it is given.
+// A hypothesis is an element that the model may lack: a place and a law. A fit estimates the
+// model's own parameters together with the parameters of the laws it is given.
 #pragma once
 
 #include <Eigen/Core>
@@ -32,18 +32,23 @@ struct Hypothesis {
   std::string location;  // the value of `location` in physics.yaml, in YAML's flow style
   std::string law;       // of the catalogue
   // Laws of the catalogue that this one is for some of its parameters (a Coulomb friction for equal
-  // levels in both directions). Where such a law explains the data as well, this one is not a rival.
+  // levels in both directions). Where such a law explains the data as well, this one is not a
+  // rival.
   std::vector<std::string> special_cases;
-  // At a combination of places that are hypotheses of their own (sum or difference of two joints): taken
-  // only for what those leave.
+  // At a combination of places that are hypotheses of their own (sum or difference of two joints):
+  // taken only for what those leave.
   bool is_compound = false;
   bool repeatable = false;  // may be found more than once at its place, as harmonics of a ripple
   // Other hypotheses that such recordings can't tell from this one at any parameters, because the
-  // model's own take up the difference. Each is `only_named`: never fitted, but named with this one.
+  // model's own take up the difference. Each is `only_named`: never fitted, but named with this
+  // one.
   std::vector<std::size_t> twins{};
   bool only_named = false;
   // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
   Characteristic characteristic = Characteristic::kNone;
+  // Laws of a lower rank are taken first, as many as are there: what every machine has before what
+  // few have.
+  int rank = 0;
 };
 
 struct LawParameterEstimate {
@@ -51,7 +56,8 @@ struct LawParameterEstimate {
   std::string unit;
   double value = 0.0;
   double standard_error = 0.0;  // NaN where the data do not see it
-  // Of a size that recordings tell only for a given scale (LawParameter::is_relative), where that stays as it is.
+  // Of a size that recordings tell only for a given scale (LawParameter::is_relative), where that
+  // stays as it is.
   double conditional_error = std::numeric_limits<double>::quiet_NaN();
   bool sets_scale = false;  // stated, as LawParameter's
 };
@@ -72,8 +78,9 @@ struct LawParameterEstimate {
 struct FittedLaw {
   std::size_t hypothesis = 0;
   std::vector<LawParameterEstimate> parameters;  // in the catalogue's order
-  // Where the noise is not known: of the law's amplitudes being zero, with a covariance that allows for
-  // residuals that follow each other; chi-square with the law's parameters as degrees of freedom at most.
+  // Where the noise is not known: of the law's amplitudes being zero, with a covariance that allows
+  // for residuals that follow each other; chi-square with the law's parameters as degrees of
+  // freedom at most.
   double wald_statistic = 0.0;
 };
 
@@ -87,14 +94,15 @@ struct Assessment {
   [[nodiscard]] double chi_square_per_dof() const { return chi_square / degrees_of_freedom; }
 };
 
-// Laws are approximations, and what they make of other recordings is an extrapolation: of what those kept out say of two
-// laws this share counts. (With all of it a true law with rounder corners than the catalogue's was excluded.)
+// Laws are approximations, and what they make of other recordings is an extrapolation: of what
+// those kept out say of two laws this share counts. (With all of it a true law with rounder corners
+// than the catalogue's was excluded.)
 inline constexpr double kHeldOutShare = 0.5;
 
 // Of recordings kept out of a fit.
 struct HeldOutPrediction {
-  // What the errors of the fitted parameters do to these recordings counted as noise: recordings that see a
-  // parameter better than those of the fit do differ by it.
+  // What the errors of the fitted parameters do to these recordings counted as noise: recordings
+  // that see a parameter better than those of the fit do differ by it.
   Assessment within_errors;
   // -2 log of their density given the recordings of the fit, up to a constant that all fits of the problem share; none
   // where the noise is not known.
@@ -108,13 +116,13 @@ struct ExtendedFit {
   std::vector<FittedLaw> laws;
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
   std::size_t parameter_count = 0;
-  // What the data say about the laws' parameters: log det(1 + D S D), S their information with the model's
-  // own parameters taken out and D their values, as wide as which they were thought before. A parameter
-  // that the data do not determine adds nothing.
+  // What the data say about the laws' parameters: log det(1 + D S D), S their information with the
+  // model's own parameters taken out and D their values, as wide as which they were thought before.
+  // A parameter that the data do not determine adds nothing.
   double laws_information = 0.0;
   Assessment estimation;
-  // Where the noise is not known: mean squared errors of contiguous blocks of the recordings (rows),
-  // each predicted by the others, in each output (columns).
+  // Where the noise is not known: mean squared errors of contiguous blocks of the recordings
+  // (rows), each predicted by the others, in each output (columns).
   Eigen::MatrixXd held_out;
 };
 
@@ -125,9 +133,11 @@ struct LawStart {
   // What the model's own parameters may be with that law, first of them first; those that are left
   // out, or all, start as in the fit nearby.
   std::vector<double> model_parameters{};
-  // Other parameters of the law that a fit should start from as well: of a law whose valleys are many.
+  // Other parameters of the law that a fit should start from as well: of a law whose valleys are
+  // many.
   std::vector<std::vector<double>> others{};
-  // The same where none of these leads to motions that the law allows, one after the other until one does.
+  // The same where none of these leads to motions that the law allows, one after the other until
+  // one does.
   std::vector<std::vector<double>> spares{};
 
   friend bool operator==(const LawStart&, const LawStart&) = default;
@@ -139,8 +149,8 @@ struct HypothesisScore {
   CandidateScore score;          // of that shape
   std::size_t shapes = 1;        // that were tried
   double explained_share = 0.0;  // statistic over the chi-square of the residuals
-  // Estimate of the law's leading amplitude, also where it has a sign that the law can't have (`start` is empty then, and
-  // the score says nothing), and its unit.
+  // Estimate of the law's leading amplitude, also where it has a sign that the law can't have
+  // (`start` is empty then, and the score says nothing), and its unit.
   double amplitude = 0.0;
   double amplitude_deviation =
       0.0;  // standard deviation of the estimate; 0: the fitted parameters imitate it
@@ -160,7 +170,8 @@ struct MismatchCell {
   double level = 0.0;
   double statistic = 0.0;  // sum of squares of whitened residuals
   double degrees_of_freedom = 0.0;
-  // Those of a chi-square that scatters as much, relative to its mean: fewer where the noise is estimated. 0: the same.
+  // Those of a chi-square that scatters as much, relative to its mean: fewer where the noise is
+  // estimated. 0: the same.
   double effective = 0.0;
 };
 
@@ -170,11 +181,13 @@ struct ChannelRest {
   double nrmse = 0.0;                 // 100 rms(rest) / std(signal), %
   double structure = 0.0;             // share that depends on the motion, 0 to 1
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
+  // Of recordings kept out of the fit; none where there are none.
+  std::optional<double> held_out_nrmse = {};
 };
 
-// The picture of a law: the force that the data ask for at a place, with its noise, against the motion
-// there, sample by sample, beside what the fitted law gives for the same motion. `force` is empty where
-// the recordings say too little of it.
+// The picture of a law: the force that the data ask for at a place, with its noise, against the
+// motion there, sample by sample, beside what the fitted law gives for the same motion. `force` is
+// empty where the recordings say too little of it.
 struct ForcePicture {
   std::size_t hypothesis = 0;
   std::string deflection_unit, rate_unit, force_unit;
@@ -183,8 +196,8 @@ struct ForcePicture {
   double force_deviation = 0.0;
 };
 
-// What was measured, what the model leaves and the noise in it (rms), along frequency or time, of one
-// channel in one experiment.
+// What was measured, what the model leaves and the noise in it (rms), along frequency or time, of
+// one channel in one experiment.
 struct ResidualCurve {
   std::string channel, unit;
   std::string experiment;  // in words: position, level
@@ -223,8 +236,8 @@ class MismatchProblem {
   // `nearby`: a fit with some of the same laws to start the model's parameters from.
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,
                                         const ExtendedFit* nearby) const = 0;
-  // The same by a few of many recordings, those that tell most: what is far behind another there is so on all.
-  // Its figures are of those recordings. None where all are few, and `has_few` is false.
+  // The same by a few of many recordings, those that tell most: what is far behind another there is
+  // so on all. Its figures are of those recordings. None where all are few, and `has_few` is false.
   [[nodiscard]] virtual bool has_few() const { return false; }
   [[nodiscard]] virtual std::optional<ExtendedFit> fit_to_few(std::span<const LawStart> /*laws*/,
                                                               const ExtendedFit& /*nearby*/) const {
@@ -253,9 +266,10 @@ class MismatchProblem {
     return HeldOutPrediction{*assessment, {}};
   }
 
-  // The place where something changes with time beside what the fit describes, if anything does: whether it does is
-  // for the caller to judge by the p-value. `gain`: what the fit's laws lower the deviance by. None where it can't be
-  // told, from what these laws may make of the plant's free motion either.
+  // The place where something changes with time beside what the fit describes, if anything does:
+  // whether it does is for the caller to judge by the p-value. `gain`: what the fit's laws lower
+  // the deviance by. None where it can't be told, from what these laws may make of the plant's free
+  // motion either.
   [[nodiscard]] virtual std::optional<TimeVariation> time_variation(const ExtendedFit& /*fit*/,
                                                                     double /*gain*/) const {
     return {};
@@ -266,22 +280,24 @@ class MismatchProblem {
     return {};
   }
 
-  // Where the noise is not known: the share of what a fit leaves that still depends on the motion, 0 to
+  // Where the noise is not known: the share of what a fit leaves that still depends on the motion,
+  // 0 to
   // 1.
   [[nodiscard]] virtual std::optional<double> remaining_structure(
       const ExtendedFit& /*fit*/) const {
     return {};
   }
-  // Likewise: 100 rms / std(signal), in %, of the part of what a fit leaves that its own past predicts. A
-  // disturbance with memory has such a part, and physics that is missing; noise of sensors has little.
+  // Likewise: 100 rms / std(signal), in %, of the part of what a fit leaves that its own past
+  // predicts. A disturbance with memory has such a part, and physics that is missing; noise of
+  // sensors has little.
   [[nodiscard]] virtual std::optional<double> autocorrelated_error(
       const ExtendedFit& /*fit*/) const {
     return {};
   }
 
-  // The same problem, its recordings freed of what this fit can tell apart from what is measured and an
-  // earlier one could not (free motion); the hypotheses are the same. Null where that changes
-  // nothing, or leaves more that passes for noise.
+  // The same problem, its recordings freed of what this fit can tell apart from what is measured
+  // and an earlier one could not (free motion); the hypotheses are the same. Null where that
+  // changes nothing, or leaves more that passes for noise.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& /*fit*/) const {
     return nullptr;
   }
@@ -292,7 +308,8 @@ class MismatchProblem {
     return {};
   }
 
-  // For the report; empty where there is nothing to show. One picture a law of the fit, in its order.
+  // For the report; empty where there is nothing to show. One picture a law of the fit, in its
+  // order.
   [[nodiscard]] virtual std::vector<ForcePicture> force_pictures(const ExtendedFit& /*fit*/) const {
     return {};
   }

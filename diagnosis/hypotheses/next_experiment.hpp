@@ -1,18 +1,19 @@
 // The experiment that tells two explanations apart.
 //
-// Explanation A, fitted, has the free parameters theta; B predicts other outputs. Between the two lies
+// Explanation A, fitted, has the free parameters theta; B predicts other outputs. Between the two
+// lies
 //   y(theta, s) = y_A + J (theta - theta_A) + s (y_B - y_A),
-// s = 0 if A is right and 1 if B is. After recordings with information matrix M of (theta, s), in units
-// of the noise, s has the variance [M^-1]_ss, and
+// s = 0 if A is right and 1 if B is. After recordings with information matrix M of (theta, s), in
+// units of the noise, s has the variance [M^-1]_ss, and
 //   distance = 1 / [M^-1]_ss
-// is the non-centrality of the test of A against B: the misfit of A's outputs to B's that no change of
-// A's parameters takes away, A linearised. To find the design weights that make it largest is Atkinson's
-// and Fedorov's T-optimality (Biometrika 62, 1975) for a linearised A, and D_s-optimality for the one
-// parameter s (facts: the sensitivities of D_s at the optimum are at most 1): a convex problem, which
-// column_generation solves and the checker certifies.
+// is the non-centrality of the test of A against B: the misfit of A's outputs to B's that no change
+// of A's parameters takes away, A linearised. To find the design weights that make it largest is
+// Atkinson's and Fedorov's T-optimality (Biometrika 62, 1975) for a linearised A, and
+// D_s-optimality for the one parameter s (facts: the sensitivities of D_s at the optimum are at
+// most 1): a convex problem, which column_generation solves and the checker certifies.
 //
-// What is known already counts: each option's matrix is M_0 + n M_i, M_0 of the recordings at hand, n M_i
-// of as many recordings again, all of option i. Weights are shares of those n recordings.
+// What is known already counts: each option's matrix is M_0 + n M_i, M_0 of the recordings at hand,
+// n M_i of as many recordings again, all of option i. Weights are shares of those n recordings.
 #pragma once
 
 #include <cstddef>
@@ -55,9 +56,9 @@ struct NextExperiment {
   double recordings_needed = 0.0;
 };
 
-// The distance D at which the wrong explanation is excluded with a probability of 90 %. Of two explanations
-// with as many parameters the difference in BIC is about normal with mean D and variance 4 D, and exclusion
-// asks for `margin` of it: D = (z + (z^2 + margin)^(1/2))^2, z = 1.28.
+// The distance D at which the wrong explanation is excluded with a probability of 90 %. Of two
+// explanations with as many parameters the difference in BIC is about normal with mean D and
+// variance 4 D, and exclusion asks for `margin` of it: D = (z + (z^2 + margin)^(1/2))^2, z = 1.28.
 [[nodiscard]] double distance_that_excludes(double margin);
 
 // `exclusion_margin`: of SearchOptions. None where the problem can't be solved.

@@ -1,5 +1,6 @@
-// What only a problem knows of its parameters, laws and recordings, to judge whether a fit can be a machine's (fit_physics.hpp)
-// and to say where it was checked. A MismatchProblem that knows it derives from this, too.
+// What only a problem knows of its parameters, laws and recordings, to judge whether a fit can be a
+// machine's (fit_physics.hpp) and to say where it was checked. A MismatchProblem that knows it
+// derives from this, too.
 #pragma once
 
 #include <limits>
@@ -15,7 +16,8 @@ struct ExtendedFit;
 struct PhysicalContext {
   // Of a law of the fit; NaN: not known.
   struct OfLaw {
-    // What the model has at the place already, and a law's parameter that is an error of it may take away.
+    // What the model has at the place already, and a law's parameter that is an error of it may
+    // take away.
     double stiffness = std::numeric_limits<double>::quiet_NaN();
     double damping = std::numeric_limits<double>::quiet_NaN();
     double inertia = std::numeric_limits<double>::quiet_NaN();

@@ -17,8 +17,9 @@
 
 namespace graybox {
 
-// Appends those of a file, and returns them. Throws InputError of one line, also for a place that is there
-// already, the other way round or not, and for laws of other signals (driven_by: {input: ...}).
+// Appends those of a file, and returns them. Throws InputError of one line, also for a place that
+// is there already, the other way round or not, and for laws of other signals (driven_by: {input:
+// ...}).
 std::span<CandidatePlace> add_places(const std::filesystem::path& file, const Places& model,
                                      std::vector<CandidatePlace>& places);
 

@@ -12,10 +12,11 @@
 // and S^-1 g estimates the amplitudes to first order, with covariance S^-1. Only these products are
 // needed, so the rows of A may be computed and forgotten piece by piece.
 //
-// Many candidates. The smallest of many p-values is not uniform, and candidates depend on each other.
-// Its distribution is found by drawing: `scores` of a block hold A^T r in the first column and A^T e
-// in the others, e pure noise, the same draws for all blocks. minimum_p_values() gives the least
-// p-value of each draw: reject at level alpha where the data's least is below their alpha quantile.
+// Many candidates. The smallest of many p-values is not uniform, and candidates depend on each
+// other. Its distribution is found by drawing: `scores` of a block hold A^T r in the first column
+// and A^T e in the others, e pure noise, the same draws for all blocks. minimum_p_values() gives
+// the least p-value of each draw: reject at level alpha where the data's least is below their alpha
+// quantile.
 //
 // Cost: O(m^2 p + m p (1 + draws)) a candidate after O(p^3) once.
 #pragma once
@@ -64,8 +65,9 @@ class ScoreTest {
   [[nodiscard]] CandidateScore score(const CandidateProducts& candidate) const;
   // Whether a term can have these amplitudes: friction can't drive.
   using IsPossible = std::function<bool(const Eigen::VectorXd& amplitudes)>;
-  // Lowers minima[b] to the candidate's p-value in draw b, if that is smaller and the amplitudes found there are
-  // possible. What the data must meet the draws must meet, or one-sided terms are tested at half the level.
+  // Lowers minima[b] to the candidate's p-value in draw b, if that is smaller and the amplitudes
+  // found there are possible. What the data must meet the draws must meet, or one-sided terms are
+  // tested at half the level.
   void lower_minimum_p_values(const CandidateProducts& candidate, const IsPossible& is_possible,
                               std::span<double> minima) const;
 
@@ -89,9 +91,9 @@ class ScoreTest {
 // InputError for fewer draws.
 [[nodiscard]] double family_threshold(std::span<const double> minima, double level);
 
-// How alike two candidates look through the data: the largest canonical correlation squared of their
-// columns after the nuisance parameters have been taken out; 1 where one imitates the other. `cross`
-// is A_1^T A_2.
+// How alike two candidates look through the data: the largest canonical correlation squared of
+// their columns after the nuisance parameters have been taken out; 1 where one imitates the other.
+// `cross` is A_1^T A_2.
 [[nodiscard]] double canonical_correlation_squared(const NuisanceProducts& nuisance,
                                                    const CandidateProducts& first,
                                                    const CandidateProducts& second,

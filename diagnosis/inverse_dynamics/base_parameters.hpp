@@ -1,13 +1,14 @@
 // Base parameters: the combinations of the columns' parameters that the torques depend on, found
 // numerically (Gautier 1991).
 //
-// With W the columns at many motions, W p is unchanged when a dependent column is replaced by what it
-// is of the independent ones before it, W_d = W_i K. So W p = W_i (p_i + K p_d): the base parameter of
-// an independent column is its own parameter plus K times those of the dependent ones ("XX2R = XX2 -
-// YY2"). Columns are taken in their order, from the base of the robot outwards, which gives the
-// regrouping of Khalil and Dombre 2002 (Section 9.4: YY_j into XX_j and ZZ_{j-1}, ...). A column is
-// dependent if less than `tolerance` of its length is left after projection on the independent ones
-// (orthogonalised twice; Giraud and others 2005), and without effect if it is zero.
+// With W the columns at many motions, W p is unchanged when a dependent column is replaced by what
+// it is of the independent ones before it, W_d = W_i K. So W p = W_i (p_i + K p_d): the base
+// parameter of an independent column is its own parameter plus K times those of the dependent ones
+// ("XX2R = XX2 - YY2"). Columns are taken in their order, from the base of the robot outwards,
+// which gives the regrouping of Khalil and Dombre 2002 (Section 9.4: YY_j into XX_j and ZZ_{j-1},
+// ...). A column is dependent if less than `tolerance` of its length is left after projection on
+// the independent ones (orthogonalised twice; Giraud and others 2005), and without effect if it is
+// zero.
 //
 //   const BaseParameters base = structural_base_parameters(columns, joints);
 //   base.names          // "ZZ1R", "XX2R", "MX2", ...
@@ -40,14 +41,14 @@ struct BaseParameters {
                                              const std::vector<std::string>& names,
                                              double tolerance);
 
-// What a base parameter may be: where it is a sum of masses and moments of inertia alone it is positive as they are; a
-// difference, a product of inertia and a first moment may have either sign. A parameter of an element ("friction.damping")
-// goes by its unit.
+// What a base parameter may be: where it is a sum of masses and moments of inertia alone it is
+// positive as they are; a difference, a product of inertia and a first moment may have either sign.
+// A parameter of an element ("friction.damping") goes by its unit.
 [[nodiscard]] QuantityKind base_parameter_kind(const std::string& name, const std::string& unit,
                                                const std::vector<std::string>& relations);
 
-// Of the model: at random positions, velocities and accelerations, the same each time. What no motion
-// whatever can tell apart.
+// Of the model: at random positions, velocities and accelerations, the same each time. What no
+// motion whatever can tell apart.
 [[nodiscard]] BaseParameters structural_base_parameters(TorqueColumns& columns,
                                                         Eigen::Index joints);
 

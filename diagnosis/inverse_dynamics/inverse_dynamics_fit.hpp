@@ -11,9 +11,9 @@
 //   4. the covariance of all of them together, from W and the slopes of W p
 //   5. errors of every record, also of those the fit did not see
 //
-// Bias. W is computed from measured positions: noise in them shrinks the estimates, and in closed loop
-// it is correlated with the torque's. Filtering the position well above the motion's bandwidth and
-// well below the sampling rate keeps both small (Gautier, Janot and Vandanjon 2013).
+// Bias. W is computed from measured positions: noise in them shrinks the estimates, and in closed
+// loop it is correlated with the torque's. Filtering the position well above the motion's bandwidth
+// and well below the sampling rate keeps both small (Gautier, Janot and Vandanjon 2013).
 //
 //   const InverseDynamicsFit fit = fit_inverse_dynamics(robot, records);
 //   fit.parameters[0].name, .value, .standard_error
@@ -92,9 +92,10 @@ struct InverseDynamicsOptions {
   std::function<bool()> keep_going = {};  // asked now and then; empty: always
 };
 
-// A robot of which everything is known is not fitted: its errors are reported. Throws InputError where
-// nothing unknown has an effect in the data, for irregular samples or pieces too short to decimate, for fewer samples than parameters, no torque at all, and
-// elements whose force is not a number at its start.
+// A robot of which everything is known is not fitted: its errors are reported. Throws InputError
+// where nothing unknown has an effect in the data, for irregular samples or pieces too short to
+// decimate, for fewer samples than parameters, no torque at all, and elements whose force is not a
+// number at its start.
 [[nodiscard]] InverseDynamicsFit fit_inverse_dynamics(const RigidRobotModel& robot,
                                                       const std::vector<MotionRecord>& records,
                                                       const InverseDynamicsOptions& options = {});

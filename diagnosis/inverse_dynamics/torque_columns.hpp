@@ -4,9 +4,10 @@
 //
 // Columns, in this order: the standard inertial parameters of every link whose body is unknown (ten
 // each, rigid_body_regressor.hpp), the unknown rotor inertias (n_j n_j^T q'' for row n_j of N), and
-// the parameters in which the elements' forces are linear (b_out f at the value one). Everything else
-// that the model has is in `known`; but what laws with memory (states) add follows from all of the motion
-// before, so that it is asked for a piece of motion at a time. None of their parameters has a column.
+// the parameters in which the elements' forces are linear (b_out f at the value one). Everything
+// else that the model has is in `known`; but what laws with memory (states) add follows from all of
+// the motion before, so that it is asked for a piece of motion at a time. None of their parameters
+// has a column.
 //
 //   TorqueColumns columns(robot);                        // one for each thread
 //   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()

@@ -138,8 +138,8 @@ RefinementResult solve_problem(std::unique_ptr<ceres::CostFunction> cost, const 
   options.function_tolerance = tolerance;
   options.parameter_tolerance = tolerance;
   options.logging_type = ceres::SILENT;
-  // Near bounds each step is searched along its line; there cubic interpolation asks for all derivatives again,
-  // most of the time for a step that is taken as it is.
+  // Near bounds each step is searched along its line; there cubic interpolation asks for all
+  // derivatives again, most of the time for a step that is taken as it is.
   options.line_search_interpolation_type = ceres::QUADRATIC;
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;

@@ -1,7 +1,8 @@
-// Variable projection: the parameters theta in which the torque is not linear, found by Ceres on the
-// residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)), p(theta) the weighted least
-// squares of weighted_regression.hpp for fixed noise (Golub and Pereyra 1973). Positive parameters
-// move by their logarithm, within a factor of 1000 of their start; others on the scale of their start.
+// Variable projection: the parameters theta in which the torque is not linear, found by Ceres on
+// the residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)), p(theta) the weighted
+// least squares of weighted_regression.hpp for fixed noise (Golub and Pereyra 1973). Positive
+// parameters move by their logarithm, within a factor of 1000 of their start; others on the scale
+// of their start.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,8 +31,8 @@ using ProjectedResiduals = std::function<bool(
                                                  double tolerance,
                                                  const std::function<bool()>& keep_going);
 
-// The same by central differences. `residuals`: of the linear fit at theta; their number stays the same. `keep_going` as in
-// inverse_dynamics_fit.hpp.
+// The same by central differences. `residuals`: of the linear fit at theta; their number stays the
+// same. `keep_going` as in inverse_dynamics_fit.hpp.
 [[nodiscard]] RefinementResult refine_parameters(
     const Eigen::VectorXd& start, const std::vector<ParameterRange>& ranges,
     const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& residuals, int max_steps,

@@ -15,7 +15,8 @@ constexpr int kFilterOrder = 4;
 // Cut-off frequencies as shares of the sample rate.
 constexpr double kShares[] = {0.2, 0.1, 0.05, 0.02, 0.01, 0.004};
 
-// Which output measures each mass; none unless all free masses are measured and all laws are forces.
+// Which output measures each mass; none unless all free masses are measured and all laws are
+// forces.
 std::optional<std::vector<std::size_t>> measuring_outputs(const OutputErrorProblem& problem) {
   const LumpedModel& model = problem.model();
   for (const Element& part : model.parts) {

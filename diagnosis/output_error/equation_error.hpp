@@ -21,8 +21,8 @@ struct EquationErrorEstimate {
   Eigen::VectorXd theta;
 };
 
-// None where some mass is not measured, samples are uneven, inputs pass through laws of actuators or
-// outputs through those of sensors.
+// None where some mass is not measured, samples are uneven, inputs pass through laws of actuators
+// or outputs through those of sensors.
 [[nodiscard]] std::vector<EquationErrorEstimate> equation_error_estimates(
     const OutputErrorProblem& problem);
 

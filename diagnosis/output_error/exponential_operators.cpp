@@ -20,8 +20,8 @@ std::array<Eigen::MatrixXd, 4> phi_functions(const Eigen::MatrixXd& x) {
   return result;
 }
 
-// Those of [A 0; scale dA A] h: the derivatives are the lower left blocks. The scale keeps both blocks
-// of a size, for the exponential's accuracy.
+// Those of [A 0; scale dA A] h: the derivatives are the lower left blocks. The scale keeps both
+// blocks of a size, for the exponential's accuracy.
 std::array<Eigen::MatrixXd, 4> phi_derivatives(const Eigen::MatrixXd& a, const Eigen::MatrixXd& da,
                                                double step) {
   const Eigen::Index n = a.rows();

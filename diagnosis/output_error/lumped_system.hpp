@@ -5,8 +5,8 @@
 //
 // q the free coordinates, x the states of laws; N holds inputs, imposed motions and the laws of
 // elements. All quantities are rows [value, tangents]: a state is the matrix Y = [y, S] with
-// S = dy/d(free parameters, initial state), and N maps it to [N, dN/dy S + dN/dtheta]. Laws bring their
-// own exact derivatives (law.hpp).
+// S = dy/d(free parameters, initial state), and N maps it to [N, dN/dy S + dN/dtheta]. Laws bring
+// their own exact derivatives (law.hpp).
 //
 // One system serves one thread at a time. After construction nothing is allocated.
 #pragma once

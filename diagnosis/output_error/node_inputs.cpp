@@ -74,7 +74,8 @@ struct Point {
   double slope = 0.0;  // by time, in samples
 };
 
-// A smooth input at times (k + part), all k with the same part. Held back at the ends of the record.
+// A smooth input at times (k + part), all k with the same part. Held back at the ends of the
+// record.
 class SmoothSignal {
  public:
   SmoothSignal(const Values& values, InputHold hold, double part)
@@ -106,8 +107,8 @@ class SmoothSignal {
   Kernel kernel_;
 };
 
-// The parabola with the moments of a unit jump at s of a step from 0 to 1, at 0, 1/2 and 1: from its
-// Legendre coefficients c_k = (2k + 1) int_s^1 P_k. And its derivative by s.
+// The parabola with the moments of a unit jump at s of a step from 0 to 1, at 0, 1/2 and 1: from
+// its Legendre coefficients c_k = (2k + 1) int_s^1 P_k. And its derivative by s.
 std::array<Point, 3> jump_nodes(double s) {
   const std::array<Point, 3> c{
       {{1.0 - s, -1.0},

@@ -1,5 +1,5 @@
-// The output-error fit of a lumped model to recordings of any signals: the parameters with which the
-// simulated outputs (from the recorded inputs alone) come nearest to the measured ones,
+// The output-error fit of a lumped model to recordings of any signals: the parameters with which
+// the simulated outputs (from the recorded inputs alone) come nearest to the measured ones,
 //
 //   theta_hat = arg min  sum_recordings sum_k sum_j ((y_j(t_k; theta, y_0) - y_jk) / sigma_j)^2,
 //
@@ -9,8 +9,8 @@
 // within their bounds. The initial state of each recording is estimated along, unless it is known.
 // sigma_j: as stated, or the rms of the residuals (one output: of no matter to theta).
 //
-// Getting there. A free run forgives no bad start: a wrong resonance leaves one period behind, a wrong
-// friction lets an axis drift away. Therefore
+// Getting there. A free run forgives no bad start: a wrong resonance leaves one period behind, a
+// wrong friction lets an axis drift away. Therefore
 //   1. the equation error (equation_error.hpp), where all masses are measured, gives starts from the
 //      data alone; the model's own values and values off by up to `start_spread` either way are
 //      further ones; where all motion is imposed, the parameters that are linear there go to their
@@ -19,20 +19,21 @@
 //      shooting without its constraints), are fitted to these windows;
 //   3. the best go on to whole recordings; where a whole run still diverges, over longer windows.
 //
-// Covariance. With J the whitened derivatives less what initial states explain, and r the residuals,
+// Covariance. With J the whitened derivatives less what initial states explain, and r the
+// residuals,
 //   white   (J^T J)^-1, times the residual's variance if sigma is not stated
 //   robust  (J^T J)^-1 V (J^T J)^-1, V = sum_l w_l sum_t J_t^T r_t r_(t+l)^T J_(t+l): the sandwich of
 //           Newey and West (Econometrica 55, 1987), Bartlett weights w_l, lags by the rule of
 //           Andrews (Econometrica 59, 1991, (6.2) and (6.4)), scores whitened first (Andrews and
 //           Monahan, Econometrica 60, 1992).
-// Residuals of real recordings are not white: the robust one is what is reported. From three recordings on it is widened
-// by the spread between them (recording_spread.hpp).
+// Residuals of real recordings are not white: the robust one is what is reported. From three
+// recordings on it is widened by the spread between them (recording_spread.hpp).
 //
 //   const OutputErrorFit fit = fit_output_error(problem);
 //   if (fit.status == OutputErrorStatus::kConverged) use(fit.theta, fit.covariance);
 //
-// Cost of one simulation with derivatives: O(samples x steps a sample x (parameters + initial state) x
-// state^2); the fit takes 10 to 200 of them.
+// Cost of one simulation with derivatives: O(samples x steps a sample x (parameters + initial
+// state) x state^2); the fit takes 10 to 200 of them.
 #pragma once
 
 #include <Eigen/Core>

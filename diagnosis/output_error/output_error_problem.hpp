@@ -2,8 +2,8 @@
 //
 //   y(t_k; theta, y_0) - measured y_k,   its derivatives by the free parameters and the initial state,
 //
-// for stretches of samples: whole recordings, or the windows of a first search. Simulated outputs and
-// derivatives come together, in one pass (trajectory.hpp).
+// for stretches of samples: whole recordings, or the windows of a first search. Simulated outputs
+// and derivatives come together, in one pass (trajectory.hpp).
 //
 //   const OutputErrorProblem problem(model, load_output_error_data(model, campaign));
 //   std::vector<Simulated> runs = problem.simulate(problem.start(), problem.whole_recordings(), {});

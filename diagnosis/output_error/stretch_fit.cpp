@@ -49,6 +49,9 @@ struct ParameterTransform {
 };
 
 // Simulates all stretches once for each point that Ceres looks at.
+//
+// Ceres eliminates the initial states in the order of their addresses, and the order of its sums decides
+// the last digits. So they lie in one array: apart, each run of a program might order them differently.
 class SharedSimulation final : public ceres::EvaluationCallback {
  public:
   SharedSimulation(const OutputErrorProblem& problem, std::span<const StretchOf> stretches,
@@ -56,13 +59,31 @@ class SharedSimulation final : public ceres::EvaluationCallback {
       : scale(problem),
         inner_theta(std::move(inner)),
         initial_states(std::move(initial)),
+        initial_size_(static_cast<std::size_t>(problem.initial_size())),
+        initial_numbers_(initial_size_ * initial_states.size()),
         problem_(problem),
-        stretches_(stretches) {}
+        stretches_(stretches) {
+    for (std::size_t k = 0; k < initial_states.size(); ++k) {
+      std::ranges::copy(initial_states[k], initial_block(k));
+    }
+  }
+
+  // The numbers of one initial state that Ceres moves.
+  [[nodiscard]] double* initial_block(std::size_t stretch) {
+    return initial_numbers_.data() + stretch * initial_size_;
+  }
+  // The initial states of those numbers.
+  void take_initial_states() {
+    for (std::size_t k = 0; k < initial_states.size(); ++k) {
+      std::copy_n(initial_block(k), initial_size_, initial_states[k].begin());
+    }
+  }
 
   void PrepareForEvaluation(bool evaluate_jacobians, bool new_point) override {
     if (!new_point && (has_derivatives_ || !evaluate_jacobians)) return;
     has_derivatives_ = evaluate_jacobians;
     theta = scale.outer(inner_theta);
+    take_initial_states();
     if (!theta.allFinite()) {
       for (Simulated& run : runs) run.finite = false;
       return;
@@ -76,6 +97,8 @@ class SharedSimulation final : public ceres::EvaluationCallback {
   std::vector<Simulated> runs;
 
  private:
+  std::size_t initial_size_;
+  std::vector<double> initial_numbers_;
   const OutputErrorProblem& problem_;
   std::span<const StretchOf> stretches_;
   bool has_derivatives_ = false;
@@ -162,7 +185,8 @@ ceres::Solver::Options solver_options(const StretchFitOptions& options) {
   result.initial_trust_region_radius = 100.0;
   result.logging_type = ceres::SILENT;
   result.max_num_consecutive_invalid_steps = 20;
-  // Cubic interpolation asks for all derivatives again at each step that is searched along its line.
+  // Cubic interpolation asks for all derivatives again at each step that is searched along its
+  // line.
   result.line_search_interpolation_type = ceres::QUADRATIC;
   return result;
 }
@@ -188,7 +212,7 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
   for (std::size_t k = 0; k < stretches.size(); ++k) {
     const Eigen::VectorXd measured = problem.measured(stretches[k]);
     std::vector<double*> blocks{shared.inner_theta.data()};
-    if (has_initial) blocks.push_back(shared.initial_states[k].data());
+    if (has_initial) blocks.push_back(shared.initial_block(k));
     minimised.AddResidualBlock(
         new StretchResiduals(shared, k, measured, weights_of(deviation, measured.size())), nullptr,
         blocks);
@@ -213,6 +237,7 @@ StretchFit fit_stretches(const OutputErrorProblem& problem, std::span<const Stre
   ceres::Solve(solver, &minimised, &summary);
   result.iterations = static_cast<int>(summary.iterations.size());
   result.theta = options.free_parameters ? scale.outer(shared.inner_theta) : theta;
+  shared.take_initial_states();
   result.initial = shared.initial_states;
   result.cost = summary.final_cost;
   using enum StretchFit::Status;

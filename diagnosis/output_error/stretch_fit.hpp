@@ -1,5 +1,5 @@
-// One minimisation by Ceres: the error of an output-error problem over given stretches, from a given
-// start. What fit_output_error and equation_error are made of.
+// One minimisation by Ceres: the error of an output-error problem over given stretches, from a
+// given start. What fit_output_error and equation_error are made of.
 #pragma once
 
 #include <Eigen/Core>

@@ -20,8 +20,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
-// Forces of candidates are regressors: that a coarse grid folds the last of their harmonics costs them nothing
-// but a little power. Half the grid of steady states.
+// Forces of candidates are regressors: that a coarse grid folds the last of their harmonics costs
+// them nothing but a little power. Half the grid of steady states.
 SteadyStateOptions coarse_grid() {
   SteadyStateOptions options;
   options.oversampling = 8.0;
@@ -269,11 +269,11 @@ MatrixXd NoiseDraws::products(const MatrixXcd& whitened) const {
   return as_real(whitened).transpose() * as_real(noise_);
 }
 
-// The variance of J^H W e over what it is taken for, J^H W J, with W = (q - n) S^-1 as estimated from q samples of n
-// outputs (noise_whitening.hpp): (J^H W W J) / (J^H W J) is, whatever J,
+// The variance of J^H W e over what it is taken for, J^H W J, with W = (q - n) S^-1 as estimated
+// from q samples of n outputs (noise_whitening.hpp): (J^H W W J) / (J^H W J) is, whatever J,
 //   (q - n) / g_(q-n+1) (1 + g_(n-1) / g_(q-n+2)),   g_m independent, of the gamma distribution with mean m,
-// by S^-1's partition into J and the rest: the first factor, of mean one, is what is left of S along J, the second the
-// squared slope of J on the other outputs.
+// by S^-1's partition into J and the rest: the first factor, of mean one, is what is left of S
+// along J, the second the squared slope of J on the other outputs.
 void NoiseDraws::scale(const PeriodicData& data, const NoisePool& pool, std::uint64_t seed) {
   const auto n = static_cast<double>(outputs_);
   const double beyond = std::max(pool.samples - n, 2.0);  // no mean below one

@@ -1,13 +1,14 @@
 // Score tests of many laws at many places: the products of their columns with the residuals, the
 // parameters' derivatives and each other, one recording after the other.
 //
-// A column is what the law does to the whitened outputs, under the motion at its place, in first order: the answer
-// of the outputs to a force there (n_y numbers a line) times the force's lines. So all products go through
-// what the place sees of the others (answer^H times them, one number a line), and cost O(K) a column instead
-// of O(n_y K).
+// A column is what the law does to the whitened outputs, under the motion at its place, in first
+// order: the answer of the outputs to a force there (n_y numbers a line) times the force's lines.
+// So all products go through what the place sees of the others (answer^H times them, one number a
+// line), and cost O(K) a column instead of O(n_y K).
 //
-// Columns are not decorrelated (common_error.hpp); what they are multiplied with is, twice, and among
-// themselves they lose what they have in common with the directions of the common error: Cov^-1 = 1 - W W^T.
+// Columns are not decorrelated (common_error.hpp); what they are multiplied with is, twice, and
+// among themselves they lose what they have in common with the directions of the common error:
+// Cov^-1 = 1 - W W^T.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,9 +22,9 @@
 namespace graybox {
 
 // Whether a law's column is worth taking from the motion as measured. What a gain error does is
-// proportional to it whatever its size, and often to what the parameters do: the model's own motion, which
-// has nothing of the residuals in it, gives that exactly. What a saturation has cut off is not in the
-// measured signal any more.
+// proportional to it whatever its size, and often to what the parameters do: the model's own
+// motion, which has nothing of the residuals in it, gives that exactly. What a saturation has cut
+// off is not in the measured signal any more.
 [[nodiscard]] bool may_follow_data(const LawEntry& entry);
 
 // One law at one place, with the shapes that are tried.
@@ -65,9 +66,9 @@ struct CandidateSums {
   }
 };
 
-// Draws of what pure noise leaves over the lines of one recording, whitened by a covariance that is an
-// estimate itself: where that came out too small in a draw, the noise is too large, in neighbouring lines
-// and in all records of a group alike.
+// Draws of what pure noise leaves over the lines of one recording, whitened by a covariance that is
+// an estimate itself: where that came out too small in a draw, the noise is too large, in
+// neighbouring lines and in all records of a group alike.
 class NoiseDraws {
  public:
   NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,
@@ -89,8 +90,8 @@ class NoiseDraws {
   Eigen::MatrixXcd noise_;  // (outputs of each line) x draws
 };
 
-// Adds those of one recording, that the solver has solved. `bodies`: what each column of a body law changes in
-// the plant at the recording's position, in the candidates' order.
+// Adds those of one recording, that the solver has solved. `bodies`: what each column of a body law
+// changes in the plant at the recording's position, in the candidates' order.
 void add_products(const PlantFamily& family, const PeriodicData& data, const ModelState& model,
                   SteadyStateSolver& solver, const MeasuredRecord& record, bool follows_data,
                   const std::vector<Candidate>& candidates, const std::vector<PlantChange>& bodies,

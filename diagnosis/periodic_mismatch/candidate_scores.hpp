@@ -1,5 +1,6 @@
-// Score tests of hypotheses beside a fitted model: each law at its place, in all its shapes, the best of them and where
-// a refit with it may start (candidate_products.hpp has the columns, score_test.hpp the test).
+// Score tests of hypotheses beside a fitted model: each law at its place, in all its shapes, the
+// best of them and where a refit with it may start (candidate_products.hpp has the columns,
+// score_test.hpp the test).
 #pragma once
 
 #include <cstddef>
@@ -20,8 +21,8 @@ struct HypotheticalLaw {
 };
 
 struct CandidateScoreOptions {
-  // Whether columns are taken from the motion as measured. It holds noise of the residuals: only where tests of single
-  // hypotheses no longer decide whether anything is missing.
+  // Whether columns are taken from the motion as measured. It holds noise of the residuals: only
+  // where tests of single hypotheses no longer decide whether anything is missing.
   bool follows_data = false;
   int null_draws = 0;  // of pure noise, for the table's minima
   std::uint64_t seed = 1;
@@ -29,8 +30,9 @@ struct CandidateScoreOptions {
   int threads = 1;
 };
 
-// One score a law, in their order; those of one place must follow each other. Cost: candidate_products.hpp, a steady state for
-// each recording, and two more passes over the recordings for the scales of motion.
+// One score a law, in their order; those of one place must follow each other. Cost:
+// candidate_products.hpp, a steady state for each recording, and two more passes over the
+// recordings for the scales of motion.
 [[nodiscard]] ScoreTable score_candidates(const PlantFamily& family, const PeriodicData& data,
                                           const ModelState& model,
                                           std::span<const HypotheticalLaw> laws,

@@ -38,8 +38,9 @@ std::string coefficient_unit(Coefficient coefficient) {
   return "1";
 }
 
-// The most that forces with slopes that vary make of the free motion: a share of it, and of what they do at
-// all. `left`: chi-square that no law explains, which may be such a force; of the model's own laws nothing is known.
+// The most that forces with slopes that vary make of the free motion: a share of it, and of what
+// they do at all. `left`: chi-square that no law explains, which may be such a force; of the
+// model's own laws nothing is known.
 double made_of_free_motion(const ModelState& model, std::size_t own_laws, double free_power,
                            double gain, double left) {
   if (std::ranges::any_of(std::span(model.laws).first(own_laws), has_varying_slopes))

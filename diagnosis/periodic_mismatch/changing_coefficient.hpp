@@ -1,4 +1,5 @@
-// Which coefficient changes while a system is recorded, if any does (time_variation.hpp has the test of each).
+// Which coefficient changes while a system is recorded, if any does (time_variation.hpp has the
+// test of each).
 #pragma once
 
 #include <cstddef>
@@ -11,9 +12,9 @@
 
 namespace graybox {
 
-// The best of all coefficients at all places, if it is more than laws whose slopes vary may make of the free motion: the
-// first `own_laws` of the model are its own. `gain`: what the others lower the deviance by; `left`: chi-square that no law
-// explains, which may be such a force.
+// The best of all coefficients at all places, if it is more than laws whose slopes vary may make of
+// the free motion: the first `own_laws` of the model are its own. `gain`: what the others lower the
+// deviance by; `left`: chi-square that no law explains, which may be such a force.
 [[nodiscard]] std::optional<TimeVariation> find_time_variation(const PlantFamily& family,
                                                                const PeriodicData& data,
                                                                const ModelState& model,

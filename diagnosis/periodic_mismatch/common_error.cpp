@@ -30,7 +30,8 @@ Eigen::MatrixXcd CommonError::inverse_directions() const {
 
 CommonError common_error(const Eigen::MatrixXcd& motion,
                          const Eigen::LLT<Eigen::MatrixXd>& information) {
-  // m I^-1 m^T = B B^T with B = m L^-T, I = L L^T; its eigenvectors are B P v^(-1/2) with those of B^T B.
+  // m I^-1 m^T = B B^T with B = m L^-T, I = L L^T; its eigenvectors are B P v^(-1/2) with those of
+  // B^T B.
   const Eigen::MatrixXd moved =
       information.matrixL().solve(as_real(motion).transpose()).transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(moved.transpose() * moved);

@@ -1,15 +1,18 @@
-// What the residuals of one recording have in common because its free motion was taken out with an error.
+// What the residuals of one recording have in common because its free motion was taken out with an
+// error.
 //
 // The free motion of a record (transients.hpp) is known with an error of covariance I^-1. What that
 // error does to the whitened outputs, m (over outputs and lines), adds to their unit covariance:
 //
 //   Cov = 1 + m I^-1 m^T = 1 + Q diag(v) Q^T,   Q orthonormal, a column or two for each mode in the band.
 //
-// Near a sharp mode v is about one: neighbouring lines and all outputs err together. Tests and fits that
-// take lines for independent see structure in that which is none, up to 30 in chi-square for one parameter.
-// So residuals and derivatives are multiplied by Cov^(-1/2), symmetric, so that a residual stays at its line.
+// Near a sharp mode v is about one: neighbouring lines and all outputs err together. Tests and fits
+// that take lines for independent see structure in that which is none, up to 30 in chi-square for
+// one parameter. So residuals and derivatives are multiplied by Cov^(-1/2), symmetric, so that a
+// residual stays at its line.
 //
-// Real and imaginary parts count as real numbers in turn (real_products.hpp). Cost: O(n_y K r) a column.
+// Real and imaginary parts count as real numbers in turn (real_products.hpp). Cost: O(n_y K r) a
+// column.
 #pragma once
 
 #include <Eigen/Cholesky>

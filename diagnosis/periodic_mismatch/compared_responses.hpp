@@ -1,5 +1,5 @@
-// Measured frequency responses beside those of the model as it is, for the search for faults of wiring,
-// sign and unit (channel_faults.hpp).
+// Measured frequency responses beside those of the model as it is, for the search for faults of
+// wiring, sign and unit (channel_faults.hpp).
 #pragma once
 
 #include "graybox/diagnosis/hypotheses/channel_faults.hpp"

@@ -16,16 +16,16 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Chi-square over numbers of recordings whose model may be wrong by a few thousandths, at which the right
-// minimum has been found.
+// Chi-square over numbers of recordings whose model may be wrong by a few thousandths, at which the
+// right minimum has been found.
 constexpr double kNear = 1.5;
 
 // And at which there is none to be found from where it began.
 constexpr double kHopeless = 10.0;
 
-// Above the first and below this a fit may have stopped in a valley beside the right one, some per cent away in
-// parameters that change the same resonances: so many starts around it, so far (in the logarithm), are tried. Models
-// of fewer parameters have no such valleys.
+// Above the first and below this a fit may have stopped in a valley beside the right one, some per
+// cent away in parameters that change the same resonances: so many starts around it, so far (in the
+// logarithm), are tried. Models of fewer parameters have no such valleys.
 constexpr double kBeside = 3.0;
 constexpr int kStartsAround = 4;
 constexpr Index kManyParameters = 8;
@@ -53,8 +53,8 @@ class Approach {
     if (options.freed != nullptr) count_ *= share_beside_freed(data);
   }
 
-  // The best of the starts on smooth data, or the first that comes near; a start whose chi-square over numbers is
-  // above `hopeless` is not followed further.
+  // The best of the starts on smooth data, or the first that comes near; a start whose chi-square
+  // over numbers is above `hopeless` is not followed further.
   PeriodicFit from(const std::vector<VectorXd>& starts, const std::vector<ActingLaw>& laws,
                    const std::vector<double>& shares) {
     PeriodicFit best;

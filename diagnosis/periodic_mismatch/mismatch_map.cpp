@@ -10,6 +10,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/record_loop.hpp"
+#include "graybox/problems/array_index.hpp"
 
 namespace graybox {
 namespace {
@@ -19,8 +20,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 struct CountedCell {
   MismatchCell cell;

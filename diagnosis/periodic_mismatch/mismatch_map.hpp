@@ -1,4 +1,5 @@
-// Where a model leaves more than noise: whitened residuals summed over channels, bands of frequency, positions and levels.
+// Where a model leaves more than noise: whitened residuals summed over channels, bands of
+// frequency, positions and levels.
 #pragma once
 
 #include <vector>
@@ -10,8 +11,9 @@
 
 namespace graybox {
 
-// Noise estimated from few lines and periods makes sums of squares scatter more: `effective` of a cell
-// (noise_whitening.hpp). Cost: a steady state for each recording. Of the recordings of the fit; bands of equal width in the logarithm of frequency.
+// Noise estimated from few lines and periods makes sums of squares scatter more: `effective` of a
+// cell (noise_whitening.hpp). Cost: a steady state for each recording. Of the recordings of the
+// fit; bands of equal width in the logarithm of frequency.
 [[nodiscard]] std::vector<MismatchCell> mismatch_map(const PlantFamily& family,
                                                      const PeriodicData& data,
                                                      const ModelState& model, int threads);

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <utility>
 
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -19,8 +20,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 Element as_element(const ActingLaw& law) {
   Element element;

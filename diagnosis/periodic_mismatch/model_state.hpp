@@ -1,8 +1,9 @@
-// A model with laws at one value of its parameters: what each position answers at each line, and the laws beside it.
+// A model with laws at one value of its parameters: what each position answers at each line, and
+// the laws beside it.
 //
 // Laws are forces of their own (steady_state.hpp solves for those), or part of the plant (bodies).
-// Cost: a factorisation of n coordinates for each position and line, and two plants more a position for each body
-// parameter.
+// Cost: a factorisation of n coordinates for each position and line, and two plants more a position
+// for each body parameter.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,18 +25,20 @@ struct ActingLaw {
   std::vector<bool> fixed{};  // known, so that derivatives are zero; empty: none is
 };
 
-// Known, or, where no other parameter of the law is, for any value of it others make the same force.
+// Known, or, where no other parameter of the law is, for any value of it others make the same
+// force.
 [[nodiscard]] bool is_fixed(const ActingLaw& law, std::size_t parameter);
 
-// A law that is part of the plant (inertia of an arm, payload, a constant force that shifts the rest) rather
-// than a force of its own.
+// A law that is part of the plant (inertia of an arm, payload, a constant force that shifts the
+// rest) rather than a force of its own.
 [[nodiscard]] bool is_body(const CandidatePlace& place, const LawEntry& entry);
 
 // By how much a body law's parameter is changed to see what the plant does.
 [[nodiscard]] double small_change(const LinearPlant& plant, const Element& body, double value);
 
-// The entries of a PlantDerivative's matrices that are not zero, and what becomes of the rest: laws act on the
-// motion from there, so that a spring which yields under the weight changes the slope of another beside it.
+// The entries of a PlantDerivative's matrices that are not zero, and what becomes of the rest: laws
+// act on the motion from there, so that a spring which yields under the weight changes the slope of
+// another beside it.
 struct PlantChange {
   struct Entry {
     Eigen::Index row = 0, column = 0;

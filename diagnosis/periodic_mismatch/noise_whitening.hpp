@@ -34,21 +34,22 @@ namespace graybox {
 // q / (q - n_y) on average: the covariance times that.
 [[nodiscard]] double inverse_bias(double degrees_of_freedom, Eigen::Index outputs);
 
-// Chi-square of residuals that were whitened with estimated covariances, over its degrees of freedom, scatters more
-// than a chi-square variable does: it is about one over these degrees of freedom instead, of which its variance is
-// that of
+// Chi-square of residuals that were whitened with estimated covariances, over its degrees of
+// freedom, scatters more than a chi-square variable does: it is about one over these degrees of
+// freedom instead, of which its variance is that of
 //   chi^2 = sum_k sum_r e^H W_k e,   W = (q - n) S^-1,   S a complex Wishart matrix of n outputs and q samples,
-// with E W = 1, the same for all records of a group at line k. By its moments (Shaman, J. Multivariate Anal. 10, 1980)
+// with E W = 1, the same for all records of a group at line k. By its moments (Shaman, J.
+// Multivariate Anal. 10, 1980)
 //   Var = sum_groups 2 N a + 2 N^2 b / (2 n m),   N numbers, m complex degrees of freedom in the group,
 //   a = E tr W^2 / n = q (q - n) / ((q - n)^2 - 1),   b = (q / n) Var tr W = q^2 / ((q - n)^2 - 1),
-// a, b -> 1 for many samples, which is Fisher's F. `degrees_of_freedom`: of the records' numbers, those of the fitted
-// parameters taken off. The same where the noise is stated.
+// a, b -> 1 for many samples, which is Fisher's F. `degrees_of_freedom`: of the records' numbers,
+// those of the fitted parameters taken off. The same where the noise is stated.
 [[nodiscard]] double effective_degrees_of_freedom(const PeriodicData& data,
                                                   const std::vector<MeasuredRecord>& records,
                                                   double degrees_of_freedom);
 
-// Half the variance of the sum of so many squared numbers of one group, as above: those of `channels` of its outputs, at a
-// share of its lines.
+// Half the variance of the sum of so many squared numbers of one group, as above: those of
+// `channels` of its outputs, at a share of its lines.
 [[nodiscard]] double half_variance(const NoisePool& pool, Eigen::Index outputs, double numbers,
                                    double channels, double share_of_lines);
 

@@ -45,8 +45,8 @@ class Prediction {
     return *state;
   }
 
-  // A state that was not found is in part the recording itself, and predicts nothing of that: by how much it differs
-  // from one under the laws is counted as error.
+  // A state that was not found is in part the recording itself, and predicts nothing of that: by
+  // how much it differs from one under the laws is counted as error.
   [[nodiscard]] double chi_square(const SteadyState& state) const {
     if (is_found(state)) return state.chi_square;
     return state.chi_square + state.unsettled * state.unsettled * numbers_;

@@ -18,9 +18,10 @@ namespace graybox {
                                         const std::vector<MeasuredRecord>& records,
                                         std::size_t parameters, int threads);
 
-// What the fit makes of recordings kept out, the errors of its parameters counted as noise. `values`: of all parameters,
-// the model's, then the laws'.
-// With C the parameters' covariance, residuals r with derivatives J have the covariance 1 + J C J^T:
+// What the fit makes of recordings kept out, the errors of its parameters counted as noise.
+// `values`: of all parameters, the model's, then the laws'.
+// With C the parameters' covariance, residuals r with derivatives J have the covariance 1 + J C
+// J^T:
 //   chi^2 = r^T r - b^T (C^-1 + J^T J)^-1 b,   b = J^T r,
 //   log det(1 + J C J^T) = log det(C^-1 + J^T J) - log det C^-1.
 // Cost: a steady state and its derivatives for each record.
@@ -32,7 +33,8 @@ namespace graybox {
 [[nodiscard]] Eigen::MatrixXd solve_information(const Eigen::MatrixXd& information,
                                                 const Eigen::MatrixXd& scores);
 
-// log det(1 + D S D), D the parameters' values: of information and a prior as wide as these, over the prior's.
+// log det(1 + D S D), D the parameters' values: of information and a prior as wide as these, over
+// the prior's.
 [[nodiscard]] double log_determinant_with_prior(const Eigen::MatrixXd& information,
                                                 const Eigen::VectorXd& values);
 

@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
 #include "graybox/diagnosis/responses/estimate_responses.hpp"
 #include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -27,8 +28,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 struct ReadRecord {
   MeasuredRecord record;
@@ -333,7 +332,8 @@ class Reader {
     return result;
   }
 
-  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last two.
+  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last
+  // two.
   [[nodiscard]] std::vector<Index> noise_lines() const {
     std::vector<Index> lines(data_.excited.begin(), data_.excited.end());
     const Index step = std::max<Index>(1, data_.last_line / 40);

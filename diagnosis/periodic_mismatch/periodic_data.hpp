@@ -1,8 +1,8 @@
-// PeriodicData: the recordings of a periodic campaign as spectra of one period, freed of leakage, with
-// the covariance of the noise V = Y - G U of each line.
+// PeriodicData: the recordings of a periodic campaign as spectra of one period, freed of leakage,
+// with the covariance of the noise V = Y - G U of each line.
 //
-// Lines: all up to `line_factor` times the highest excited one. Lines that are not excited say which
-// non-linear physics is at work. Only lines from the lowest excited one on count.
+// Lines: all up to `line_factor` times the highest excited one. Lines that are not excited say
+// which non-linear physics is at work. Only lines from the lowest excited one on count.
 //
 // Noise, by level: samples between the lines of the period (line_spectra.hpp), y - G u with the
 // measured response at excited lines and the model's above them, pooled over positions, recordings
@@ -44,14 +44,15 @@ struct MeasuredRecord {
   Eigen::MatrixXcd output;       // n_y x (K + 1), line 0 not used
   Eigen::MatrixXcd input;        // n_u x (K + 1)
   Eigen::MatrixXd input_period;  // n_u x N, mean of the periods
-  // The spectra of all periods together, scaled alike: line k is bin k P. Empty for a single period.
+  // The spectra of all periods together, scaled alike: line k is bin k P. Empty for a single
+  // period.
   Eigen::Index periods = 1;                  // P
   Eigen::MatrixXcd output_bins, input_bins;  // n_y and n_u x bins from 0 on
   Eigen::VectorXd mean_offset;  // of the held coordinates (PlantFamily); empty: none known
   // Of the free motion that was taken out, beside the noise; null: none was.
   std::shared_ptr<const CommonError> common_error;
-  // With it: the plant of motions beside the periodic one, what is left between the lines, n_y x bins, and the
-  // power there of what was taken out, in the noise's.
+  // With it: the plant of motions beside the periodic one, what is left between the lines, n_y x
+  // bins, and the power there of what was taken out, in the noise's.
   std::shared_ptr<const LinearPlant> free_plant;
   Eigen::MatrixXcd between_lines;
   double free_power = 0.0;
@@ -95,13 +96,14 @@ struct PeriodicData {
   }
 };
 
-// Lines and frequencies of `excited` lines (ascending) and those up to `line_factor` times the last of
-// them, without records.
+// Lines and frequencies of `excited` lines (ascending) and those up to `line_factor` times the last
+// of them, without records.
 [[nodiscard]] PeriodicData periodic_frame(std::size_t period, double sample_time,
                                           const std::vector<std::size_t>& excited,
                                           double line_factor);
 
-// One record in memory, [samples x (n_y + n_u)], outputs first: lines as they are, free motion included.
+// One record in memory, [samples x (n_y + n_u)], outputs first: lines as they are, free motion
+// included.
 [[nodiscard]] MeasuredRecord measured_record(const PeriodicData& frame,
                                              const Eigen::Ref<const Eigen::MatrixXd>& signals,
                                              Eigen::Index outputs, RealTransform& transform);

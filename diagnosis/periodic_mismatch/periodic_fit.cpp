@@ -13,6 +13,7 @@
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
 #include "graybox/diagnosis/recording_spread.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -23,8 +24,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // How a parameter moves.
 struct Unknown {
@@ -60,24 +59,27 @@ struct Evaluation {
   double unsettled = 0.0;
 };
 
-// Gain in chi-square of a step that a fit with laws goes on for: laws of many parameters creep along valleys
-// for dozens of dear steps, and no verdict turns on less.
+// Gain in chi-square of a step that a fit with laws goes on for: laws of many parameters creep
+// along valleys for dozens of dear steps, and no verdict turns on less.
 constexpr double kEnough = 0.1;
 
-// Or this share of what chi-square has beyond its expectation: laws that are not the right ones leave it so
-// large that no gain of that size can make them so.
+// Or this share of what chi-square has beyond its expectation: laws that are not the right ones
+// leave it so large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
 
 constexpr double kFirstDamping = 1e-3;
-// A small step may be small for its damping: that is lifted by this, and the fit counts as done at so many small steps.
+// A small step may be small for its damping: that is lifted by this, and the fit counts as done at
+// so many small steps.
 constexpr double kReleased = 0.04;
 constexpr int kSmallSteps = 4;
 
-// A fit that may be given up has had so many steps; the best of the last few that led on is what each to come may gain.
+// A fit that may be given up has had so many steps; the best of the last few that led on is what
+// each to come may gain.
 constexpr int kStepsAtLeast = 10;
 constexpr std::size_t kRecentSteps = 5;
 
-// Of Levenberg and Marquardt's steps, by the share of the predicted gain that was found (Nielsen 1999).
+// Of Levenberg and Marquardt's steps, by the share of the predicted gain that was found (Nielsen
+// 1999).
 struct Damping {
   double value = kFirstDamping;
   double failed = 0.0;  // the most with which a step led up since one led on
@@ -111,7 +113,8 @@ class PeriodicFitter {
   }
 
   PeriodicFit run(const std::vector<VectorXd>& starts) {
-    // Derivatives by mean slopes at first; exact ones once they no longer lead on. Of linear laws these are the same.
+    // Derivatives by mean slopes at first; exact ones once they no longer lead on. Of linear laws
+    // these are the same.
     bool exact = std::ranges::all_of(laws_, [](const ActingLaw& law) {
       return PeriodicLaw(*law.entry, law.parameters).is_linear();
     });
@@ -175,7 +178,8 @@ class PeriodicFitter {
   }
 
  private:
-  // Below options.to_beat in the steps that are left. Derivatives must be exact: with these it may get out of a bend.
+  // Below options.to_beat in the steps that are left. Derivatives must be exact: with these it may
+  // get out of a bend.
   [[nodiscard]] bool cannot_win(const Evaluation& now, int iterations) const {
     if (!std::isfinite(options_.to_beat) || iterations < kStepsAtLeast) return false;
     if (gains_.size() < kRecentSteps) return false;
@@ -282,7 +286,8 @@ class PeriodicFitter {
     return unit.cwiseProduct(matrix.ldlt().solve(unit.cwiseProduct(now.gradient)));
   }
 
-  // A step along a valley that bends ends beside it, where the next step leads down further than this one came up.
+  // A step along a valley that bends ends beside it, where the next step leads down further than
+  // this one came up.
   [[nodiscard]] bool leaves_valley(const Evaluation& from, const VectorXd& step,
                                    const Evaluation& to, double damping) const {
     if (!std::isfinite(to.chi_square) || is_settled(from) != is_settled(to)) return false;
@@ -443,8 +448,8 @@ class PeriodicFitter {
     return imitated;
   }
 
-  // Of parameters that act as forces at the freed place nothing but rounding is left, or little where laws couple
-  // lines: they stay as they are.
+  // Of parameters that act as forces at the freed place nothing but rounding is left, or little
+  // where laws couple lines: they stay as they are.
   static void hold_unseen(const std::vector<RecordSums>& sums, Evaluation& result) {
     constexpr double kLeft = 1e-8;
     VectorXd left = VectorXd::Zero(result.gradient.size()), seen = left;

@@ -1,9 +1,10 @@
 // The parameters of a model and of laws that fit periodic recordings best, by Levenberg and
 // Marquardt's method on the whitened residuals of steady_state.hpp.
 //
-// Valleys of chi-square between parameters that do nearly the same are narrow and bend: a step along one ends beside it,
-// and is not better. Where the next step from there promises to lead down further than this one came up, both
-// count as one. Where steps are no longer worth taking but would be with less damping, it is lifted first.
+// Valleys of chi-square between parameters that do nearly the same are narrow and bend: a step
+// along one ends beside it, and is not better. Where the next step from there promises to lead down
+// further than this one came up, both count as one. Where steps are no longer worth taking but
+// would be with less damping, it is lifted first.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,12 +24,13 @@ struct PeriodicFitOptions {
   double tolerance = 1e-5;  // share of chi-square that a step must gain
   int threads = 1;
   std::function<bool()> keep_going;
-  // A chi-square that is known: a fit that creeps so that it would not get below that within the limit, each step as good
-  // as the best of its last five, is given up. It has not converged then.
+  // A chi-square that is known: a fit that creeps so that it would not get below that within the
+  // limit, each step as good as the best of its last five, is given up. It has not converged then.
   double to_beat = std::numeric_limits<double>::infinity();
   // Estimation records that a fit comes near by; empty: telling_recordings() at the first start.
   std::vector<std::size_t> telling = {};
-  // Where any force (or signal) may act, another at each line: residuals count only beside what it does.
+  // Where any force (or signal) may act, another at each line: residuals count only beside what it
+  // does.
   const Location* freed = nullptr;
 };
 
@@ -44,13 +46,13 @@ struct PeriodicFit {
   bool has_steady_state =
       false;  // under the laws (rms over the recordings); a fit without one has not converged
   int iterations = 0;
-  // Of the model's parameters those that a force at the freed place imitates (springs and dampers beside it), which stay
-  // as they were; empty if no place is freed.
+  // Of the model's parameters those that a force at the freed place imitates (springs and dampers
+  // beside it), which stay as they were; empty if no place is freed.
   std::vector<bool> imitated{};
 };
 
-// The factor of the multiple of b b^T that is nearest to a matrix, b^T M b / (b^T b)^2: of a change of C or K what acts
-// as a force at a place.
+// The factor of the multiple of b b^T that is nearest to a matrix, b^T M b / (b^T b)^2: of a change
+// of C or K what acts as a force at a place.
 [[nodiscard]] double multiple_along(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& b);
 
 // Of the numbers in recordings those that a freed force leaves: it takes one output's of each line.

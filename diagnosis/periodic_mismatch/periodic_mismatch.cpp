@@ -34,6 +34,7 @@
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/distributions.hpp"
 
 namespace graybox {
@@ -44,10 +45,8 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
-
-// How much of a b b^T can be taken from a matrix that is positive semidefinite, so that it stays so: 1/(b^T A^+ b), and
-// nothing where b is not in its range.
+// How much of a b b^T can be taken from a matrix that is positive semidefinite, so that it stays
+// so: 1/(b^T A^+ b), and nothing where b is not in its range.
 double removable(const MatrixXd& matrix, const VectorXd& b) {
   constexpr double kOutside = 1e-6;
   const Eigen::CompleteOrthogonalDecomposition<MatrixXd> factor(matrix);
@@ -113,10 +112,10 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
 
   [[nodiscard]] std::vector<ChannelFault> channel_faults() const override { return faults_; }
 
-  // Fits the model as it is to recordings freed of their transients by polynomials, then frees them with
-  // the fitted model, until the fit no longer moves. What is between the lines is a hundredth of what is on
-  // them or less, and so is what the wrong model's response does to it: a tenth of the noise at most up to
-  // the misfit below. Beyond, polynomials do less harm.
+  // Fits the model as it is to recordings freed of their transients by polynomials, then frees them
+  // with the fitted model, until the fit no longer moves. What is between the lines is a hundredth
+  // of what is on them or less, and so is what the wrong model's response does to it: a tenth of
+  // the noise at most up to the misfit below. Beyond, polynomials do less harm.
   void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
     first_ = first_fit(base_laws_);
@@ -125,8 +124,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     clear_with(*first_);
   }
 
-  // Where clear_transients() could not; and where the fit leaves more than noise, and has laws found that
-  // make of the free motion what the model without them could not take out.
+  // Where clear_transients() could not; and where the fit leaves more than noise, and has laws
+  // found that make of the free motion what the model without them could not take out.
   [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
     if (data_.estimation.front().output_bins.size() == 0 || !can_clear_with(fit)) return nullptr;
     const ModelState model = state_of(fit);
@@ -229,8 +228,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     return predictions_.back().prediction;
   }
 
-  // Laws that were not there when recordings were freed of their free motion change that: where a change is
-  // seen, they are freed once more with them, and it must still be there.
+  // Laws that were not there when recordings were freed of their free motion change that: where a
+  // change is seen, they are freed once more with them, and it must still be there.
   [[nodiscard]] std::optional<TimeVariation> time_variation(const ExtendedFit& fit,
                                                             double gain) const override {
     const ModelState model = state_of(fit);
@@ -304,8 +303,9 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
-  // Far worse on recordings kept out than on its own: it may be in a valley that its recordings hardly tell from the
-  // right one, with a parameter far off. Whatever the errors of its parameters do there: in such valleys they are large.
+  // Far worse on recordings kept out than on its own: it may be in a valley that its recordings
+  // hardly tell from the right one, with a parameter far off. Whatever the errors of its parameters
+  // do there: in such valleys they are large.
   [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
     constexpr double kDoubt = 3.0;
     if (data_.validation.empty()) return false;
@@ -314,8 +314,9 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
            kDoubt * std::max(1.0, reported.estimation.chi_square_per_dof());
   }
 
-  // Begins again with other values, from half to twice what the model says, of the parameter with the largest relative
-  // error (those of combinations that the data do not see have none). Whether one is better its own recordings decide.
+  // Begins again with other values, from half to twice what the model says, of the parameter with
+  // the largest relative error (those of combinations that the data do not see have none). Whether
+  // one is better its own recordings decide.
   void look_across_the_least_determined(PeriodicFit& fit) const {
     constexpr int kValues = 13;
     const std::optional<Index> least = least_determined(fit);
@@ -343,7 +344,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     return least;
   }
 
-  // From the parameters of the fit nearby and those that the ranking found for the law, the best of them.
+  // From the parameters of the fit nearby and those that the ranking found for the law, the best of
+  // them.
   [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, const PeriodicFitOptions& how,
                                      std::span<const LawStart> laws,
                                      const ExtendedFit& nearby) const {
@@ -358,7 +360,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
     if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws, best);
     ExtendedFit result = report(data, best, laws);
-    // A model alone that is far off has its parameters far off, and its valleys need not be those of the law.
+    // A model alone that is far off has its parameters far off, and its valleys need not be those
+    // of the law.
     const bool is_near = result.usable && can_clear_with(result);
     if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
     std::vector<VectorXd> early{start_};
@@ -371,8 +374,9 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     return is_better ? report(data, afresh, laws) : result;
   }
 
-  // Where the law fits best without what refines it (a limit far above the motion with a corner that reaches down to it
-  // is another valley), at all its other valleys, and at its spare starts until one leads to a steady state.
+  // Where the law fits best without what refines it (a limit far above the motion with a corner
+  // that reaches down to it is another valley), at all its other valleys, and at its spare starts
+  // until one leads to a steady state.
   void begin_elsewhere(const PeriodicData& data, const PeriodicFitOptions& how,
                        const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
                        std::span<const LawStart> laws, PeriodicFit& best) const {
@@ -406,9 +410,9 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
 
   static constexpr double kUndecided = 10.0;  // of chi-square
 
-  // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out, as laws are
-  // (FitComparison::held_out_difference): a motion that only grazes a limit says little of where that is. Not in a race,
-  // which knows none kept out.
+  // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out,
+  // as laws are (FitComparison::held_out_difference): a motion that only grazes a limit says little
+  // of where that is. Not in a race, which knows none kept out.
   [[nodiscard]] bool is_better_valley(const PeriodicData& data, const PeriodicFit& fit,
                                       const PeriodicFit& than) const {
     if (!fit.converged || !than.converged) return fit.converged;
@@ -658,8 +662,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     return log_determinant_with_prior(information, values);
   }
 
-  // Far beyond any level of detection, so that a motion that holds noise of the residuals is taken only
-  // where tests of single hypotheses no longer decide whether anything is missing.
+  // Far beyond any level of detection, so that a motion that holds noise of the residuals is taken
+  // only where tests of single hypotheses no longer decide whether anything is missing.
   static bool is_clearly_wrong(const ExtendedFit& fit) {
     constexpr double kLevel = 1e-6;
     return chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) < kLevel;

@@ -35,10 +35,11 @@ bool differs_between_positions(const CandidatePlace& place, std::size_t position
   return place.shifts_rest && place.turns && positions > 1;
 }
 
-// Elsewhere one turn or a good part of it in each recording is needed to tell a balancer from a spring.
+// Elsewhere one turn or a good part of it in each recording is needed to tell a balancer from a
+// spring.
 std::vector<LawShape> balancer(const CandidatePlace& place, const MotionScale& scale) {
-  constexpr double kEnough = 0.3;  // rad
-  if (!place.shifts_rest && scale.range < kEnough) return {};
+  constexpr double kRangeToBeSeen = 0.3;  // rad
+  if (!place.shifts_rest && scale.range < kRangeToBeSeen) return {};
   return balancer_shapes({0.2, 0.5, 0.8}, {0.0, 0.4, 0.8}, 12);
 }
 
@@ -128,8 +129,8 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place, std:
     if (!place.is_coupling) {
       if (name == "stiffness" && place.has_free_stiffness) continue;
       if (name == "viscous" && place.has_free_damping) continue;
-      // With a free spring at hand a stop and a play are the same law; without a spring there is none
-      // to have play.
+      // With a free spring at hand a stop and a play are the same law; without a spring there is
+      // none to have play.
       if (name == "dead_zone" && place.has_free_stiffness) continue;
       if (name == "backlash" && !place.has_free_stiffness) continue;
     }

@@ -1,8 +1,8 @@
 // The laws that periodic recordings can show at a place, and the shapes they are tried in: those of
 // law_shapes.hpp, and of what only such recordings tell: payloads, extra modes, laws of signals.
 //
-// Frequencies are spread over the band. Laws without an amplitude (a saturation) have themselves for
-// a basis, and are expected with amplitude one.
+// Frequencies are spread over the band. Laws without an amplitude (a saturation) have themselves
+// for a basis, and are expected with amplitude one.
 #pragma once
 
 #include <vector>
@@ -27,15 +27,15 @@ struct FrequencyBand {
                                                     const FrequencyBand& band);
 
 // The laws of the catalogue that are hypotheses at a place: those that it can take and that do not
-// only change a parameter that is estimated anyway. Constant forces are left out, which lines do not
-// show, and laws that are a twin of another. `positions`: of the recordings of the fit.
+// only change a parameter that is estimated anyway. Constant forces are left out, which lines do
+// not show, and laws that are a twin of another. `positions`: of the recordings of the fit.
 [[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place,
                                                              std::size_t positions);
 
-// The law that these recordings can't tell from this one: a stop beside a free spring is a play beside
-// another spring, dry friction that differs between the directions is their mean and a constant, and
-// over small motions about one position a balancer is a spring (over large ones it is a hypothesis besides).
-// Null if there is none.
+// The law that these recordings can't tell from this one: a stop beside a free spring is a play
+// beside another spring, dry friction that differs between the directions is their mean and a
+// constant, and over small motions about one position a balancer is a spring (over large ones it is
+// a hypothesis besides). Null if there is none.
 [[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place,
                                       std::size_t positions);
 

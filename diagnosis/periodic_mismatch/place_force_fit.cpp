@@ -10,6 +10,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
 #include "graybox/diagnosis/quiet_ceres.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/error.hpp"
 
 namespace graybox {
@@ -21,8 +22,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // What one recording says about the place.
 struct ObservedForce {
@@ -55,8 +54,8 @@ MatrixXcd slopes_of(const std::vector<bool>& imitated, const LinearPlant& plant,
   return slopes;
 }
 
-// A force no larger than its noise is none: the motion would have that noise in it, and any law would seem to
-// follow it.
+// A force no larger than its noise is none: the motion would have that noise in it, and any law
+// would seem to follow it.
 void leave_out_noise(const std::vector<MatrixXcd>& receptance, const Location& place,
                      ObservedForce& seen) {
   constexpr double kSignificant = 12.0;  // power over noise: once in e^12 lines
@@ -94,8 +93,8 @@ std::vector<ObservedForce> observe(const PlantFamily& family, const PeriodicData
   return all;
 }
 
-// The parameters of the model that the force imitates, then the law's; unknowns are their ratios to the start, or, where
-// that is zero, themselves.
+// The parameters of the model that the force imitates, then the law's; unknowns are their ratios to
+// the start, or, where that is zero, themselves.
 struct Unknowns {
   std::vector<std::size_t> imitated;
   VectorXd own;  // of those, at the start
@@ -154,8 +153,8 @@ class ForceResidual {
     force += (seen_.imitated * changes).cwiseProduct(deflection);
   }
 
-  // The mean by Newton's method with a secant's slope, at least half of that of a place that yields freely. More
-  // precise than the differences that derivatives are taken from.
+  // The mean by Newton's method with a secant's slope, at least half of that of a place that yields
+  // freely. More precise than the differences that derivatives are taken from.
   void settle_mean(const PeriodicLaw& law, const VectorXd& changes, VectorXcd& force) const {
     constexpr int kPasses = 20;
     constexpr double kSmall = 1e-10;
@@ -241,8 +240,8 @@ double power_of(const std::vector<ObservedForce>& seen) {
   return power;
 }
 
-// The law as given, and with thresholds, velocities and other parameters in which it is not linear larger and smaller: in those
-// a regression has minima of its own.
+// The law as given, and with thresholds, velocities and other parameters in which it is not linear
+// larger and smaller: in those a regression has minima of its own.
 std::vector<std::vector<double>> starts_of(const ActingLaw& law) {
   std::vector<std::vector<double>> starts{law.parameters};
   for (const double factor : {2.0, 0.5}) {

@@ -1,5 +1,6 @@
 #include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
 
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
 namespace graybox {
@@ -12,8 +13,6 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr double kSignificant = 12.0;  // power over noise
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // b_in^T X b_out
 Complex between(const MatrixXcd& receptance, const Location& place) {
@@ -41,7 +40,7 @@ void answer_at(SteadyStateSolver& solver, const ModelState& model, const Measure
 }
 
 SteadyPlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Location& place,
-                                   const MatrixXcd& answer) const {
+                                         const MatrixXcd& answer) const {
   SteadyPlaceMotion motion;
   const Index lines = data_.last_line;
   const SteadyState& state = solver_.state();
@@ -70,7 +69,8 @@ SteadyPlaceMotion PlaceObserver::observe(const MeasuredRecord& record, const Loc
   return motion;
 }
 
-void PlaceObserver::move(const VectorXd& b, const VectorXcd& force, SteadyPlaceMotion& motion) const {
+void PlaceObserver::move(const VectorXd& b, const VectorXcd& force,
+                         SteadyPlaceMotion& motion) const {
   motion.is_moved = !force.isZero(0.0);
   if (motion.is_moved) motion.coordinates = solver_.moved_coordinates(b, force);
 }
@@ -98,8 +98,8 @@ VectorXcd PlaceObserver::virtual_force(const MatrixXcd& residual, const MatrixXc
   return force;
 }
 
-// A channel as recorded where it differs from the model by more than noise, else as the model has it,
-// for the same reason.
+// A channel as recorded where it differs from the model by more than noise, else as the model has
+// it, for the same reason.
 VectorXcd PlaceObserver::measured(const MeasuredRecord& record, Index channel) const {
   const SteadyState& state = solver_.state();
   VectorXcd signal = state.output.row(channel).transpose();
@@ -129,7 +129,8 @@ void PlaceObserver::take_measured(const MeasuredRecord& record, const LinearPlan
       }
       const VectorXcd signal = measured(record, c);
       for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-        // With the rest of the motion, or a law would seem to act where the model's own like it does not.
+        // With the rest of the motion, or a law would seem to act where the model's own like it
+        // does not.
         if (force(k) == 0.0) continue;
         const Complex rate = is_rate ? Complex(0.0, data_.frequencies[at(k)]) : Complex(1.0);
         deflection(k) = signal(k) / (ratio * rate);

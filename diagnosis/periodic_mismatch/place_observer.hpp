@@ -1,8 +1,10 @@
-// What moves at a place of a model in one recording, and the force there that the recording asks for.
+// What moves at a place of a model in one recording, and the force there that the recording asks
+// for.
 //
-// Where a fit is clearly wrong the motion follows the data: a force at the place, by least squares at each
-// line, takes what the model leaves, and channels that measure the deflection are taken as recorded. Else it is
-// the model's, for a deflection with the noise of the residuals in it is correlated with them.
+// Where a fit is clearly wrong the motion follows the data: a force at the place, by least squares
+// at each line, takes what the model leaves, and channels that measure the deflection are taken as
+// recorded. Else it is the model's, for a deflection with the noise of the residuals in it is
+// correlated with them.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,10 +36,11 @@ class PlaceObserver {
 
   // `answer`: whitened, of a force at the place (not used at sensors).
   [[nodiscard]] SteadyPlaceMotion observe(const MeasuredRecord& record, const Location& place,
-                                    const Eigen::MatrixXcd& answer) const;
+                                          const Eigen::MatrixXcd& answer) const;
 
  private:
-  void move(const Eigen::VectorXd& b, const Eigen::VectorXcd& force, SteadyPlaceMotion& motion) const;
+  void move(const Eigen::VectorXd& b, const Eigen::VectorXcd& force,
+            SteadyPlaceMotion& motion) const;
   [[nodiscard]] Eigen::VectorXcd holds() const;
   [[nodiscard]] Eigen::VectorXcd virtual_force(const Eigen::MatrixXcd& residual,
                                                const Eigen::MatrixXcd& answer) const;

@@ -61,8 +61,8 @@ class RobotOwnForce : public OwnForce {
 };
 
 // How far the controlled velocities have led on average over the period. The PI controller's
-// u = K_p (e + (T_s/T_i) sum e) tells the sum of all errors e = r - y since the start, and the references sum to
-// zero over whole periods: at the period's end the outputs have led by
+// u = K_p (e + (T_s/T_i) sum e) tells the sum of all errors e = r - y since the start, and the
+// references sum to zero over whole periods: at the period's end the outputs have led by
 //   -T_s sum e + (T_s/2) y,
 // the last term for the trapezoidal rule.
 VectorXd controlled_offset(const PiController& controller, double sample_time,
@@ -236,8 +236,8 @@ class RobotFamily : public PlantFamily {
     list_couplings(joint);
   }
 
-  // Forces at a joint that follow the motion elsewhere: a gearbox whose transmission error follows its
-  // motor, a motor driven by its neighbours.
+  // Forces at a joint that follow the motion elsewhere: a gearbox whose transmission error follows
+  // its motor, a motor driven by its neighbours.
   void list_couplings(Index joint) {
     add_coupling(joint, "gearbox", joint, "motor");
     for (const Index other : {joint - 1, joint + 1}) {
@@ -419,9 +419,10 @@ class LumpedFamily : public PlantFamily {
     if (derivative.stiffness.size() > 0) fixed_.stiffness += parameter.value * derivative.stiffness;
   }
 
-  // Of masses that no spring holds the control holds those whose velocity it controls by the force on them, whatever other
-  // forces act. (Where it acts elsewhere, the mean of other forces moves them.) Without it they stand where their sensors of
-  // position say, as they are: laws of the model at sensors don't change the mean.
+  // Of masses that no spring holds the control holds those whose velocity it controls by the force
+  // on them, whatever other forces act. (Where it acts elsewhere, the mean of other forces moves
+  // them.) Without it they stand where their sensors of position say, as they are: laws of the
+  // model at sensors don't change the mean.
   void list_held() {
     const MatrixXd& velocity = model_.velocity_output;
     held_.assign(static_cast<std::size_t>(velocity.cols()), false);

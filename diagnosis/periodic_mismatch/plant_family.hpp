@@ -24,7 +24,8 @@ struct ModelParameter {
   bool positive = false;  // estimated by its logarithm
 };
 
-// The forces that the model itself has beyond its linear plant: for a robot, in deviations from rest,
+// The forces that the model itself has beyond its linear plant: for a robot, in deviations from
+// rest,
 //   f = -[(M(q) - M) q'' + c(q, q') + g(q) - g(q*) - K_g (q - q*)]   on the arm.
 class OwnForce {
  public:
@@ -35,7 +36,8 @@ class OwnForce {
 };
 
 struct PeriodEnd {
-  Eigen::VectorXd input, error;     // u and r - y at the last sample of a period; no error without references
+  Eigen::VectorXd input,
+      error;  // u and r - y at the last sample of a period; no error without references
   Eigen::VectorXd output;           // y at the sample after it
   Eigen::VectorXd output_integral;  // of the periodic part of y, of mean zero, there
   Eigen::VectorXd output_mean;      // of y over the period
@@ -61,8 +63,9 @@ class PlantFamily {
   [[nodiscard]] const std::vector<Element>& elements() const { return elements_; }
   [[nodiscard]] const std::vector<CandidatePlace>& places() const { return places_; }
 
-  // `bodies`: elements that change the plant itself: inertia and payload (arm axes and flange of robots), and
-  // constant forces where places shift the rest. Throws InputError where there is no rest.
+  // `bodies`: elements that change the plant itself: inertia and payload (arm axes and flange of
+  // robots), and constant forces where places shift the rest. Throws InputError where there is no
+  // rest.
   [[nodiscard]] virtual LinearPlant plant(const Eigen::VectorXd& joint_angles,
                                           const Eigen::VectorXd& parameters,
                                           std::span<const Element> bodies) const = 0;
@@ -72,9 +75,9 @@ class PlantFamily {
   // F^-1 of the model's controller at w, empty without one. Inputs and outputs are as many then.
   [[nodiscard]] virtual Eigen::MatrixXcd inverse_controller(double w) const = 0;
   [[nodiscard]] virtual bool shifts_rest(const Location&) const { return false; }
-  // How far the held coordinates (LinearPlant::held) stand from rest on average over the period: from what the
-  // controller knows at the period's end, which is taken to have started at rest, or from a sensor of position. Empty
-  // where it can't be told.
+  // How far the held coordinates (LinearPlant::held) stand from rest on average over the period:
+  // from what the controller knows at the period's end, which is taken to have started at rest, or
+  // from a sensor of position. Empty where it can't be told.
   [[nodiscard]] virtual Eigen::VectorXd mean_offset(const PeriodEnd& end) const = 0;
 
   // Those of a graybox-places/1 file besides.

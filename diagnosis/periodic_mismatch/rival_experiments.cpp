@@ -28,8 +28,9 @@ constexpr std::array<double, 3> kLevelFactors{0.5, 1.0, 2.0};
 constexpr int kThirds = 3;
 constexpr std::size_t kTemplates = 2;
 
-// Of steady states, in whitened rms: explanations are one system where they differ by a fiftieth over all lines
-// of all recordings (diagnosis_search.hpp), which what fits are content with would hide.
+// Of steady states, in whitened rms: explanations are one system where they differ by a fiftieth
+// over all lines of all recordings (diagnosis_search.hpp), which what fits are content with would
+// hide.
 constexpr double kTolerance = 1e-4;
 
 // Excited lines from `first` to `last`; the whole band, then its thirds.
@@ -103,8 +104,8 @@ Comparison compare(SteadyStateSolver& solver, MeasuredRecord record, const Model
   };
   Comparison result;
   MatrixXcd jacobian;
-  // A's own answer takes the place of the recording: the start of B's iteration is B's explanation of
-  // it.
+  // A's own answer takes the place of the recording: the start of B's iteration is B's explanation
+  // of it.
   record.output = solver.solve(a, record, nullptr).output;
   result.is_found = is_found(a);
   solver.solve(a, record, nullptr);
@@ -133,7 +134,8 @@ std::vector<std::vector<const MeasuredRecord*>> templates_of(const PeriodicData&
   return templates;
 }
 
-// Schur complement of the last diagonal entry; none where the others are singular or any is no number.
+// Schur complement of the last diagonal entry; none where the others are singular or any is no
+// number.
 std::optional<double> distance_in(const MatrixXd& information) {
   const Index n = information.rows() - 1;
   if (!information.allFinite()) return {};

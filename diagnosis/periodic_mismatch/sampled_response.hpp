@@ -9,9 +9,9 @@
 //
 //   D^-1 = s^2 (a_1 + a_2 s + a_3 s^2 + ...),   M a_1 = I,   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
 //
-// which converges where |w_m| is above the plant's fastest pole. Images that are not well above it are
-// taken as they are, of the others six terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m T_s), so
-// that only sums of 1/w_m^p, p = 2 ... 9, are needed: p = 2 in closed form, (pi/w_s)^2 /
+// which converges where |w_m| is above the plant's fastest pole. Images that are not well above it
+// are taken as they are, of the others six terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m
+// T_s), so that only sums of 1/w_m^p, p = 2 ... 9, are needed: p = 2 in closed form, (pi/w_s)^2 /
 // sin^2(pi w/w_s) - 1/w^2, the others directly. Without A (three parts in a thousand of G at 3 % of
 // the sample rate) recordings with little noise would reject the true model.
 #pragma once
@@ -36,8 +36,8 @@ struct LinearPlant {
   Eigen::MatrixXd position_output, velocity_output;  // S_0, S_1
   Eigen::VectorXd rest;                              // q at rest; the equations count from it
   Eigen::VectorXd holding_input;  // at rest, beyond the recorded one: u of an actuator's law
-  // Coordinates whose mean is what it is whatever forces act on them: the control holds them (motors of a robot), or
-  // nothing does, and a sensor tells where they stood.
+  // Coordinates whose mean is what it is whatever forces act on them: the control holds them
+  // (motors of a robot), or nothing does, and a sensor tells where they stood.
   std::vector<bool> held;
   std::vector<PlantDerivative> derivatives;  // by each parameter of the model
 };
@@ -53,8 +53,8 @@ class HeldImages {
   // A(w), n_y x n_u, and its derivatives by the plant's parameters where they are asked for.
   [[nodiscard]] Eigen::MatrixXcd response(
       double w, std::vector<Eigen::MatrixXcd>* derivatives = nullptr) const;
-  // The column of A of one input that passes through H(w) between its hold and the plant (a delay, a
-  // lag): the sum of the images with H(w_m) at each.
+  // The column of A of one input that passes through H(w) between its hold and the plant (a delay,
+  // a lag): the sum of the images with H(w_m) at each.
   [[nodiscard]] Eigen::VectorXcd filtered(
       Eigen::Index input, double w,
       const std::function<std::complex<double>(double)>& filter) const;

@@ -8,6 +8,7 @@
 
 #include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 #include "graybox/problems/stop.hpp"
 
@@ -20,8 +21,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 std::size_t grid_of(const SteadyStateOptions& options, Index lines) {
   const double least = options.oversampling * static_cast<double>(lines + 1);
@@ -158,8 +157,8 @@ void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& rec
     const VectorXcd force = plant.input * (hold * input_.col(k));
     driven_.col(k).noalias() = position_->receptance[at(k)] * force;
   }
-  // On average the held coordinates stand off, and the others follow: as their springs say, and those without one (but a
-  // law may join them) like the held ones on average.
+  // On average the held coordinates stand off, and the others follow: as their springs say, and
+  // those without one (but a law may join them) like the held ones on average.
   if (record.mean_offset.size() > 0) {
     VectorXcd offset =
         VectorXcd::Constant(plant.mass.rows(), static_scale_ * record.mean_offset.mean());
@@ -259,8 +258,9 @@ double SteadyStateSolver::renew_own_force(const MeasuredRecord& record) {
   return size_of_motion(record, change);
 }
 
-// Without laws, or with the laws' forces held: substitution, and where that is slow or runs away, near a
-// mode that is hardly damped, Anderson's mixing of the last passes by the change of the outputs in noise units.
+// Without laws, or with the laws' forces held: substitution, and where that is slow or runs away,
+// near a mode that is hardly damped, Anderson's mixing of the last passes by the change of the
+// outputs in noise units.
 void SteadyStateSolver::settle_own_force(const MeasuredRecord& record) {
   constexpr int kPlainPasses = 4;
   AndersonMixing passes(6);
@@ -332,8 +332,8 @@ void SteadyStateSolver::virtual_forces() {
   }
 }
 
-// What the laws hold on average. No line of the recordings shows it, but the arm hangs elsewhere under it, and
-// moves otherwise there: the iteration must not start at another place.
+// What the laws hold on average. No line of the recordings shows it, but the arm hangs elsewhere
+// under it, and moves otherwise there: the iteration must not start at another place.
 void SteadyStateSolver::settle_means(const MeasuredRecord& record) {
   constexpr int kPasses = 4;
   constexpr double kSmall = 1e-6;
@@ -610,8 +610,8 @@ void SteadyStateSolver::measure(const MeasuredRecord& record) {
   state_.chi_square = independent.squaredNorm();
 }
 
-// A sensor that is late or slow looks at the motion between samples: each image passes through it at
-// its own frequency.
+// A sensor that is late or slow looks at the motion between samples: each image passes through it
+// at its own frequency.
 void SteadyStateSolver::filter_images(const PeriodicLaw& law, Index channel) {
   const auto filter = [&law](double w) { return 1.0 + *law.response(w); };
   for (Index k = data_.first_line; k <= lines_; ++k) {

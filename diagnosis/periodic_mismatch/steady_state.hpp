@@ -4,25 +4,25 @@
 //   q(k) = D^-1 [h B u + f_own - sum_l b_out,l F_l],   F_l = law(z_l),  z_l = b_in,l^T (q_rest + q),
 //   y(k) = (S_0 + j w S_1) q + A u + laws of the sensors,   u with the laws of the actuators.
 //
-// Inputs are taken as recorded, whatever feedback made of them, so that Y - y is the plant's own output
-// noise where the model is true.
+// Inputs are taken as recorded, whatever feedback made of them, so that Y - y is the plant's own
+// output noise where the model is true.
 //
 // The forces F solve a fixed-point equation. Newton's method,
 //
 //   (I + S r) dF = law(z(F)) - F,   r_lm = b_in,l^T D^-1 b_out,m,
 //
-// S the laws linearised about the present motion (they multiply by f_z(t) and f_z'(t) in time, and laws
-// with a state remember, so that S couples lines), solves each step by GMRES in the norm of the outputs' noise,
-// preconditioned with the mean slopes s in place of S, which couple nothing.
+// S the laws linearised about the present motion (they multiply by f_z(t) and f_z'(t) in time, and
+// laws with a state remember, so that S couples lines), solves each step by GMRES in the norm of
+// the outputs' noise, preconditioned with the mean slopes s in place of S, which couple nothing.
 // The iteration starts at the virtual force: what F must be to explain the recorded outputs, by
 // weighted least squares at each line, shrunk where it is not larger than its noise. Where the
 // equation has several solutions that start selects the recorded one, and where the iteration does
-// not settle the best F found is kept and `unsettled` says by how much, in noise units. Where it does, the
-// step that is less than the tolerance is taken, too, if less is left then: from a start at the motion of nearly the same parameters it
-// is all that they change.
+// not settle the best F found is kept and `unsettled` says by how much, in noise units. Where it
+// does, the step that is less than the tolerance is taken, too, if less is left then: from a start
+// at the motion of nearly the same parameters it is all that they change.
 //
-// Derivatives (steady_state_answers.cpp) solve with the same matrix, or, faster and not exact, with s in place of S. With s the
-// system answers forces with
+// Derivatives (steady_state_answers.cpp) solve with the same matrix, or, faster and not exact, with
+// s in place of S. With s the system answers forces with
 //
 //   X = D^-1 - D^-1 b_out (I + s r)^-1 s b_in^T D^-1.
 #pragma once
@@ -53,9 +53,10 @@ struct SteadyState {
   double chi_square = 0.0;  // of the decorrelated residuals
 };
 
-// Whether a motion is one that the laws allow, with `unsettled` and the chi-square of so many numbers: where the steady
-// state is found to no better than a tenth of the rms of the residuals, noise or more, it is half what the recordings say
-// (it was sought from there), and fits them better than any motion under the laws.
+// Whether a motion is one that the laws allow, with `unsettled` and the chi-square of so many
+// numbers: where the steady state is found to no better than a tenth of the rms of the residuals,
+// noise or more, it is half what the recordings say (it was sought from there), and fits them
+// better than any motion under the laws.
 [[nodiscard]] bool is_settled(double unsettled, double chi_square, double numbers);
 
 struct SteadyStateOptions {
@@ -64,7 +65,8 @@ struct SteadyStateOptions {
   double oversampling = 4.0;    // grid points for each line and period, at least, and up to four
   double grid_points = 6000.0;  // times as many while they are fewer than this: for laws that jump
   Eigen::Index subspace = 40;   // of GMRES, in one Newton step
-  // The same with laws that remember: their products are dear, and more of them save no Newton step.
+  // The same with laws that remember: their products are dear, and more of them save no Newton
+  // step.
   Eigen::Index subspace_with_memory = 16;
 };
 
@@ -79,9 +81,10 @@ class SteadyStateSolver {
   const SteadyState& solve(const ModelState& model, const MeasuredRecord& record,
                            const Eigen::MatrixXcd* start);
 
-  // Lets any force act at an element besides: the last solution becomes the one under the forces -b_out F(k) at the
-  // lines that count with which the outputs are nearest to the recorded ones. By substitution, a few times, for what
-  // laws and the model's own forces make of the motion. Returns F.
+  // Lets any force act at an element besides: the last solution becomes the one under the forces
+  // -b_out F(k) at the lines that count with which the outputs are nearest to the recorded ones. By
+  // substitution, a few times, for what laws and the model's own forces make of the motion. Returns
+  // F.
   Eigen::VectorXcd let_act(const ModelState& model, const MeasuredRecord& record,
                            const Location& place);
 
@@ -159,7 +162,8 @@ class SteadyStateSolver {
     Eigen::Index coordinate = 0;
     Eigen::VectorXcd lines;
   };
-  // Whitened outputs of such forces and of a shift of the rest (or none: empty), with the laws' answer.
+  // Whitened outputs of such forces and of a shift of the rest (or none: empty), with the laws'
+  // answer.
   void respond(const std::vector<PointForce>& forces, const Eigen::VectorXd& rest, bool exact,
                Eigen::Ref<Eigen::MatrixXcd> whitened);
   void add_answer_to_rest(const Eigen::VectorXd& rest, Eigen::MatrixXcd& answer);

@@ -1,10 +1,11 @@
-// What the outputs of a steady state do when something is added to it: a force, an input, a change of the plant or of a
-// parameter.
+// What the outputs of a steady state do when something is added to it: a force, an input, a change
+// of the plant or of a parameter.
 #include <algorithm>
 #include <cmath>
 #include <complex>
 
 #include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/frequency_response.hpp"
 
 namespace graybox {
@@ -15,8 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 }  // namespace
 

@@ -1,5 +1,6 @@
-// The few recordings of a large campaign that tell most of what all of them tell: where only a rough answer is
-// wanted (to come near, to see that a law is far behind another), the rest would cost time and say the same.
+// The few recordings of a large campaign that tell most of what all of them tell: where only a
+// rough answer is wanted (to come near, to see that a law is far behind another), the rest would
+// cost time and say the same.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,17 +12,18 @@
 
 namespace graybox {
 
-// Positions among the telling recordings, at most, and how many recordings of those there are, or about.
+// Positions among the telling recordings, at most, and how many recordings of those there are, or
+// about.
 constexpr std::size_t kTellingPositions = 3;
 constexpr std::size_t kTellingRecordings = 30;
 
-// Indices of estimation records, ascending: at all positions, if they are that few, the first of each level and
-// set of moving inputs; else at some positions of each such kind as many. Positions are added one by one, each
-// the one that raises
+// Indices of estimation records, ascending: at all positions, if they are that few, the first of
+// each level and set of moving inputs; else at some positions of each such kind as many. Positions
+// are added one by one, each the one that raises
 //     log det(ridge + sum_i H_i)
-// most, H_i the information of position i on the model's parameters at the given ones, scaled to the unit
-// diagonal of all together (greedy D-optimal design: Fedorov 1972). Cost: one steady state and its derivatives
-// for each record, if there are more positions than that.
+// most, H_i the information of position i on the model's parameters at the given ones, scaled to
+// the unit diagonal of all together (greedy D-optimal design: Fedorov 1972). Cost: one steady state
+// and its derivatives for each record, if there are more positions than that.
 [[nodiscard]] std::vector<std::size_t> telling_recordings(const PlantFamily& family,
                                                           const PeriodicData& data,
                                                           const Eigen::VectorXd& parameters,

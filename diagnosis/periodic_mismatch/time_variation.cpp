@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/stop.hpp"
 
 namespace graybox {
@@ -19,8 +20,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // Records with one plant and one noise, which share what a force at a place does to each bin.
 struct RecordGroup {
@@ -178,8 +177,8 @@ class VariationTest {
     return result;
   }
 
-  // Unknowns: Re c_m, Im c_m of m = 1 ... P - 1. A bin with the remainder r by P has the upper side of the line
-  // below, m = r, and the lower one of the line above, m = P - r.
+  // Unknowns: Re c_m, Im c_m of m = 1 ... P - 1. A bin with the remainder r by P has the upper side
+  // of the line below, m = r, and the lower one of the line above, m = P - r.
   [[nodiscard]] Variation score(const MeasuredRecord& record, const MatrixXcd& answer,
                                 const VectorXcd& motion, const MatrixXcd& left) const {
     const Index periods = record.periods, unknowns = 2 * (periods - 1);

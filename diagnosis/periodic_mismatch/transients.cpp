@@ -17,6 +17,7 @@
 #include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
 #include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "graybox/problems/array_index.hpp"
 #include "graybox/problems/stop.hpp"
 
 namespace graybox {
@@ -30,16 +31,15 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr int kRounds = 3;  // of weights and noise
-// Free motion and what own forces make of it are then brought to agree, record by record: until a step changes the
-// decorrelated lines by no more than this (the square of it in chi-square), or so many steps.
+// Free motion and what own forces make of it are then brought to agree, record by record: until a
+// step changes the decorrelated lines by no more than this (the square of it in chi-square), or so
+// many steps.
 constexpr double kSettled = 0.1;
 constexpr int kSteps = 30;
 constexpr int kPlainSteps = 3;  // by substitution, then by Anderson's mixing
 constexpr std::size_t kRemembered = 6;
 // Rms in standard deviations up to which a residual may be nothing but noise.
 constexpr double kNoiseAtMost = 2.0;
-
-std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
 // A law that is a force and not linear, about the motion of a record.
 struct MeanSlope {
@@ -282,8 +282,8 @@ class Clearing {
     return slopes;
   }
 
-  // Linear laws as they are; of others the springs and dampers that they are for motions much smaller than those of the
-  // record.
+  // Linear laws as they are; of others the springs and dampers that they are for motions much
+  // smaller than those of the record.
   void add_laws(FreePlant& free) const {
     for (std::size_t l = 0; l < laws_.size(); ++l) {
       const ForceLaw& law = laws_[l];
@@ -320,8 +320,8 @@ class Clearing {
     }
   }
 
-  // Real and imaginary rows of what a departure does at a bin, weighted; its columns in units of what a
-  // departure may be.
+  // Real and imaginary rows of what a departure does at a bin, weighted; its columns in units of
+  // what a departure may be.
   void weighted_motion(const FreePlant& plant, Index bin, Eigen::Ref<MatrixXd> rows) const {
     const Index outputs = rows.rows() / 2;
     const MatrixXcd weighted =
@@ -330,8 +330,8 @@ class Clearing {
     rows.bottomRows(outputs) = weighted.imag();
   }
 
-  // The information about the free motion of a record between the lines, and what its error does to each
-  // bin. The identity shrinks it to what it may be where the data do not see it.
+  // The information about the free motion of a record between the lines, and what its error does to
+  // each bin. The identity shrinks it to what it may be where the data do not see it.
   void weigh(FreePlant& plant) const {
     const Index outputs = plant.motion.back().rows(), states = plant.motion.back().cols();
     MatrixXd information = MatrixXd::Identity(states, states), rows(2 * outputs, states);
@@ -368,8 +368,8 @@ class Clearing {
     }
   }
 
-  // What own forces, and laws beyond their mean slopes, add where the free motion of the last round meets the periodic
-  // one.
+  // What own forces, and laws beyond their mean slopes, add where the free motion of the last round
+  // meets the periodic one.
   void add_forces(FreeRecord& free) const {
     const FreePlant& plant = plants_[free.plant];
     const auto own = family_.own_force(model_.positions[plant.position].plant, model_.bodies);
@@ -421,8 +421,8 @@ class Clearing {
     return result;
   }
 
-  // Bins of the own force, if there is one, and the curved laws' under a motion of these bins; none on masses that
-  // laws let swing.
+  // Bins of the own force, if there is one, and the curved laws' under a motion of these bins; none
+  // on masses that laws let swing.
   MatrixXcd force_of(OwnForce* own, bool with_laws, const FreePlant& plant,
                      const MatrixXcd& coordinates, PeriodTransform& transform) const {
     // Bins are scaled as lines of one period, the transform is of all.
@@ -493,7 +493,8 @@ class Clearing {
     }
   }
 
-  // Near a resonance a small change of these forces is a large one of the motion, and a few rounds are not enough.
+  // Near a resonance a small change of these forces is a large one of the motion, and a few rounds
+  // are not enough.
   void settle() {
     if (std::ranges::all_of(records_, [](const FreeRecord& f) { return f.own.size() == 0; }))
       return;
@@ -506,7 +507,8 @@ class Clearing {
     whiten();
   }
 
-  // Laws that are far from straight may not be brought to agree with the free motion: then they count by their mean slopes.
+  // Laws that are far from straight may not be brought to agree with the free motion: then they
+  // count by their mean slopes.
   void settle(FreeRecord& free) const {
     if (free.own.size() == 0) return;
     bring_to_agree(free);

@@ -1,5 +1,6 @@
-// What physical sanity is judged by (plausibility.hpp): the parameters of a fitted model and of its laws, and the laws
-// along the recorded motion. Plain lists, so that every kind of model and laws of users pass through one gate.
+// What physical sanity is judged by (plausibility.hpp): the parameters of a fitted model and of its
+// laws, and the laws along the recorded motion. Plain lists, so that every kind of model and laws
+// of users pass through one gate.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,8 +25,8 @@ enum class QuantityKind : std::int8_t {
 };
 [[nodiscard]] const char* words_of(QuantityKind kind);
 
-// By its unit at its place ("N m s/rad", "kg") and by its name, which tells a friction's level from another force. Thresholds
-// are not told by a unit: kOther.
+// By its unit at its place ("N m s/rad", "kg") and by its name, which tells a friction's level from
+// another force. Thresholds are not told by a unit: kOther.
 [[nodiscard]] QuantityKind quantity_kind(const std::string& name, const std::string& unit);
 
 struct PhysicalQuantity {
@@ -37,8 +38,8 @@ struct PhysicalQuantity {
   QuantityKind kind = QuantityKind::kOther;
   double value = 0.0;
   double standard_error = kNone;  // NaN: none
-  // What the model states at the same place and the value comes on top of; NaN: something, but not how much, so that the
-  // sign tells nothing.
+  // What the model states at the same place and the value comes on top of; NaN: something, but not
+  // how much, so that the sign tells nothing.
   double stated = 0.0;
   // Where the search for the value began, or its bounds; NaN: none.
   double start = kNone, lowest = kNone, highest = kNone;
@@ -71,7 +72,8 @@ struct PhysicalBody {
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
 };
 
-// A direction of the parameters that the data do not see: relative changes, the largest 1, one for each quantity.
+// A direction of the parameters that the data do not see: relative changes, the largest 1, one for
+// each quantity.
 struct UnseenDirection {
   Eigen::VectorXd change;
 };

@@ -223,7 +223,8 @@ class Examination {
     for (const double value : *motion) largest = std::max(largest, std::abs(value));
     const double beyond = quantity.value - largest;
     if (!(beyond > 0.0)) return;
-    // The curve of a friction bends below the velocity that it is named by: a small error is earned.
+    // The curve of a friction bends below the velocity that it is named by: a small error is
+    // earned.
     const bool is_seen = quantity.kind == QuantityKind::kRate &&
                          quantity.value < kBends * largest &&
                          quantity.standard_error < kWeakError * quantity.value;
@@ -240,7 +241,8 @@ class Examination {
 
   // ---- laws along the motion ----------------------------------------------------------------------
 
-  // Of all laws at one place together: dry friction may well fall with speed by a negative viscous part.
+  // Of all laws at one place together: dry friction may well fall with speed by a negative viscous
+  // part.
   struct PlacePower {
     std::string place, names;
     std::vector<double> power;

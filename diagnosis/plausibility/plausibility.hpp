@@ -1,4 +1,5 @@
-// Physical sanity of a fitted model, whatever its kind: what no machine has, or what the data can't have told.
+// Physical sanity of a fitted model, whatever its kind: what no machine has, or what the data can't
+// have told.
 //
 // Rules, one function each. z is a value over its standard error.
 //   sign        mass, inertia, stiffness, damping or friction below zero (with what the model states there) by

@@ -1,16 +1,14 @@
 #include "graybox/diagnosis/recordings/campaign.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <set>
 #include <string_view>
 
-#include "graybox/problems/error.hpp"
+#include "graybox/diagnosis/recordings/preprocess_fields.hpp"
 #include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/units.hpp"
 #include "graybox/problems/yaml_field.hpp"
@@ -26,19 +24,6 @@ const Unit& unit_in(const YamlField& field) {
     field.fail(fmt::format("unknown unit '{}'; known: {}", field.text(), known_unit_names()));
   }
   return *unit;
-}
-
-ChannelRole role_in(const YamlField& field) {
-  const std::string word = field.choice({"input", "output", "reference", "other"});
-  if (word == "input") return ChannelRole::kInput;
-  if (word == "output") return ChannelRole::kOutput;
-  return word == "reference" ? ChannelRole::kReference : ChannelRole::kOther;
-}
-
-std::vector<std::string> words_in(const YamlField& field) {
-  std::vector<std::string> words;
-  for (const YamlField& item : field.items()) words.push_back(item.text());
-  return words;
 }
 
 std::size_t index_in(const YamlField& field) {
@@ -76,7 +61,7 @@ Channel channel_in(const YamlField& field) {
   field.allow_keys({"name", "unit", "is", "column", "file", "gain", "range"});
   Channel channel;
   channel.name = field.at("name").text();
-  channel.role = role_in(field.at("is"));
+  channel.role = channel_role_in(field.at("is"));
   const Unit& unit = unit_in(field.at("unit"));
   channel.recorded_unit = unit.name;
   channel.unit = unit.base;
@@ -117,125 +102,6 @@ void read_noise(const YamlField& field, std::vector<Channel>& channels) {
     if (channel == channels.end()) value.fail("no such channel");
     channel->noise = value.non_negative() * std::abs(channel->factor);
   }
-}
-
-// ---- preprocessing -------------------------------------------------------------------------------
-
-// Names of the channels that exist before a step, and after it.
-class ChannelNames {
- public:
-  explicit ChannelNames(const std::vector<Channel>& channels) {
-    for (const Channel& channel : channels) names_.push_back(channel.name);
-  }
-  std::vector<std::string> existing(const YamlField& field) const {
-    for (const YamlField& item : field.items()) {
-      if (!contains(item.text())) {
-        item.fail(fmt::format("no such channel; there are: {}", fmt::join(names_, ", ")));
-      }
-    }
-    return words_in(field);
-  }
-  std::vector<std::string> added(const YamlField& field, std::size_t count) {
-    const std::vector<std::string> names = words_in(field);
-    if (names.size() != count) {
-      field.fail(fmt::format("must name {} channels, names {}", count, names.size()));
-    }
-    for (const std::string& name : names) {
-      if (contains(name)) field.fail(fmt::format("'{}' is a channel already", name));
-      names_.push_back(name);
-    }
-    return names;
-  }
-
- private:
-  bool contains(const std::string& name) const {
-    return std::ranges::find(names_, name) != names_.end();
-  }
-  std::vector<std::string> names_;
-};
-
-LowPass low_pass_in(const YamlField& field, const ChannelNames& names) {
-  field.allow_keys({"kind", "frequency", "order", "channels"});
-  LowPass step{.frequency = field.at("frequency").positive(), .order = 4, .channels = {}};
-  if (field.has("order")) {
-    const std::size_t order = field.at("order").count();
-    if (order > 12) field.at("order").fail("must be at most 12");
-    step.order = static_cast<int>(order);
-  }
-  if (field.has("channels")) step.channels = names.existing(field.at("channels"));
-  return step;
-}
-
-Derivative derivative_in(const YamlField& field, ChannelNames& names) {
-  field.allow_keys({"kind", "of", "name", "is", "method"});
-  Derivative step;
-  if (field.has("method")) {
-    step.band_limited = field.at("method").choice({"parabola", "band_limited"}) == "band_limited";
-  }
-  step.of = names.existing(field.at("of"));
-  step.names = names.added(field.at("name"), step.of.size());
-  if (field.has("is")) step.role = role_in(field.at("is"));
-  return step;
-}
-
-Eigen::MatrixXd transmission_matrix(const YamlField& field, std::size_t size) {
-  if (field.has("gear_ratios") == field.has("matrix")) {
-    field.fail("needs either gear_ratios or matrix (motor angles = matrix * arm angles)");
-  }
-  const auto n = static_cast<Eigen::Index>(size);
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(n, n);
-  if (field.has("gear_ratios")) {
-    const std::vector<double> ratios = field.at("gear_ratios").numbers(size);
-    for (Eigen::Index i = 0; i < n; ++i) matrix(i, i) = ratios[static_cast<std::size_t>(i)];
-  } else {
-    const std::vector<YamlField> rows = field.at("matrix").items();
-    if (rows.size() != size) {
-      field.at("matrix").fail(fmt::format("must have {} rows, has {}", size, rows.size()));
-    }
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const std::vector<double> row = rows[static_cast<std::size_t>(i)].numbers(size);
-      matrix.row(i) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), n);
-    }
-  }
-  if (n == 0 || !Eigen::FullPivLU<Eigen::MatrixXd>(matrix).isInvertible()) {
-    field.fail("can't be inverted; no gear ratio may be zero and no axes may be lost");
-  }
-  return matrix;
-}
-
-Transmission transmission_in(const YamlField& field, ChannelNames& names) {
-  field.allow_keys({"kind", "towards", "of", "name", "is", "gear_ratios", "matrix"});
-  Transmission step;
-  step.to_arm = field.at("towards").choice({"arm", "motor"}) == "arm";
-  step.of = names.existing(field.at("of"));
-  step.names = names.added(field.at("name"), step.of.size());
-  step.matrix = transmission_matrix(field, step.of.size());
-  if (field.has("is")) step.role = role_in(field.at("is"));
-  return step;
-}
-
-std::vector<PreprocessStep> preprocess_in(const YamlField& field,
-                                          const std::vector<Channel>& channels) {
-  std::vector<PreprocessStep> steps;
-  ChannelNames names(channels);
-  for (const YamlField& item : field.items()) {
-    const std::string kind =
-        item.at("kind").choice({"low_pass", "decimate", "derivative", "transmission", "trim"});
-    if (kind == "low_pass") {
-      steps.emplace_back(low_pass_in(item, names));
-    } else if (kind == "decimate") {
-      item.allow_keys({"kind", "factor"});
-      steps.emplace_back(Decimate{item.at("factor").count()});
-    } else if (kind == "derivative") {
-      steps.emplace_back(derivative_in(item, names));
-    } else if (kind == "trim") {
-      item.allow_keys({"kind", "time"});
-      steps.emplace_back(Trim{item.at("time").positive()});
-    } else {
-      steps.emplace_back(transmission_in(item, names));
-    }
-  }
-  return steps;
 }
 
 // ---- experiments ---------------------------------------------------------------------------------
@@ -412,7 +278,7 @@ Campaign read_campaign(const fs::path& path) {
   if (root.has("hold")) campaign.hold = hold_in(root.at("hold"));
   if (root.has("noise")) read_noise(root.at("noise"), campaign.channels);
   if (root.has("preprocess")) {
-    campaign.preprocess = preprocess_in(root.at("preprocess"), campaign.channels);
+    campaign.preprocess = preprocess_steps_in(root.at("preprocess"), campaign.channels);
   }
   for (const YamlField& item : root.at("experiments").items()) {
     campaign.experiments.push_back(experiment_in(item, campaign));

@@ -79,7 +79,61 @@ struct Transmission {
 struct Trim {
   double time;  // s, at either end of each piece
 };
-using PreprocessStep = std::variant<LowPass, Decimate, Derivative, Transmission, Trim>;
+// These three mend numbers as they were recorded, before units and gains: they come first.
+// Samples of `channel` that are not numbers or outside lowest to highest are missing. What is
+// missing in one channel is missing in all: pieces are cut there.
+struct ValidSamples {
+  std::vector<std::string> channels;
+  double lowest, highest;  // recorded unit
+};
+// Whole periods are added so that no step is longer than half a period.
+struct Unwrap {
+  std::vector<std::string> channels;
+  double period;  // recorded unit
+};
+
+struct Resample {
+  double sample_time;  // s
+};
+struct Scale {
+  std::vector<std::string> channels;
+  double factor;
+};
+// The channel is late by this time: its value of then is taken for now.
+struct Advance {
+  std::vector<std::string> channels;
+  double time;  // s
+};
+struct Integral {
+  std::vector<std::string> of;
+  std::vector<std::string> names;
+  std::optional<ChannelRole> role;
+};
+struct Product {
+  std::vector<std::string> of;  // at least two
+  std::string name;
+  std::string unit;  // base unit
+  std::optional<ChannelRole> role;
+};
+struct WeightedSum {
+  std::vector<std::string> of;
+  std::vector<double> weights;
+  std::string name;
+  std::optional<ChannelRole> role;
+};
+// torque = torque_constant (voltage - back_emf speed) / resistance
+struct MotorTorque {
+  std::string voltage, speed;
+  double torque_constant, back_emf, resistance;  // N m/A, V s/rad, ohm
+  std::string name;
+  ChannelRole role = ChannelRole::kInput;
+};
+using PreprocessStep =
+    std::variant<LowPass, Decimate, Derivative, Transmission, Trim, ValidSamples, Unwrap, Resample,
+                 Scale, Advance, Integral, Product, WeightedSum, MotorTorque>;
+
+// Whether a step mends recorded numbers, before units and gains.
+[[nodiscard]] bool mends_recorded(const PreprocessStep& step);
 
 struct PeriodicExcitation {
   std::size_t period;              // samples

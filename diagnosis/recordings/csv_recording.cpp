@@ -52,9 +52,9 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
 
 }  // namespace
 
-RecordingFile read_csv_recording(const std::string& path) {
+RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
-  LineReader lines(path);
+  LineReader lines = text ? LineReader(path, *std::move(text)) : LineReader(path);
   std::string_view line;
   if (!lines.next(line)) throw InputError(path + ": there are no numbers");
   FieldSplitter splitter(line);

@@ -8,6 +8,8 @@
 #include <map>
 #include <utility>
 
+#include "graybox/diagnosis/recordings/data_faults.hpp"
+#include "graybox/diagnosis/recordings/motion_pairs.hpp"
 #include "graybox/diagnosis/recordings/recording_file.hpp"
 #include "graybox/diagnosis/recordings/signal_checks.hpp"
 #include "graybox/diagnosis/recordings/time_axis.hpp"
@@ -163,6 +165,7 @@ void thin(const Experiment& experiment, SignalPiece& piece) {
   piece.values = piece.values(rows, Eigen::all).eval();
 }
 
+// In recorded units.
 SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
                      const Eigen::VectorXd& times, const Segment& segment) {
   const auto first = static_cast<Index>(segment.first);
@@ -177,51 +180,85 @@ SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>&
   }
   piece.values.resize(size, static_cast<Index>(columns.size()));
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    piece.values.col(static_cast<Index>(k)) =
-        columns[k].channel->factor * columns[k].column->values.segment(first, size);
+    piece.values.col(static_cast<Index>(k)) = columns[k].column->values.segment(first, size);
   }
   return piece;
 }
 
-// A wild sample passes every other check and spoils every sum of squares.
-void check_wild_samples(const Campaign& campaign, const ChannelColumn& channel,
-                        const Eigen::VectorXd& times, const Segment& segment,
-                        ExperimentRecording& recording) {
-  const auto first = static_cast<Index>(segment.first);
-  const auto size = static_cast<Index>(segment.last - segment.first + 1);
-  const Eigen::VectorXd& values = channel.column->values;
-  const std::vector<Index> wild = wild_samples(values.segment(first, size));
-  if (wild.empty()) return;
-  const Index row = first + wild.front();
-  const double time = times.size() > 0
-                          ? times(row)
-                          : static_cast<double>(row) * campaign.sample_time.value_or(0.0);
-  const std::string more =
-      wild.size() > 1 ? fmt::format(", and so are {} more", wild.size() - 1) : std::string();
-  add_warning(
-      recording, "wild sample",
-      fmt::format("{}: {}: row {} ({:g} s) is {:g}, alone between {:g} and {:g}{}; is it a fault of "
-                  "the recording? repair it or use segments without it",
-                  channel.file->path, channel.channel->name, row + 1, time, values(row),
-                  values(row - 1), values(row + 1), more));
+// The campaign's steps in the order in which checks stand between them: what mends recorded
+// numbers, what mends channels in their place, and the rest.
+struct StepGroups {
+  std::vector<PreprocessStep> of_numbers, of_channels, others;
+};
+
+bool mends_channels(const PreprocessStep& step) {
+  return std::holds_alternative<Resample>(step) || std::holds_alternative<Scale>(step) ||
+         std::holds_alternative<Advance>(step);
 }
 
-void check_piece(const Campaign& campaign, const Experiment& experiment,
+StepGroups step_groups(const std::vector<PreprocessStep>& steps) {
+  const auto numbers = std::ranges::find_if_not(steps, mends_recorded);
+  const auto channels = std::find_if_not(numbers, steps.end(), mends_channels);
+  return {{steps.begin(), numbers}, {numbers, channels}, {channels, steps.end()}};
+}
+
+// As recorded; empty with findings if times are no times.
+void read_pieces(const Campaign& campaign, const Experiment& experiment,
                  const std::vector<ChannelColumn>& columns, const Eigen::VectorXd& times,
-                 const Segment& segment, ExperimentRecording& recording) {
-  const auto first = static_cast<Index>(segment.first);
-  const auto size = static_cast<Index>(segment.last - segment.first + 1);
-  if (times.size() > 0) {
-    check_times(experiment.name, times.segment(first, size), campaign.sample_time, segment.first,
-                recording.findings);
+                 ExperimentRecording& recording) {
+  for (const Segment& segment : used_segments(experiment, recording.samples, recording)) {
+    const auto first = static_cast<Index>(segment.first);
+    const auto size = static_cast<Index>(segment.last - segment.first + 1);
+    if (times.size() > 0) {
+      check_times(experiment.name, times.segment(first, size), campaign.sample_time, segment.first,
+                  recording.findings);
+    }
+    recording.data.pieces.push_back(piece_of(campaign, columns, times, segment));
   }
-  for (const ChannelColumn& each : columns) {
-    check_signal(fmt::format("{}: {}", experiment.name, each.channel->name),
-                 each.column->values.segment(first, size), each.channel->range, segment.first,
-                 recording.findings);
-    if (recording.sound()) check_wild_samples(campaign, each, times, segment, recording);
+  for (const Channel& channel : campaign.channels) {
+    recording.data.signals.push_back({channel.name, channel.unit, channel.role});
   }
-  check_period(experiment, segment, recording);
+  recording.data.sample_time = campaign.sample_time;
+  recording.data.excitation = experiment.excitation;
+}
+
+// Of numbers as recorded.
+void check_piece(const Campaign& campaign, const Experiment& experiment, const SignalPiece& piece,
+                 ExperimentRecording& recording) {
+  std::vector<ChannelSamples> samples;
+  for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
+    const Channel& channel = campaign.channels[k];
+    const auto values = piece.values.col(static_cast<Index>(k));
+    check_signal(fmt::format("{}: {}", experiment.name, channel.name), values, channel.range,
+                 piece.first_sample, recording.findings);
+    samples.push_back({experiment.files.at(channel.file).filename().string(), &channel, values,
+                       piece.time, piece.first_sample});
+  }
+  if (recording.sound()) find_data_faults(samples, recording.findings);
+  const auto size = static_cast<std::size_t>(piece.time.size());
+  check_period(experiment, {piece.first_sample, piece.first_sample + size - 1}, recording);
+}
+
+void take_fingerprints(const Campaign& campaign, ExperimentRecording& recording) {
+  for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
+    if (campaign.channels[k].role != ChannelRole::kOutput) continue;
+    for (const SignalPiece& piece : recording.data.pieces) {
+      recording.fingerprints.try_emplace(campaign.channels[k].name,
+                                         piece.values.col(static_cast<Index>(k)));
+    }
+  }
+}
+
+void convert_to_base_units(const Campaign& campaign, const Experiment& experiment,
+                           ExperimentRecording& recording) {
+  for (SignalPiece& piece : recording.data.pieces) {
+    for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
+      piece.values.col(static_cast<Index>(k)) *= campaign.channels[k].factor;
+    }
+    thin(experiment, piece);
+    const Eigen::VectorXd& time = piece.time;
+    recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
+  }
 }
 
 // "position_deg" -> deg, "torque_nm" -> N m; null if the last word is no unit of measurement.
@@ -299,7 +336,8 @@ Index ExperimentRecording::index_of(const std::string& name) const {
   return found - data.signals.begin();
 }
 
-ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index) {
+ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index,
+                                       MotionPairs pairs) {
   const Experiment& experiment = campaign.experiments[index];
   FilesByKey files;
   for (const auto& [key, path] : experiment.files) files[key] = read_recording_file(path);
@@ -312,24 +350,50 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
   const Eigen::VectorXd times =
       recorded_times(campaign, files, static_cast<Index>(recording.samples), recording);
   if (!recording.sound()) return recording;
-  const auto segments = used_segments(experiment, recording.samples, recording);
-  for (const Segment& segment : segments) {
-    check_piece(campaign, experiment, columns, times, segment, recording);
+  read_pieces(campaign, experiment, columns, times, recording);
+  const std::string source = fmt::format("{}: {}", campaign.file.string(), experiment.name);
+  const StepGroups steps = step_groups(campaign.preprocess);
+  if (recording.sound()) {
+    preprocess(source, steps.of_numbers, recording.data);
+    for (const SignalPiece& piece : recording.data.pieces) {
+      check_piece(campaign, experiment, piece, recording);
+    }
   }
-  if (!recording.sound()) return recording;
-  for (const Channel& channel : campaign.channels) {
-    recording.data.signals.push_back({channel.name, channel.unit, channel.role});
+  if (!recording.sound()) {
+    recording.data = {};
+    return recording;
   }
-  recording.data.sample_time = campaign.sample_time;
-  recording.data.excitation = experiment.excitation;
-  for (const Segment& segment : segments) {
-    recording.data.pieces.push_back(piece_of(campaign, columns, times, segment));
-    thin(experiment, recording.data.pieces.back());
-    const Eigen::VectorXd& time = recording.data.pieces.back().time;
-    recording.duration += time(time.size() - 1) - time(0) + campaign.sample_time.value_or(0.0);
+  take_fingerprints(campaign, recording);
+  convert_to_base_units(campaign, experiment, recording);
+  preprocess(source, steps.of_channels, recording.data);
+  if (pairs == MotionPairs::kCompared) {
+    find_late_channels(experiment.name, recording.data, recording.findings);
   }
-  preprocess(fmt::format("{}: {}", campaign.file.string(), experiment.name), campaign.preprocess, recording.data);
+  preprocess(source, steps.others, recording.data);
+  for (const std::string& remark : recording.data.remarks) {
+    add_warning(recording, "accuracy", fmt::format("{}: {}", experiment.name, remark));
+  }
   return recording;
+}
+
+void CopyFinder::examine(const Experiment& experiment, ExperimentRecording& recording) {
+  for (const Known& known : known_) {
+    if (known.experiment->files == experiment.files) continue;
+    for (const auto& [channel, fingerprint] : recording.fingerprints) {
+      const auto there = known.fingerprints.find(channel);
+      if (there == known.fingerprints.end()) continue;
+      const auto copy = fingerprint.shared_with(there->second);
+      if (!copy) continue;
+      add_warning(recording, "copy",
+                  fmt::format("{}: {} holds the same samples as {}, bit by bit ({} windows of 64; "
+                              "sample {} here is sample {} there): is it a copy? could also be a "
+                              "simulation without noise; remove one of the two experiments",
+                              experiment.name, channel, known.experiment->name, copy->windows,
+                              copy->first, copy->first_there));
+      break;
+    }
+  }
+  known_.push_back({&experiment, recording.fingerprints});
 }
 
 ExperimentRecording load_experiment(const Campaign& campaign, std::size_t index) {

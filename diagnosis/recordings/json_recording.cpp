@@ -3,9 +3,15 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string_view>
+#include <utility>
 
+#include "graybox/diagnosis/recordings/record_columns.hpp"
 #include "graybox/diagnosis/recordings/recording_formats.hpp"
+#include "graybox/problems/available_memory.hpp"
 #include "graybox/problems/error.hpp"
+#include "graybox/problems/formats/input_file.hpp"
+#include "graybox/problems/formats/text_lines.hpp"
 
 namespace graybox::formats {
 namespace {
@@ -13,6 +19,12 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int kDeepest = 64;
+constexpr std::size_t kBytesAByte = 10;  // of memory, parsed: 16 for a number of two characters
+
+Json parsed_file(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return Json::parse(stream, nullptr, false);
+}
 
 [[noreturn]] void fail(const std::string& path, const std::string& name, const char* problem) {
   throw InputError(fmt::format("{}: {}: {}", path, name.empty() ? "the array" : name, problem));
@@ -65,15 +77,41 @@ void add_value(const std::string& name, const Json& value, int depth, RecordingF
 
 }  // namespace
 
-RecordingFile read_json_recording(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  const Json root = Json::parse(stream, nullptr, false);
+RecordingFile read_json_recording(const std::string& path, PackedText text) {
+  require_memory(kBytesAByte * (text ? text->size() : InputFile(path).size()), path,
+                 "write it as CSV or JSON lines, or use a part of it");
+  const Json root = text ? Json::parse(*text, nullptr, false) : parsed_file(path);
   if (root.is_discarded()) {
     throw InputError(path +
                      ": not valid JSON, or truncated; note that JSON has no NaN, write null");
   }
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
-  add_value("", root, 0, file);
+  if (root.is_array() && !root.empty() && root.front().is_object()) {
+    RecordColumns records(path);
+    for (const Json& record : root) records.add(record);
+    file.columns = records.columns();
+  } else {
+    add_value("", root, 0, file);
+  }
+  return file;
+}
+
+RecordingFile read_json_lines(const std::string& path, PackedText text) {
+  RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
+  LineReader lines = text ? LineReader(path, *std::move(text)) : LineReader(path);
+  RecordColumns records(path);
+  std::string_view line;
+  while (lines.next(line)) {
+    const Json record = Json::parse(line, nullptr, false);
+    if (record.is_discarded()) {
+      throw InputError(
+          fmt::format("{}: line {}: not valid JSON, or truncated; write one object a "
+                      "line, and null for NaN",
+                      path, lines.number()));
+    }
+    records.add(record);
+  }
+  file.columns = records.columns();
   return file;
 }
 

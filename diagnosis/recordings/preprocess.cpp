@@ -5,11 +5,13 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
-#include "graybox/problems/error.hpp"
+#include "graybox/diagnosis/recordings/channel_arithmetic.hpp"
+#include "graybox/diagnosis/recordings/preprocess_data.hpp"
+#include "graybox/diagnosis/recordings/sample_interpolation.hpp"
+#include "graybox/diagnosis/recordings/sample_mending.hpp"
 #include "graybox/problems/units.hpp"
 
 namespace graybox {
@@ -63,9 +65,20 @@ Index reflected_samples(double frequency, int order, Index size) {
 
 // ---- steps ---------------------------------------------------------------------------------------
 
-class Preprocessor {
+class Preprocessor : private PreprocessData {
  public:
-  Preprocessor(const std::string& source, Signals& data) : source_(source), data_(data) {}
+  Preprocessor(const std::string& source, Signals& data)
+      : PreprocessData(source, data), data_(data) {}
+
+  void operator()(const ValidSamples& step) { keep_valid_samples(*this, step); }
+  void operator()(const Unwrap& step) { unwrap_channels(*this, step); }
+  void operator()(const Resample& step) { resample(*this, step); }
+  void operator()(const Advance& step) { advance_channels(*this, step); }
+  void operator()(const Scale& step) { scale_channels(*this, step); }
+  void operator()(const Integral& step) { add_integrals(*this, step); }
+  void operator()(const Product& step) { add_product(*this, step); }
+  void operator()(const WeightedSum& step) { add_sum(*this, step); }
+  void operator()(const MotorTorque& step) { add_motor_torque(*this, step); }
 
   void operator()(const LowPass& step) {
     const double sample_time = even("low_pass");
@@ -192,42 +205,6 @@ class Preprocessor {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& text) const {
-    throw InputError(fmt::format("{}: preprocess: {}", source_, text));
-  }
-  double even(const char* step) const {
-    if (!data_.sample_time) {
-      fail(fmt::format("{} needs even samples, but sample_time is irregular", step));
-    }
-    return *data_.sample_time;
-  }
-  std::size_t index_of(const std::string& name) const {
-    const auto found = std::ranges::find(data_.signals, name, &Signal::name);
-    if (found == data_.signals.end()) fail(fmt::format("there is no channel '{}'", name));
-    return static_cast<std::size_t>(found - data_.signals.begin());
-  }
-  std::vector<Index> indices(const std::vector<std::string>& names) const {
-    std::vector<Index> result;
-    for (const std::string& name : names) result.push_back(static_cast<Index>(index_of(name)));
-    return result;
-  }
-  // A combination of channels is filtered as its least filtered one.
-  const Signal& least_filtered(const std::vector<std::string>& names) const {
-    const auto height = [](const Signal& signal) {
-      return signal.low_pass > 0.0 ? signal.low_pass : std::numeric_limits<double>::infinity();
-    };
-    const Signal* least = &data_.signals[index_of(names.front())];
-    for (const std::string& name : names) {
-      const Signal& signal = data_.signals[index_of(name)];
-      if (height(signal) > height(*least)) least = &signal;
-    }
-    return *least;
-  }
-  static void append(SignalPiece& piece, const Eigen::MatrixXd& columns) {
-    const Index before = piece.values.cols();
-    piece.values.conservativeResize(Eigen::NoChange, before + columns.cols());
-    piece.values.rightCols(columns.cols()) = columns;
-  }
   void decimate_excitation(std::size_t factor) {
     if (!data_.excitation) return;
     PeriodicExcitation& excitation = *data_.excitation;
@@ -242,7 +219,6 @@ class Preprocessor {
     }
   }
 
-  const std::string& source_;
   Signals& data_;
 };
 

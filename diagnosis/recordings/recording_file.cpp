@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
+#include <utility>
+#include <vector>
 
+#include "graybox/diagnosis/recordings/gzip_text.hpp"
 #include "graybox/diagnosis/recordings/recording_formats.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/formats/input_file.hpp"
@@ -30,6 +34,47 @@ std::string names_in(const RecordingFile& file) {
       file.path, array.empty() ? "the array" : array));
 }
 
+[[noreturn]] void fail_ending(const std::string& name, const std::string& ending) {
+  throw InputError(
+      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5, .mat, .npy, "
+                  ".json, .jsonl, .ndjson, and .csv, .txt, .json, .jsonl, .ndjson with "
+                  ".gz",
+                  name, ending));
+}
+
+// None for endings of other formats.
+std::optional<RecordingFile> read_text(const std::string& name, const std::string& ending,
+                                       formats::PackedText text) {
+  if (ending == ".csv" || ending == ".txt") {
+    return formats::read_csv_recording(name, std::move(text));
+  }
+  if (ending == ".json") return formats::read_json_recording(name, std::move(text));
+  if (ending == ".jsonl" || ending == ".ndjson") {
+    return formats::read_json_lines(name, std::move(text));
+  }
+  return {};
+}
+
+RecordingFile read_packed(const std::filesystem::path& path, const std::string& name) {
+  const std::string inner = path.stem().extension().string();
+  static const std::vector<std::string> kTexts = {".csv", ".txt", ".json", ".jsonl", ".ndjson"};
+  if (std::ranges::find(kTexts, inner) == kTexts.end()) fail_ending(name, inner + ".gz");
+  return read_text(name, inner, unpacked_gzip(name)).value();
+}
+
+RecordingFile read_by_ending(const std::filesystem::path& path, const std::string& name) {
+  const std::string ending = path.extension().string();
+  if (ending == ".gz") return read_packed(path, name);
+  if (ending == ".h5" || ending == ".hdf5") {
+    return formats::read_isolated(formats::kReadHdf5Recording, name);
+  }
+  if (ending == ".mat") return formats::read_isolated(formats::kReadMatRecording, name);
+  if (ending == ".npy") return formats::read_npy_recording(name);
+  std::optional<RecordingFile> file = read_text(name, ending, {});
+  if (!file) fail_ending(name, ending);
+  return *std::move(file);
+}
+
 }  // namespace
 
 const RecordedColumn* RecordingFile::find(const std::string& name) const {
@@ -48,22 +93,7 @@ const RecordedColumn& RecordingFile::at(const std::string& name) const {
 RecordingFile read_recording_file(const std::filesystem::path& path) {
   const std::string name = path.string();
   { const InputFile present(name); }  // missing, a folder, empty
-  const std::string ending = path.extension().string();
-  RecordingFile file;
-  if (ending == ".csv" || ending == ".txt") {
-    file = formats::read_csv_recording(name);
-  } else if (ending == ".h5" || ending == ".hdf5") {
-    file = formats::read_isolated(formats::kReadHdf5Recording, name);
-  } else if (ending == ".mat") {
-    file = formats::read_isolated(formats::kReadMatRecording, name);
-  } else if (ending == ".npy") {
-    file = formats::read_npy_recording(name);
-  } else if (ending == ".json") {
-    file = formats::read_json_recording(name);
-  } else {
-    throw InputError(fmt::format(
-        "{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5, .mat, .npy, .json", name, ending));
-  }
+  RecordingFile file = read_by_ending(path, name);
   if (file.columns.empty()) {
     if (!file.unclear_arrays.empty()) fail_unclear(file, file.unclear_arrays.front());
     throw InputError(name + ": there are no columns of numbers");

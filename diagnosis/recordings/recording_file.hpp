@@ -4,10 +4,13 @@
 //               tabs or blanks. Without a header the columns are called 1, 2, ... A name may carry
 //               its unit: "speed [rpm]". Empty fields are NaN.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
-//
-//   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as "rec.speed"
+//   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as
+//               "rec.speed"
 //   .npy        one array, float32 or float64: columns 1, 2, ...
-//   .json       arrays of numbers, or of equal rows of numbers, by their key "group.key"; null is NaN
+//   .json       arrays of numbers, or of equal rows of numbers, by their key "group.key"; null is
+//               NaN; or an array of records {"key": number, ...} (record_columns.hpp)
+//   .jsonl .ndjson  a record a line
+//   .csv.gz ... any of the texts above, packed with gzip
 //
 // Column k of an array with two axes is "name[k]", k from 1. Time runs along the longer axis, which
 // must be at least twice the shorter: a column of an array that leaves it open is refused, not

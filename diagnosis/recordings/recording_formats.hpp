@@ -1,6 +1,7 @@
 // The readers behind read_recording_file, one a format (recording_file.hpp says what each takes).
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,9 +10,12 @@
 
 namespace graybox::formats {
 
-[[nodiscard]] RecordingFile read_csv_recording(const std::string& path);
+// Text tables and JSON come from the file, or from `text` where it was packed.
+using PackedText = std::optional<std::string>;
+[[nodiscard]] RecordingFile read_csv_recording(const std::string& path, PackedText text = {});
 [[nodiscard]] RecordingFile read_npy_recording(const std::string& path);
-[[nodiscard]] RecordingFile read_json_recording(const std::string& path);
+[[nodiscard]] RecordingFile read_json_recording(const std::string& path, PackedText text = {});
+[[nodiscard]] RecordingFile read_json_lines(const std::string& path, PackedText text = {});
 
 // These call libhdf5 and matio, which a damaged file can crash or hang: in a process of their own,
 // through read_isolated.

@@ -9,11 +9,13 @@
 namespace graybox {
 namespace {
 
-// Share of the best score statistic that makes a law worth a refit: at the same place, and anywhere.
+// Share of the best score statistic that makes a law worth a refit: at the same place, and
+// anywhere.
 constexpr double kRelative = 0.7;
 constexpr double kEqual = 0.97;
 
-// Candidates for a small law; and how much more a refit may gain than the score test at the best shape promises.
+// Candidates for a small law; and how much more a refit may gain than the score test at the best
+// shape promises.
 constexpr std::size_t kSmallShortlist = 3;
 constexpr double kOptimism = 3.0;
 
@@ -21,7 +23,8 @@ constexpr double kOptimism = 3.0;
 constexpr int kMoreGeneral = 2;
 
 bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
-  return hypothesis.is_compound && !state.compounds_are_open;
+  return hypothesis.rank > state.highest_rank ||
+         (hypothesis.is_compound && !state.compounds_are_open);
 }
 
 // Recordings kept out have spoken against it (law_rejection.hpp).

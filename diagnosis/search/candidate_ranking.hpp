@@ -1,4 +1,5 @@
-// Steps 3 and 5 of the search (diagnosis_search.hpp): which hypotheses are worth a refit, by their score tests.
+// Steps 3 and 5 of the search (diagnosis_search.hpp): which hypotheses are worth a refit, by their
+// score tests.
 #pragma once
 
 #include <cstddef>
@@ -19,27 +20,30 @@ namespace graybox {
 [[nodiscard]] std::vector<std::size_t> open_hypotheses(const SearchState& state,
                                                        const ExtendedFit& fit);
 
-// By what their score tests gain over what their parameters cost, best first. `draws` of pure noise: see ScoreTable.
+// By what their score tests gain over what their parameters cost, best first. `draws` of pure
+// noise: see ScoreTable.
 [[nodiscard]] ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit,
                                          int draws);
 
 // The best of the ranking, and besides the best law of each of the best places: laws at one place
-// crowd each other's neighbours out. Where the noise is known, laws besides that come close to the best at
-// its place, or as good as equal it anywhere: which of them it is only refits can tell.
+// crowd each other's neighbours out. Where the noise is known, laws besides that come close to the
+// best at its place, or as good as equal it anywhere: which of them it is only refits can tell.
 [[nodiscard]] std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& table);
 
-// Laws for what is still missing where the rest is no more than noise. Score tests are exact for small effects:
-// only those that come close to the best are in question, if any of them may stand out: `to_stand_out`, of BIC. The table is not empty.
+// Laws for what is still missing where the rest is no more than noise. Score tests are exact for
+// small effects: only those that come close to the best are in question, if any of them may stand
+// out: `to_stand_out`, of BIC. The table is not empty.
 [[nodiscard]] std::vector<LawStart> small_shortlist(const SearchState& state,
                                                     const ScoreTable& table, double to_stand_out);
 
-// Where there are fewer places than room, with the next best at any: laws that are nearly alike must not
-// keep all others of a single axis out. Whether there were any.
+// Where there are fewer places than room, with the next best at any: laws that are nearly alike
+// must not keep all others of a single axis out. Whether there were any.
 bool fill_up_shortlist(const SearchState& state, const ScoreTable& table,
                        std::vector<LawStart>& chosen);
 
-// Where the law found generalises another, and not only its own slow limit: laws that generalise it, if the ranking has
-// not brought them. It ranks what a first step explains, in which they may have nothing over it.
+// Where the law found generalises another, and not only its own slow limit: laws that generalise
+// it, if the ranking has not brought them. It ranks what a first step explains, in which they may
+// have nothing over it.
 void add_more_general(const SearchState& state, std::size_t found, const ScoreTable& table,
                       std::vector<LawStart>& candidates);
 

@@ -7,8 +7,8 @@
 namespace graybox {
 namespace {
 
-// On few recordings, of BIC over the margin that excludes, and of what the best there leaves beyond noise: who
-// is farther behind is not fitted to all.
+// On few recordings, of BIC over the margin that excludes, and of what the best there leaves beyond
+// noise: who is farther behind is not fitted to all.
 constexpr double kMarginsBehind = 3.0;
 constexpr double kShareBehind = 0.3;
 

@@ -1,8 +1,9 @@
-// Refits of a problem with candidate laws, each done once: rivals of an effect are often what was tried when it was found,
-// and each law is left out more than once, to see whether it is missed and to weigh its rivals.
+// Refits of a problem with candidate laws, each done once: rivals of an effect are often what was
+// tried when it was found, and each law is left out more than once, to see whether it is missed and
+// to weigh its rivals.
 //
-// Where recordings are many, candidates race on the few that tell most first (MismatchProblem::fit_to_few), and only
-// those that are not far behind there are fitted to all.
+// Where recordings are many, candidates race on the few that tell most first
+// (MismatchProblem::fit_to_few), and only those that are not far behind there are fitted to all.
 #pragma once
 
 #include <cstddef>
@@ -56,8 +57,8 @@ class CandidateRefits {
   // Stays valid until all are forgotten.
   const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby);
 
-  // Each candidate beside the laws kept, the best first; those that can't be used are left out. `pace`: a law that takes
-  // part in a race only. `outpaced`: becomes those that the race excluded.
+  // Each candidate beside the laws kept, the best first; those that can't be used are left out.
+  // `pace`: a law that takes part in a race only. `outpaced`: becomes those that the race excluded.
   std::vector<Trial> refit_each(const std::vector<LawStart>& kept,
                                 const std::vector<LawStart>& candidates, const ExtendedFit& nearby,
                                 const LawStart* pace = nullptr,
@@ -70,7 +71,8 @@ class CandidateRefits {
   [[nodiscard]] const std::deque<Refit>& known() const { return known_; }
 
  private:
-  // What a race on few recordings came to: the laws that go on, each from its fit there, and the others.
+  // What a race on few recordings came to: the laws that go on, each from its fit there, and the
+  // others.
   struct Race {
     std::vector<Refit> standing;
     std::vector<Rival> outpaced;  // distances are of those recordings

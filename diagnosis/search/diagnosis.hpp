@@ -1,5 +1,6 @@
-// What the search for missing physics found: the verdict, the laws in classes of those that the recordings can't tell
-// apart, and all that a report shows of them. diagnosis_search.hpp says how each comes about.
+// What the search for missing physics found: the verdict, the laws in classes of those that the
+// recordings can't tell apart, and all that a report shows of them. diagnosis_search.hpp says how
+// each comes about.
 #pragma once
 
 #include <cstddef>
@@ -35,20 +36,22 @@ struct DetectableEffect {
 
 struct Rival {
   FittedLaw law;
-  // To the best of its class; where the noise is not known, of the prediction of blocks kept out, in
-  // squared standard errors, negative where it is better.
+  // To the best of its class; where the noise is not known, of the prediction of blocks kept out,
+  // in squared standard errors, negative where it is better.
   double bic_difference = 0.0;
   std::optional<NextExperiment> next =
       {};                            // that tells it from the law found; of the nearest alone
   double evidence_difference = 0.0;  // to the law found, where the noise is known
   // What recordings kept out add to both; none where there are none or they were not asked.
   std::optional<double> held_out_difference = {};
-  // The same law at other places, where it is the same to every experiment of this kind: one explanation.
+  // The same law at other places, where it is the same to every experiment of this kind: one
+  // explanation.
   std::vector<FittedLaw> same_at = {};
-  // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to the best fit
-  // there, and all recordings would give larger ones.
+  // Excluded by a few of many recordings (MismatchProblem::fit_to_few): differences are theirs, to
+  // the best fit there, and all recordings would give larger ones.
   bool on_few_recordings = false;
-  // Excluded before recordings were freed of free motion with the law found: differences are to that, there.
+  // Excluded before recordings were freed of free motion with the law found: differences are to
+  // that, there.
   bool on_other_noise = false;
   // Excluded by recordings kept out, whatever it does on those of the fit.
   bool is_contradicted = false;
@@ -56,8 +59,8 @@ struct Rival {
   std::vector<FittedLaw> with = {};
 };
 
-// What a law does to recordings kept out of the fit, beside the others: the model refitted without it against the one
-// with it.
+// What a law does to recordings kept out of the fit, beside the others: the model refitted without
+// it against the one with it.
 struct HeldOutEffect {
   double error_without = 0.0, error_with = 0.0;  // NRMSE, %
   double gain = 0.0;      // share of the squared error over the noise that it takes away
@@ -66,8 +69,8 @@ struct HeldOutEffect {
 
 struct FoundEffect {
   FittedLaw law;
-  // Of the excess of chi-square that was there before it, and BIC of the model without it, likewise; NaN
-  // where that model could not be fitted.
+  // Of the excess of chi-square that was there before it, and BIC of the model without it,
+  // likewise; NaN where that model could not be fitted.
   double explained_share = std::numeric_limits<double>::quiet_NaN();
   double bic_difference = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> rivals;           // not excluded
@@ -115,19 +118,21 @@ struct Diagnosis {
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;
   std::optional<Assessment> validation_before, validation_after;
-  // After, with what errors of the fitted parameters do counted as noise: what the verdict is verified by.
+  // After, with what errors of the fitted parameters do counted as noise: what the verdict is
+  // verified by.
   std::optional<Assessment> validation_within_errors;
   // Where something changes while it is recorded: the verdict then is `unknown`, whatever laws fit.
   std::optional<TimeVariation> time_variation;
   bool time_variation_was_tested = false;  // else it can't be told from these recordings
   bool verified = false;                   // the rest passed the test of step 6
-  // Whether it could be asked if the laws found only resemble what is there; where they do, and no other fit of their
-  // classes does not. Then, and where laws share a characteristic, the verdict is `unknown`.
+  // Whether it could be asked if the laws found only resemble what is there; where they do, and no
+  // other fit of their classes does not. Then, and where laws share a characteristic, the verdict
+  // is `unknown`.
   bool shapes_compared = false;
   std::vector<Departure> departures;
   std::vector<SharedCharacteristic> shared_characteristics;
-  // Where the noise is known: recordings kept out are predicted to the noise floor, not only within what the
-  // errors of the fitted parameters do there.
+  // Where the noise is known: recordings kept out are predicted to the noise floor, not only within
+  // what the errors of the fitted parameters do there.
   bool predicts = true;
   double rest_p_value = 1.0;
   double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance

@@ -20,7 +20,8 @@
 //      out in turn, the squared error falls by `held_out_gain` at least and by `held_out_errors` standard
 //      errors over the blocks. Where none does, up to four laws are taken together, each the one that predicts
 //      best beside those before, if beside the others each passes the same tests: one of several harmonics of a
-//      ripple drowns in the others. Compound places (Hypothesis::is_compound) come when single ones explain no
+//      ripple drowns in the others. Laws of a lower rank (Hypothesis::rank) are taken first, as many as there
+//      are. Compound places (Hypothesis::is_compound) come when single ones explain no
 //      more: main effects before interactions. The law that predicts best is kept, or one of fewer parameters
 //      that is not worse by more than one standard error. Where the noise is known, and what is left is no more
 //      than noise by its chi-square, one law more is tried if the best hypothesis lies at a place without a law
@@ -84,11 +85,12 @@
 //      of all tests (verdict_reasons.hpp).
 //
 // Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or recordings kept
-// out are more than noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
-// the catalogue may hide behind those. `unknown`:
-// something is missing that no hypothesis explains down to the noise, or whose place shows that the law found only
-// resembles it, or that changes with time; the laws found so far are reported with it.
+// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or
+// recordings kept out are more than noise (`noise_floor`) and only within the errors of the fitted
+// parameters: a law that is not in the catalogue may hide behind those. `unknown`:
+// something is missing that no hypothesis explains down to the noise, or whose place shows that the
+// law found only resembles it, or that changes with time; the laws found so far are reported with
+// it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.

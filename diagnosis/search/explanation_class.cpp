@@ -13,22 +13,22 @@
 namespace graybox {
 namespace {
 
-// One law at two places is the same to every experiment of a kind where fits with it differ by no more
-// than the first in deviance (they stop where a step gains a tenth), and where with the best further
-// experiment the two would be no farther apart than the second: about 20 excludes a rival
+// One law at two places is the same to every experiment of a kind where fits with it differ by no
+// more than the first in deviance (they stop where a step gains a tenth), and where with the best
+// further experiment the two would be no farther apart than the second: about 20 excludes a rival
 // (next_experiment.hpp), so a thousand times the recordings would be needed.
 constexpr double kSameDeviance = 1.0;
 constexpr double kSameDistance = 0.02;
 
-// Of -2 log evidence: less in favour of a law that generalises another is "not worth more than a bare mention" (Kass and
-// Raftery, J. Am. Stat. Assoc. 90, 1995).
+// Of -2 log evidence: less in favour of a law that generalises another is "not worth more than a
+// bare mention" (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
 constexpr double kAskedFor = 2.0;
 
 // Names of an effect, up to which generalisations are among them: more names say less.
 constexpr std::size_t kNames = 3;
 
-// Where the last law of this fit is that of a member of the class, at a place that no experiment of this
-// kind would tell from the member's: the member's list of such places.
+// Where the last law of this fit is that of a member of the class, at a place that no experiment of
+// this kind would tell from the member's: the member's list of such places.
 std::vector<FittedLaw>* same_law_among(const SearchState& state,
                                        const std::vector<const ExtendedFit*>& members,
                                        const ExtendedFit& fit, FoundEffect& effect) {
@@ -85,8 +85,8 @@ void divide_rivals(SearchState& state, FoundEffect& effect, const std::vector<Tr
   for (const Trial& trial : trials) {
     if (!state.compare.excludes(state.result.after, trial.fit)) standing.push_back(&trial);
   }
-  // Fits of the class, the law found first. Laws of which no other that stands is a special case come
-  // before the others.
+  // Fits of the class, the law found first. Laws of which no other that stands is a special case
+  // come before the others.
   std::vector<const ExtendedFit*> members{&state.result.after};
   for (const bool richer : {false, true}) {
     for (const Trial& trial : trials) {

@@ -9,13 +9,14 @@
 namespace graybox {
 namespace {
 
-// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): a law that fits and
-// predicts so badly only describes the recordings that it saw.
+// On recordings kept out, of chi-square per degree of freedom over that of the fit (or one): a law
+// that fits and predicts so badly only describes the recordings that it saw.
 constexpr double kContradicted = 100.0;
 // And how much larger than another's it must be there, for that one to take its place.
 constexpr double kSpeaksForAnother = 10.0;
 
-// Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what they make of others.
+// Times the margin of exclusion: laws so far apart on the recordings of the fit are not asked what
+// they make of others.
 constexpr double kDecided = 10.0;
 
 }  // namespace

@@ -1,4 +1,5 @@
-// Step 4 of the search (diagnosis_search.hpp), where the noise is not known: other laws for those found early.
+// Step 4 of the search (diagnosis_search.hpp), where the noise is not known: other laws for those
+// found early.
 #pragma once
 
 #include "graybox/diagnosis/search/search_state.hpp"

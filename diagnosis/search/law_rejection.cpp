@@ -15,7 +15,8 @@ namespace {
 constexpr double kSignal = 100.0;    // %
 constexpr double kLeastGain = 0.03;  // of the squared error, where the noise is not known
 
-// Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty thousand.
+// Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty
+// thousand.
 bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
                       const ExtendedFit& with) {
   if (!state.problem->noise_is_known()) return true;

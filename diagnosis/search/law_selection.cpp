@@ -1,7 +1,9 @@
 #include "graybox/diagnosis/search/law_selection.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
@@ -11,9 +13,9 @@
 namespace graybox {
 namespace {
 
-// With m laws that may still come, one of them explains an m-th of what is left, or about: where the best
-// does not explain this share of an m-th, all of them together won't, and they only stand in for one that
-// is not in the catalogue.
+// With m laws that may still come, one of them explains an m-th of what is left, or about: where
+// the best does not explain this share of an m-th, all of them together won't, and they only stand
+// in for one that is not in the catalogue.
 constexpr double kShareOfAnMth = 0.5;
 
 // Laws that may come together where none does by itself.
@@ -26,9 +28,9 @@ double enough_to_stand_out(const SearchState& state) {
   return std::max(state.options.exclusion_margin, kImperfection * before);
 }
 
-// A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at it
-// still sees it. At a place that has its law, though, what is left is first of all that law's own
-// imperfection.
+// A small effect beside a large one drowns in the chi-square of all residuals where a test aimed at
+// it still sees it. At a place that has its law, though, what is left is first of all that law's
+// own imperfection.
 bool points_elsewhere(const SearchState& state, const ScoreTable& table) {
   if (table.scores.empty()) return false;
   const HypothesisScore& best = table.scores.front();
@@ -52,9 +54,9 @@ bool is_hopeless(const SearchState& state, const ExtendedFit& with) {
          kShareOfAnMth * excess(state.result.after) / still_to_come;
 }
 
-// The best of those that are significant. Where the noise is known, another where recordings kept out contradict that
-// one; else the one of fewest parameters among those at its place that it does not excel (the rule of one standard
-// error: Breiman and others 1984).
+// The best of those that are significant. Where the noise is known, another where recordings kept
+// out contradict that one; else the one of fewest parameters among those at its place that it does
+// not excel (the rule of one standard error: Breiman and others 1984).
 const Trial* choose(const SearchState& state, const ExtendedFit& without,
                     const std::vector<Trial>& trials) {
   const Trial* best = nullptr;
@@ -97,9 +99,9 @@ bool each_is_missed(SearchState& state, const ExtendedFit& with, std::size_t fir
   return true;
 }
 
-// Where the noise is not known and no law by itself predicts: a few that do so together. What one gains
-// drowns in what the others have not explained yet (the harmonics of a ripple). Beside the others each must
-// pass the test for a single law.
+// Where the noise is not known and no law by itself predicts: a few that do so together. What one
+// gains drowns in what the others have not explained yet (the harmonics of a ripple). Beside the
+// others each must pass the test for a single law.
 std::optional<ExtendedFit> group_of_laws(SearchState& state, std::vector<Trial> trials) {
   ExtendedFit with = state.result.after;
   for (std::size_t size = 1; size <= kGroup && with.laws.size() < state.effect_limit(); ++size) {
@@ -158,11 +160,25 @@ void add_laws(SearchState& state) {
   }
 }
 
+std::set<int> ranks(const SearchState& state) {
+  std::set<int> found;
+  for (const Hypothesis& hypothesis : state.problem->hypotheses()) found.insert(hypothesis.rank);
+  return found;
+}
+
 }  // namespace
 
 void add_missing_laws(SearchState& state) {
-  state.compounds_are_open = !state.result.after.laws.empty();
-  add_laws(state);
+  if (state.result.after.laws.empty()) {
+    for (const int rank : ranks(state)) {
+      state.highest_rank = rank;
+      state.compounds_are_open = false;
+      add_laws(state);
+    }
+    state.highest_rank = std::numeric_limits<int>::max();
+  } else {
+    add_laws(state);
+  }
   state.compounds_are_open = true;
 }
 

@@ -5,7 +5,8 @@
 
 namespace graybox {
 
-// At family-wise level; with the least of each effect that would have been seen, and the ranking of all hypotheses.
+// At family-wise level; with the least of each effect that would have been seen, and the ranking of
+// all hypotheses.
 void detect_mismatch(SearchState& state);
 
 }  // namespace graybox

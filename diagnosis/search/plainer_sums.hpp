@@ -1,13 +1,13 @@
 // Sums of two plainer laws in the place of one (steps 4 and 5 of the search, diagnosis_search.hpp).
 //
-// A law with several shape parameters can imitate the sum of two simple ones at its place: a Stribeck
-// friction or one that grows less than linearly a dry one with a damper. Which laws a sum may be made
-// of follows from the hypotheses: one is a special case of the law or describes the same
-// characteristic, the other is the law that a score test then misses most at that place; together they
-// have no more parameters than the law.
+// A law with several shape parameters can imitate the sum of two simple ones at its place: a
+// Stribeck friction or one that grows less than linearly a dry one with a damper. Which laws a sum
+// may be made of follows from the hypotheses: one is a special case of the law or describes the
+// same characteristic, the other is the law that a score test then misses most at that place;
+// together they have no more parameters than the law.
 //
-// Where the noise is known the model's own stiffnesses and dampings are free, so that linear laws are
-// beside every law there: no sums are tried.
+// Where the noise is known the model's own stiffnesses and dampings are free, so that linear laws
+// are beside every law there: no sums are tried.
 #pragma once
 
 #include <vector>
@@ -17,8 +17,8 @@
 namespace graybox {
 
 // Fits in which two laws, the last two, stand in the place of this one of the model found; the best
-// first. `without`: the model found without that law. Cost: up to kPartners + 1 refits and one score
-// test a plainer law.
+// first. `without`: the model found without that law. Cost: up to kPartners + 1 refits and one
+// score test a plainer law.
 [[nodiscard]] std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t law,
                                                             const ExtendedFit& without);
 

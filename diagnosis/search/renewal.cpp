@@ -10,7 +10,8 @@
 namespace graybox {
 namespace {
 
-// Rivals of a single law that leave more than the noise's own chi-square beside it: free motion is not that much.
+// Rivals of a single law that leave more than the noise's own chi-square beside it: free motion is
+// not that much.
 void keep_far_behind(SearchState& state) {
   if (state.result.after.laws.size() != 1) return;
   state.ahead = state.result.after.laws.front().hypothesis;

@@ -23,8 +23,8 @@ void forget_effects(SearchState& state) {
   state.class_fits.clear();
 }
 
-// Of another law than the one found: which excludes that, with recordings kept out; else, of several, one that does
-// not merely generalise it, by BIC.
+// Of another law than the one found: which excludes that, with recordings kept out; else, of
+// several, one that does not merely generalise it, by BIC.
 const Trial* better_than_found(const SearchState& state, const FoundEffect& effect,
                                const std::vector<Trial>& trials) {
   if (!state.problem->noise_is_known()) return nullptr;
@@ -70,8 +70,8 @@ std::vector<LawStart> candidates_for(const SearchState& state, std::size_t found
   return candidates;
 }
 
-// Where the model without the law can't be fitted, candidates are those of the first ranking, and start
-// beside the other laws as they are.
+// Where the model without the law can't be fitted, candidates are those of the first ranking, and
+// start beside the other laws as they are.
 std::vector<Trial> rivals_of(SearchState& state, std::size_t law, const ExtendedFit& without,
                              std::vector<Rival>& outpaced) {
   const std::size_t found = state.result.after.laws[law].hypothesis;

@@ -1,12 +1,13 @@
-// Step 5 of the search (diagnosis_search.hpp): each law found against those that may stand in its stead.
+// Step 5 of the search (diagnosis_search.hpp): each law found against those that may stand in its
+// stead.
 #pragma once
 
 #include "graybox/diagnosis/search/search_state.hpp"
 
 namespace graybox {
 
-// Where one of several laws found one after another has a better rival now that the others are there,
-// the rival takes its place, and all are weighed again.
+// Where one of several laws found one after another has a better rival now that the others are
+// there, the rival takes its place, and all are weighed again.
 void weigh_rivals(SearchState& state);
 
 }  // namespace graybox

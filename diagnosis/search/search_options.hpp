@@ -1,4 +1,5 @@
-// What the search for missing physics may be told (diagnosis_search.hpp has the steps that these belong to).
+// What the search for missing physics may be told (diagnosis_search.hpp has the steps that these
+// belong to).
 #pragma once
 
 #include <cstddef>
@@ -22,6 +23,7 @@ struct SearchOptions {
   double generalisation = 1.5;
   double structure_tolerance = 0.1;
   double autocorrelation_tolerance = 10.0;  // % of the signal
+  double channel_tolerance = 15.0;          // %, of each channel's error kept out
   int null_draws = 199;                     // at least 2 / level are taken
   std::vector<std::string> excluded_laws;   // left out of the catalogue
   double variation_level = 1e-5;            // of time variation, family-wise, beside `level`

@@ -1,8 +1,10 @@
-// What the steps of the search for missing physics share: the problem, what is known so far, and the refits done.
-// A file a step: diagnosis_search.hpp has their numbers, its source file their order.
+// What the steps of the search for missing physics share: the problem, what is known so far, and
+// the refits done. A file a step: diagnosis_search.hpp has their numbers, its source file their
+// order.
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -16,8 +18,8 @@
 
 namespace graybox {
 
-// A small law beside others must explain this share of what the largest explains: no law of a catalogue
-// describes a real force to better than some three per cent, a thousandth in chi-square.
+// A small law beside others must explain this share of what the largest explains: no law of a
+// catalogue describes a real force to better than some three per cent, a thousandth in chi-square.
 inline constexpr double kImperfection = 1e-3;
 
 struct SearchState {
@@ -51,6 +53,8 @@ struct SearchState {
   CandidateRefits refits;
   // Compound places are looked at when single ones explain no more.
   bool compounds_are_open = true;
+  // Hypotheses of a higher rank come when those up to this one explain no more.
+  int highest_rank = std::numeric_limits<int>::max();
 
   int first_fits = 0;           // after the first (first_fit.hpp)
   bool tried_to_renew = false;  // with laws (renewal.hpp)

@@ -14,7 +14,8 @@
 namespace graybox {
 namespace {
 
-// Times that laws which only resemble what is there are weighed again: with all laws at their places, and with another besides.
+// Times that laws which only resemble what is there are weighed again: with all laws at their
+// places, and with another besides.
 constexpr int kShapeRounds = 4;
 
 void note_shared_characteristics(SearchState& state) {
@@ -84,7 +85,8 @@ bool shares_a_characteristic(const SearchState& state, std::size_t hypothesis) {
          });
 }
 
-// Of another characteristic than the law that is there, it may be a second effect: if nothing departs from both.
+// Of another characteristic than the law that is there, it may be a second effect: if nothing
+// departs from both.
 bool add_departing_law(SearchState& state) {
   if (state.result.departures.empty() || state.result.after.laws.size() >= state.effect_limit()) {
     return false;

@@ -5,7 +5,8 @@
 
 namespace graybox {
 
-// Laws that only resemble what is there may leave no more than noise by the chi-square of all residuals.
+// Laws that only resemble what is there may leave no more than noise by the chi-square of all
+// residuals.
 void look_for_departures(SearchState& state);
 
 }  // namespace graybox

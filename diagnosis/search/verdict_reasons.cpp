@@ -1,8 +1,11 @@
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <string>
 #include <utility>
 
 namespace graybox {
@@ -60,6 +63,35 @@ VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& op
                  "put recordings like those kept out into the fit, and look at which channel and "
                  "time the error kept out "
                  "is largest: something acts there that the fit's recordings hardly show");
+}
+
+// The channel that is predicted worst: a good figure for all channels together may hide it.
+std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
+                                           const SearchOptions& options) {
+  const std::string error = "error kept out of the channel predicted worst";
+  const std::string growth = "largest ratio of a channel's error kept out to that of the fit";
+  std::string worst, grown;
+  double largest = 0.0, ratio = 0.0;
+  for (const ChannelRest& rest : diagnosis.channels_after) {
+    if (!rest.held_out_nrmse) continue;
+    if (worst.empty() || *rest.held_out_nrmse > largest) {
+      worst = rest.channel;
+      largest = *rest.held_out_nrmse;
+    }
+    if (grown.empty() || *rest.held_out_nrmse > ratio * rest.nrmse) {
+      grown = rest.channel;
+      ratio = *rest.held_out_nrmse / rest.nrmse;
+    }
+  }
+  if (worst.empty()) return {};
+  return {at_most(fmt::format("{} ({}), % of its signal", error, worst), largest,
+                  options.channel_tolerance,
+                  fmt::format("look at {}: something acts there that no law found describes, or it "
+                              "is mostly noise",
+                              worst)),
+          at_most(fmt::format("{} ({})", growth, grown), ratio, options.generalisation,
+                  fmt::format("put recordings like those kept out into the fit, and look at {}",
+                              grown))};
 }
 
 // Of a problem that can't say it nothing is known to be noise.
@@ -174,14 +206,17 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
   const char* const look =
       "look at which channel and where it is largest, and try laws of your own there (--laws)";
   if (!diagnosis.noise_is_known) {
-    return {generalisation(diagnosis, options),
-            remaining("share of the rest that depends on the motion", diagnosis.remaining_structure,
+    std::vector<VerdictReason> reasons = {generalisation(diagnosis, options)};
+    append(channel_reasons(diagnosis, options), reasons);
+    append({remaining("share of the rest that depends on the motion", diagnosis.remaining_structure,
                       options.structure_tolerance, look),
             at_most("part of the rest that follows from its own past, % of the signal",
                     diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
                     "a disturbance with memory, or physics that none of these laws describes: "
                     "record what may disturb "
-                    "(temperature, supply, floor), or try laws of your own (--laws)")};
+                    "(temperature, supply, floor), or try laws of your own (--laws)")},
+           reasons);
+    return reasons;
   }
   return {at_least(diagnosis.validation_within_errors
                        ? "p-value of the rest on recordings kept out being noise"

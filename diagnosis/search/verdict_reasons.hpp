@@ -1,6 +1,7 @@
-// Why a verdict is what it is. The tests stand in one list, in the order in which they decide, and the verdict is computed
-// from it by one rule: the first test that failed says what the verdict is, and where none failed it is `explained`. A test
-// that could not be asked neither passes nor fails, and says why.
+// Why a verdict is what it is. The tests stand in one list, in the order in which they decide, and
+// the verdict is computed from it by one rule: the first test that failed says what the verdict is,
+// and where none failed it is `explained`. A test that could not be asked neither passes nor fails,
+// and says why.
 //
 //   diagnosis.reasons = verdict_reasons(diagnosis, options);
 //   diagnosis.verdict = verdict_of(diagnosis.reasons);
@@ -14,8 +15,8 @@
 
 namespace graybox {
 
-// What is left after the last fit: no more than noise, where that is known; else predicted as well as fitted, and without
-// structure. Diagnosis::verified: none of them failed.
+// What is left after the last fit: no more than noise, where that is known; else predicted as well
+// as fitted, and without structure. Diagnosis::verified: none of them failed.
 [[nodiscard]] std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis,
                                                       const SearchOptions& options);
 

@@ -9,8 +9,8 @@
 namespace graybox {
 namespace {
 
-// What the fit's own recordings may show beyond the noise, as a multiple of what others may: free motion is
-// taken out of recordings with the model as it was.
+// What the fit's own recordings may show beyond the noise, as a multiple of what others may: free
+// motion is taken out of recordings with the model as it was.
 constexpr double kFitTolerance = 2.0;
 
 // Below the noise floor, or above it by chance.

@@ -5,7 +5,8 @@
 
 namespace graybox {
 
-// On recordings kept out, or on the fit's own where there are none; with what the report shows of the rest.
+// On recordings kept out, or on the fit's own where there are none; with what the report shows of
+// the rest.
 void verify_rest(SearchState& state);
 
 // Where the noise is known: the tests of practical size.

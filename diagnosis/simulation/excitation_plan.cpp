@@ -102,7 +102,8 @@ void read_places(const YamlField& root, const SimulatedSystem& system, Excitatio
       root.has("noise") ? root.at("noise").non_negative() : system.velocity_psd_slope;
 }
 
-// A recording is simulated sample by sample and kept whole: neither is done for ever, or beyond memory.
+// A recording is simulated sample by sample and kept whole: neither is done for ever, or beyond
+// memory.
 constexpr double kMostSamples = 1e9;
 
 void require_feasible(const YamlField& root, const SimulatedSystem& system,

@@ -16,9 +16,9 @@
 //   noise: 0.0827                    # C_v, rad^2 (closed_loop.hpp); default: the model's; 0: none
 //   data: h5                         # h5 | csv: the files of the recordings; default h5
 //
-// Each position, level and realisation takes n_u sub-experiments (multisine.hpp). The plan of a lumped
-// model has no plant, positions and noise (its model has that), and levels in the unit of what is
-// excited, reference or input.
+// Each position, level and realisation takes n_u sub-experiments (multisine.hpp). The plan of a
+// lumped model has no plant, positions and noise (its model has that), and levels in the unit of
+// what is excited, reference or input.
 #pragma once
 
 #include <Eigen/Core>

@@ -43,10 +43,10 @@ std::vector<Delay> split(const Eigen::VectorXd& delays, double sample_time) {
   for (const double delay : delays) {
     const double samples = delay / sample_time;
     if (samples > kMostDelayedSamples) {
-      throw InputError(fmt::format("elements: a delay of {:g} s is more than {:g} samples of {:g} s; "
-                                   "make it at most {:g} s",
-                                   delay, kMostDelayedSamples, sample_time,
-                                   kMostDelayedSamples * sample_time));
+      throw InputError(
+          fmt::format("elements: a delay of {:g} s is more than {:g} samples of {:g} s; "
+                      "make it at most {:g} s",
+                      delay, kMostDelayedSamples, sample_time, kMostDelayedSamples * sample_time));
     }
     double whole = std::floor(samples);
     double part = samples - whole;

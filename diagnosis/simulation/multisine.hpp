@@ -6,8 +6,8 @@
 //
 //   R_ae(k) = A(k) exp(j phi_a(k)) T_ae,   T_ae = exp(2 pi j a e / n_u) / sqrt(n_u), T T^H = I,
 //
-// random phases phi_a(k), uniform on the circle, the same in all sub-experiments. So R R^H = A(k)^2 I
-// at every excited line, with equal power on all inputs; graybox writes A(k)^2 = Phi_r / n_y
+// random phases phi_a(k), uniform on the circle, the same in all sub-experiments. So R R^H = A(k)^2
+// I at every excited line, with equal power on all inputs; graybox writes A(k)^2 = Phi_r / n_y
 // (frequency_response.hpp). DFT here: X(k) = N^(-1/2) sum_t x(t) exp(-2 pi j k t / N).
 //
 //   const Multisine signal({.period = 8000, .lines = odd_lines(...), .inputs = 6, .rms = 3.0}, 1);
@@ -57,8 +57,8 @@ class Multisine {
 };
 
 // The odd lines nearest to increasing frequencies (Hz), each once: with a period too short to tell
-// two frequencies apart there are fewer lines than frequencies. Even lines and the odd ones left out
-// detect non-linearity.
+// two frequencies apart there are fewer lines than frequencies. Even lines and the odd ones left
+// out detect non-linearity.
 [[nodiscard]] std::vector<std::size_t> odd_lines(const std::vector<double>& frequencies,
                                                  std::size_t period, double sample_time);
 

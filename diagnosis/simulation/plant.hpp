@@ -9,10 +9,11 @@
 // start at q = 0, and u is the input itself.
 //
 // Without elements a linear plant is solved exactly: x' = A x + B u over T_s with u held is the
-// matrix exponential of [A B; 0 0] T_s (Van Loan 1978). Everything else is integrated sample by sample
-// with SUNDIALS ARKODE: Dormand and Prince's embedded pair of orders 5 and 4, steps chosen to the
-// tolerance and never across a jump of the input. A delayed actuator's input jumps within the
-// sample, and a delayed sensor looks at the plant there: the integrator stops at just those times.
+// matrix exponential of [A B; 0 0] T_s (Van Loan 1978). Everything else is integrated sample by
+// sample with SUNDIALS ARKODE: Dormand and Prince's embedded pair of orders 5 and 4, steps chosen
+// to the tolerance and never across a jump of the input. A delayed actuator's input jumps within
+// the sample, and a delayed sensor looks at the plant there: the integrator stops at just those
+// times.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
-// Writes one recording as columns with names: HDF5 (one dataset a channel, attribute sample_time) or
-// CSV (time first).
+// Writes one recording as columns with names: HDF5 (one dataset a channel, attribute sample_time)
+// or CSV (time first).
 #pragma once
 
 #include <Eigen/Core>

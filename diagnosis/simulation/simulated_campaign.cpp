@@ -100,8 +100,7 @@ std::vector<RecordedChannel> channels_of(const SimulatedSystem& system,
 // What all the recordings will take, from the share that is done after the first seconds.
 class WorkForecast {
  public:
-  WorkForecast(const ExcitationPlan& plan, std::size_t recordings,
-               const SimulationOptions& options)
+  WorkForecast(const ExcitationPlan& plan, std::size_t recordings, const SimulationOptions& options)
       : options_(&options),
         samples_(static_cast<double>(plan.period) *
                  static_cast<double>(plan.settling_periods + plan.periods) *
@@ -152,10 +151,9 @@ Recording simulate_one(const SimulatedSystem& system, const ExcitationPlan& plan
       .seed = derived_seed(
           options.seed, {2, experiment.position, experiment.level, experiment.realisation, sub})};
   try {
-    return simulate_closed_loop(*plant, system.controller, system.sample_time,
-                                signal.reference(experiment.sub_experiment), loop,
-                                options.keep_going,
-                                [&](Eigen::Index samples) { forecast.add(samples); });
+    return simulate_closed_loop(
+        *plant, system.controller, system.sample_time, signal.reference(experiment.sub_experiment),
+        loop, options.keep_going, [&](Eigen::Index samples) { forecast.add(samples); });
   } catch (const UnstableMotion& error) {
     throw UnstableMotion(fmt::format("{}: {}", experiment.name(), error.what()));
   }

@@ -1,4 +1,5 @@
-// SimulatedSystem: what `graybox simulate` experiments on, robot or lumped model, with all elements.
+// SimulatedSystem: what `graybox simulate` experiments on, robot or lumped model, with all
+// elements.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,7 +23,7 @@ struct SimulatedSystem {
   // Lumped models have no positions and one kind of plant.
   enum class PlantKind : std::int8_t { kLocal, kRobot, kLumped };
 
-  std::vector<std::filesystem::path> files;  // model first, then what it is made of
+  std::vector<std::filesystem::path> files;     // model first, then what it is made of
   std::optional<std::filesystem::path> hidden;  // the graybox-physics/1 file
   double sample_time = 0.0;
   std::vector<Signal> references;  // empty: open loop, the excitation is the input
@@ -36,8 +37,8 @@ struct SimulatedSystem {
   std::function<std::unique_ptr<Plant>(PlantKind, const Eigen::VectorXd&)> plant;
 };
 
-// A graybox-robot/1 or graybox-lumped/1 file with its elements and those of a graybox-physics/1 file.
-// Throws InputError of one line for whatever is wrong.
+// A graybox-robot/1 or graybox-lumped/1 file with its elements and those of a graybox-physics/1
+// file. Throws InputError of one line for whatever is wrong.
 [[nodiscard]] SimulatedSystem load_system(const std::filesystem::path& model,
                                           const std::optional<std::filesystem::path>& physics = {});
 

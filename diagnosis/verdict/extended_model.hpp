@@ -1,5 +1,5 @@
-// The extended model: the model file with the parameters that were estimated and the elements that were
-// found, a model like any other.
+// The extended model: the model file with the parameters that were estimated and the elements that
+// were found, a model like any other.
 //
 // The text is the original's as YAML (comments are lost), with
 //   - estimated parameters in place of the model's: "joint_2.gearbox" of a robot (the spring's

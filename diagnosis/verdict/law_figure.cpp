@@ -18,7 +18,8 @@ constexpr const char* kDark = "#404040";
 constexpr std::size_t kPoints = 1500;
 constexpr std::size_t kLinePoints = 150;
 constexpr std::size_t kMeans = 24;
-// Mean step between neighbours on the axis, of the law's range, that a function of the axis alone has.
+// Mean step between neighbours on the axis, of the law's range, that a function of the axis alone
+// has.
 constexpr double kSmooth = 0.02;
 constexpr double kOutside = 0.005;  // of the recorded forces, at either end
 

@@ -67,7 +67,8 @@ int compared(const LawParameterEstimate& a, const LawParameterEstimate& b) {
   return difference < 0.0 ? -1 : 1;
 }
 
-// Friction at standstill against friction when it slides; its viscous part may turn that round at high speed.
+// Friction at standstill against friction when it slides; its viscous part may turn that round at
+// high speed.
 std::string course_words(const FittedLaw& law, std::string_view name) {
   const LawParameterEstimate *still = parameter(law, "static_level"),
                              *sliding = parameter(law, "level");

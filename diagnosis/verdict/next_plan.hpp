@@ -1,5 +1,5 @@
-// The next experiment as plans that `graybox simulate` carries out (graybox-plan/1): one plan for each
-// level and band of the design, with the positions that share them.
+// The next experiment as plans that `graybox simulate` carries out (graybox-plan/1): one plan for
+// each level and band of the design, with the positions that share them.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// The reasons of a verdict, what was rejected and the range that all was checked in: in words, as JSON (verdict_file.hpp has
-// the keys) and on the report page.
+// The reasons of a verdict, what was rejected and the range that all was checked in: in words, as
+// JSON (verdict_file.hpp has the keys) and on the report page.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -18,9 +18,10 @@ std::string label_of(double value) {
 }
 
 // Maps data to the page along one axis.
-class Scale {
+class AxisScale {
  public:
-  Scale(const ChartAxis& axis, double from, double to) : log_(axis.logarithmic), a_(from), b_(to) {}
+  AxisScale(const ChartAxis& axis, double from, double to)
+      : log_(axis.logarithmic), a_(from), b_(to) {}
 
   void include(double value) {
     if (!shows(value)) return;
@@ -93,7 +94,7 @@ std::string text_at(double x, double y, const std::string& text, const char* ext
                      html_escaped(text));
 }
 
-std::string grid(const Scale& x, const Scale& y) {
+std::string grid(const AxisScale& x, const AxisScale& y) {
   std::string svg;
   for (const double tick : x.ticks()) {
     const double at = x.place(tick);
@@ -123,7 +124,7 @@ std::string labels(const Chart& chart) {
                      .c_str());
 }
 
-std::string bars_of(const ChartSeries& series, const Scale& x, const Scale& y) {
+std::string bars_of(const ChartSeries& series, const AxisScale& x, const AxisScale& y) {
   std::string shape;
   const std::size_t count = std::min({series.x.size(), series.y.size(), series.bars.size()});
   for (std::size_t i = 0; i < count; ++i) {
@@ -137,7 +138,7 @@ std::string bars_of(const ChartSeries& series, const Scale& x, const Scale& y) {
                      series.colour);
 }
 
-std::string drawn(const ChartSeries& series, const Scale& x, const Scale& y) {
+std::string drawn(const ChartSeries& series, const AxisScale& x, const AxisScale& y) {
   const std::size_t count = std::min(series.x.size(), series.y.size());
   std::string shape;
   bool pen_down = false;
@@ -242,7 +243,7 @@ std::string html_escaped(const std::string& text) {
 }
 
 std::string svg_chart(const Chart& chart) {
-  Scale x(chart.x, kLeft, kWidth - kRight), y(chart.y, kHeight - kBottom, kTop);
+  AxisScale x(chart.x, kLeft, kWidth - kRight), y(chart.y, kHeight - kBottom, kTop);
   for (const ChartSeries& series : chart.series) {
     for (const double value : series.x) x.include(value);
     for (const double value : series.y) y.include(value);

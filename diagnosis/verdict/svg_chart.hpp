@@ -1,6 +1,6 @@
-// Small charts as SVG text, for a report that is one file and needs nothing else: lines and points over
-// linear or logarithmic axes, and heat maps. (The study's figures are matplotlib's; a report is
-// written where a user may have no Python.)
+// Small charts as SVG text, for a report that is one file and needs nothing else: lines and points
+// over linear or logarithmic axes, and heat maps. (The study's figures are matplotlib's; a report
+// is written where a user may have no Python.)
 #pragma once
 
 #include <string>
@@ -29,7 +29,8 @@ struct Chart {
 
 [[nodiscard]] std::string svg_chart(const Chart& chart);
 
-// Values from white to dark, the scale beside them; NaN is an empty cell. `marked`: cells with a frame.
+// Values from white to dark, the scale beside them; NaN is an empty cell. `marked`: cells with a
+// frame.
 struct HeatMap {
   std::string title;
   std::string column_label, value_label;

@@ -162,6 +162,8 @@ Json channel_rests_json(const std::vector<ChannelRest>& before,
                         const std::vector<ChannelRest>& after) {
   const auto rest_json = [](const ChannelRest& rest) {
     return Json{{"nrmse", number(rest.nrmse)},
+                {"nrmse_held_out",
+                 rest.held_out_nrmse ? number(*rest.held_out_nrmse) : Json(nullptr)},
                 {"remaining_structure", number(rest.structure)},
                 {"autocorrelated_error", number(rest.autocorrelated_error)}};
   };

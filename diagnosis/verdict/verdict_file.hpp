@@ -38,27 +38,31 @@
 //                        "recordings",
 //                        "recordings_needed"}}
 //
-// Channels, bands, positions and levels are those where residuals before any extension are too large
-// at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one band. Where the noise is not
-// known, channels are those of `rest_by_channel` whose rest depends on the motion or on its own past by more than the limits
-// for all of them together, and the other lists are empty.
-// `reasons` (verdict_reasons.hpp): the tests in the order in which they decide; the first that failed makes the verdict what
-// its `otherwise` says. `passed` is null where a test could not be asked, and `not_tested` says why. `next` is there where it
-// failed. `held_out_gain`: the share of the squared error over the noise that a law takes from recordings kept out.
-// `nonlinear`: a law that is not linear was found; null where none was. Numbers that are not known
-// are null. `predicts_kept_out` is false where recordings kept out are predicted within the errors of the fitted
-// parameters only; `on_few_recordings` is true where few of many recordings excluded a law, `with_free_motion` where it
-// was so far behind that it was not fitted again to recordings freed of free motion, `contradicted` where recordings kept
-// out excluded it. `rivals_weighed` is false where as many laws as the search takes leave more than noise.
-// `time_variation` is null where nothing was seen to change while it is recorded (time_variation.hpp); whether that could
-// be told says `time_variation_tested`.
-// `departures` (law_departure.hpp): places where the laws found only resemble what is there, and the law that would explain
-// most of the rest; `shapes_compared` says whether that could be asked (noise known, the rest no more than that, another
-// law to ask for). `shared_characteristics`: places where several laws describe one spring or friction.
-// A parameter that `sets_scale` is stated: with another value the law's other sizes scale, and the force is the same. Sizes
-// that count for that value alone have no standard error, but a `conditional_error`.
-// `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing could
-// tell.
+// Channels, bands, positions and levels are those where residuals before any extension are too
+// large at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one
+// band. Where the noise is not known, channels are those of `rest_by_channel` whose rest depends on
+// the motion or on its own past by more than the limits for all of them together, and the other
+// lists are empty.
+// `reasons` (verdict_reasons.hpp): the tests in the order in which they decide; the first that
+// failed makes the verdict what its `otherwise` says. `passed` is null where a test could not be
+// asked, and `not_tested` says why. `next` is there where it failed. `held_out_gain`: the share of
+// the squared error over the noise that a law takes from recordings kept out. `nonlinear`: a law
+// that is not linear was found; null where none was. Numbers that are not known are null.
+// `predicts_kept_out` is false where recordings kept out are predicted within the errors of the
+// fitted parameters only; `on_few_recordings` is true where few of many recordings excluded a law,
+// `with_free_motion` where it was so far behind that it was not fitted again to recordings freed of
+// free motion, `contradicted` where recordings kept out excluded it. `rivals_weighed` is false
+// where as many laws as the search takes leave more than noise. `time_variation` is null where
+// nothing was seen to change while it is recorded (time_variation.hpp); whether that could be told
+// says `time_variation_tested`.
+// `departures` (law_departure.hpp): places where the laws found only resemble what is there, and
+// the law that would explain most of the rest; `shapes_compared` says whether that could be asked
+// (noise known, the rest no more than that, another law to ask for). `shared_characteristics`:
+// places where several laws describe one spring or friction. A parameter that `sets_scale` is
+// stated: with another value the law's other sizes scale, and the force is the same. Sizes that
+// count for that value alone have no standard error, but a `conditional_error`.
+// `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
+// could tell.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -75,7 +79,8 @@ struct MismatchSummary {
   std::vector<double> levels;
   std::vector<std::pair<double, double>> bands;  // Hz (or s), merged
 };
-// False discovery rate of the cells that are called more than noise, in words and as frames of a map.
+// False discovery rate of the cells that are called more than noise, in words and as frames of a
+// map.
 inline constexpr double kFramedRate = 0.05;
 // That noise alone leaves as much.
 [[nodiscard]] double cell_p_value(const MismatchCell& cell);

@@ -25,8 +25,8 @@ namespace graybox {
 [[nodiscard]] std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                                                      std::span<const Hypothesis> hypotheses);
 
-// What the framed cells of the map of what is left mean beside the test of all that is left: both can be
-// true. Empty where no cell is framed.
+// What the framed cells of the map of what is left mean beside the test of all that is left: both
+// can be true. Empty where no cell is framed.
 [[nodiscard]] std::string map_words(const Diagnosis& diagnosis);
 
 }  // namespace graybox

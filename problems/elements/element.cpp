@@ -95,7 +95,8 @@ std::vector<double> read_parameters(const YamlField& field, const LawEntry& entr
   }
   for (const auto& [key, value] : field.entries()) {
     const auto known = std::ranges::find(entry.parameters, key, &LawParameter::name);
-    if (known == entry.parameters.end()) value.fail(fmt::format("is no parameter of the law '{}'", entry.name));
+    if (known == entry.parameters.end())
+      value.fail(fmt::format("is no parameter of the law '{}'", entry.name));
   }
   return values;
 }

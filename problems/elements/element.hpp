@@ -1,4 +1,5 @@
-// Element: a law at a place. Models and `physics.yaml` list elements, and all of them are read here:
+// Element: a law at a place. Models and `physics.yaml` list elements, and all of them are read
+// here:
 //
 //   - name: play in the second gearbox
 //     location: {kind: element, joint: joint_2, axis: gearbox}
@@ -11,11 +12,12 @@
 // z = b_in^T q; b_in = b_out unless the location says what drives it (cross-coupling, transmission
 // error):
 //     location: {kind: element, joint: joint_5, axis: motor, driven_by: {joint: joint_4, axis: arm}}
-// kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one signal
-// apply in the order of the list, delays last.
+// kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one
+// signal apply in the order of the list, delays last.
 //
 // A law of a signal may be driven by a recorded input d instead of the signal itself, s + f(d): an
-// encoder that reads what the gear behind it yields under the torque, a sensor that picks up a current:
+// encoder that reads what the gear behind it yields under the torque, a sensor that picks up a
+// current:
 //     location: {kind: sensor, output: angle, driven_by: {input: torque}}
 //     law: feedthrough
 //
@@ -81,8 +83,8 @@ class Places {
 // Whether {value: ..., fixed: true} says so.
 [[nodiscard]] bool read_fixed(const YamlField& parameter);
 
-// The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}, `laws` with
-// it where it uses laws of its own.
+// The elements of a graybox-physics/1 file: {format: graybox-physics/1, elements: [...]}, `laws`
+// with it where it uses laws of its own.
 [[nodiscard]] std::vector<Element> read_physics(const std::filesystem::path& file,
                                                 const Places& places);
 

@@ -56,7 +56,8 @@ class ExpressionReader {
   }};
 
   [[noreturn]] void fail(const std::string& message) const {
-    throw ExpressionError(fmt::format("'{}', character {}: {}", shortened(text_), at_ + 1, message));
+    throw ExpressionError(
+        fmt::format("'{}', character {}: {}", shortened(text_), at_ + 1, message));
   }
 
   void skip_blanks() {

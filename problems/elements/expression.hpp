@@ -1,12 +1,12 @@
-// Expression: a formula in text, compiled once and evaluated for any number type, so that derivatives
-// come from dual numbers (ceres::Jet) as those of the laws in formula_law.hpp do.
+// Expression: a formula in text, compiled once and evaluated for any number type, so that
+// derivatives come from dual numbers (ceres::Jet) as those of the laws in formula_law.hpp do.
 //
 //   const Expression force("k * z^5 + c * z^2 * v", names);      // names = {"z", "v", "k", "c"}
 //   force.evaluate<double>(values);                              // in the order of the names
 //
 // Numbers, names, + - * / ^ (right to left, before the sign: -z^2 = -(z^2)), parentheses, pi, and
-// abs, sign, sqrt, exp, log, sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, min(a, b), max(a, b).
-// Cost: one operation a number, name or sign of the text; no allocation.
+// abs, sign, sqrt, exp, log, sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, min(a, b), max(a,
+// b). Cost: one operation a number, name or sign of the text; no allocation.
 #pragma once
 
 #include <array>

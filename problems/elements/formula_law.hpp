@@ -8,8 +8,8 @@
 //   };
 //   make_law<CubicSpring>                                        // for LawEntry::make
 //
-// A formula with states has state_rate(p, z, rate, x, change) too, and rest(p, z, x) where the states
-// do not rest at zero.
+// A formula with states has state_rate(p, z, rate, x, change) too, and rest(p, z, x) where the
+// states do not rest at zero.
 #pragma once
 
 #include <ceres/jet.h>
@@ -32,8 +32,8 @@ T clip(const T& z, const T& limit) {
   return z;
 }
 
-// x^y for x > 0. The logarithm and a second power, which derivatives by y and ceres::pow take, only where y has
-// a derivative.
+// x^y for x > 0. The logarithm and a second power, which derivatives by y and ceres::pow take, only
+// where y has a derivative.
 inline double power(double x, double y) { return std::pow(x, y); }
 template <int n>
 ceres::Jet<double, n> power(const ceres::Jet<double, n>& x, const ceres::Jet<double, n>& y) {

@@ -59,9 +59,9 @@ struct Stribeck {
   }
 };
 
-// Friction that grows with less than the first power of the rate, or none: lubricated gears. With v_t
-// under the root the slope at rest is finite; for rates far above it f is F (|z'|/v_r)^e sign(z').
-// p: F, e, v_r, v_t.
+// Friction that grows with less than the first power of the rate, or none: lubricated gears. With
+// v_t under the root the slope at rest is finite; for rates far above it f is F (|z'|/v_r)^e
+// sign(z'). p: F, e, v_r, v_t.
 struct SublinearFriction {
   static constexpr int kParameters = 4, kStates = 0;
   template <typename T>

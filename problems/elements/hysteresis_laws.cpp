@@ -43,7 +43,8 @@ struct LuGre {
   }
 };
 
-// Bouc 1967, Wen 1976, normalised (Ismail, Ikhouane and Rodellar 2009): f = k x, yield at |x| = x_y,
+// Bouc 1967, Wen 1976, normalised (Ismail, Ikhouane and Rodellar 2009): f = k x, yield at |x| =
+// x_y,
 //   x' = z' (1 - |x/x_y|^n (beta sign(z' x) + 1 - beta)).
 // p: k, x_y, n, beta.
 struct BoucWen {
@@ -62,14 +63,16 @@ struct BoucWen {
   }
 };
 
-// How fast the spring of a slider follows while it pulls with a force near the level at which it slips.
+// How fast the spring of a slider follows while it pulls with a force near the level at which it
+// slips.
 template <typename T>
 T slipping_rate(const T& rate, const T& pull, const T& level, const T& exponent) {
   using std::abs;
   return rate * pull > 0.0 ? T(rate * (1.0 - power(T(abs(pull) / level), exponent))) : rate;
 }
 
-// A slider behind a spring with play: the spring's deflection x follows z until its force nears F_c,
+// A slider behind a spring with play: the spring's deflection x follows z until its force nears
+// F_c,
 //   f = k x - (k - k_p) clip(x, -h, h),   x' = z' (1 - |f/F_c|^n (1 + sign(z' f))/2).
 // p: k, k_p, h, F_c, n.
 struct PlayAndSlip {

@@ -8,9 +8,9 @@
 // "F/x^3" is N m/rad^3 about a rotation and N/m^3 along a translation (unit_at). At an actuator or
 // sensor F is the unit of the signal.
 //
-// Adding a law: a class in the file of its kind (springs, friction, hysteresis, ...) and one entry in
-// that file's list. Reader, simulator, documentation (`graybox simulate --laws`) and the property
-// tests take it from there. Without C++, by a file: law_file.hpp.
+// Adding a law: a class in the file of its kind (springs, friction, hysteresis, ...) and one entry
+// in that file's list. Reader, simulator, documentation (`graybox simulate --laws`) and the
+// property tests take it from there. Without C++, by a file: law_file.hpp.
 #pragma once
 
 #include <cstdint>
@@ -55,8 +55,8 @@ struct LawParameter {
   std::optional<double> if_absent = {};
   // For any value of it others make the same force: the diagnosis leaves it as it is.
   bool sets_scale = false;
-  // A size that recordings tell for a given value of that one only, so that it has no standard error by itself. (The level
-  // of a friction is none: it is stated at the velocity given.)
+  // A size that recordings tell for a given value of that one only, so that it has no standard
+  // error by itself. (The level of a friction is none: it is stated at the velocity given.)
   bool is_relative = false;
 };
 
@@ -65,7 +65,8 @@ struct LawEntry {
   std::string description;  // one line, with the formula
   LawUse use = LawUse::kForce;
   std::vector<LawParameter> parameters;
-  // From the parameters in the order above, within their ranges. Empty where there is no Law object.
+  // From the parameters in the order above, within their ranges. Empty where there is no Law
+  // object.
   std::function<std::shared_ptr<const Law>(std::span<const double>)> make;
   // YAML, as law_file.hpp reads it, of a law that a file has added; empty for graybox's own.
   std::string definition = {};
@@ -75,15 +76,16 @@ struct LawEntry {
 [[nodiscard]] const std::deque<LawEntry>& law_catalogue();
 
 // Laws that models and files may use like those of the catalogue, but that the search for missing
-// physics does not try by itself: they have more parameters than it tells apart, or a further signal.
+// physics does not try by itself: they have more parameters than it tells apart, or a further
+// signal.
 [[nodiscard]] const std::deque<LawEntry>& supplementary_laws();
 
 // For all of the process; not while other threads use the catalogue. Nothing happens if the same
 // definition is there already. Throws std::invalid_argument if another law has the name.
 void add_law(LawEntry entry);
 
-// The law of this name, of either list, for a place with forces (also inertia and payload) or with a signal (also
-// delay); null if there is none.
+// The law of this name, of either list, for a place with forces (also inertia and payload) or with
+// a signal (also delay); null if there is none.
 [[nodiscard]] const LawEntry* find_law(std::string_view name, bool at_signal);
 
 struct PlaceUnits {

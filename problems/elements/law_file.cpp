@@ -169,9 +169,9 @@ std::array<double, kMaxNames> random_point(Random& random) {
   return point;
 }
 
-// Whether f(a + b) + f(0) = f(a) + f(b), a and b two values of the arguments in `chosen`, and, where
-// `homogeneous`, f(0) = 0: at random points, where a formula that breaks the rule does so as good as
-// always.
+// Whether f(a + b) + f(0) = f(a) + f(b), a and b two values of the arguments in `chosen`, and,
+// where `homogeneous`, f(0) = 0: at random points, where a formula that breaks the rule does so as
+// good as always.
 bool adds_up(const Expression& force, const std::vector<std::size_t>& chosen, bool homogeneous) {
   constexpr int kPoints = 12;
   constexpr double kTolerance = 1e-9;

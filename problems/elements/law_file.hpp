@@ -16,14 +16,14 @@
 //         level: {unit: F, range: positive}
 //         reach: {unit: x, range: positive, tried: deflection}
 //
-// Units are written with F, x and I (law_catalogue.hpp) and checked where an element uses the law. `at`
-// is element (the default) or signal (then z is the signal). Parameters in which the force is linear
-// are found by evaluating the formula; the search for missing physics estimates them without a start.
-// For each other one, `tried` says what the search starts from: `deflection` (quantiles of the
-// recorded |z|), `rate` (of |v|), or a list of numbers.
+// Units are written with F, x and I (law_catalogue.hpp) and checked where an element uses the law.
+// `at` is element (the default) or signal (then z is the signal). Parameters in which the force is
+// linear are found by evaluating the formula; the search for missing physics estimates them without
+// a start. For each other one, `tried` says what the search starts from: `deflection` (quantiles of
+// the recorded |z|), `rate` (of |v|), or a list of numbers.
 //
-// The same list may stand under the key `laws` in a model or physics file, so that the file needs no
-// other to be read.
+// The same list may stand under the key `laws` in a model or physics file, so that the file needs
+// no other to be read.
 #pragma once
 
 #include <filesystem>

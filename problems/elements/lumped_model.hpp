@@ -29,8 +29,8 @@
 // `driven_by` with one of these three ways, {kind: actuator, input: torque}, {kind: sensor, output:
 // speed}. Simulations start at q = 0, at rest.
 //
-// Further outputs: {name: a, mass: load, quantity: acceleration}, {name: f, element: shaft, quantity:
-// force} (the force f of that element's law).
+// Further outputs: {name: a, mass: load, quantity: acceleration}, {name: f, element: shaft,
+// quantity: force} (the force f of that element's law).
 //
 // Imposed motion: an input with a `quantity` prescribes how a mass moves, and the force that this
 // takes, (M q'' + C q' + K q - f) in its row, can be an output. Such a mass may be 0:
@@ -41,8 +41,8 @@
 //   outputs:
 //     - {name: force, mass: rod, quantity: force}
 //
-// An input with `quantity: signal` acts on no mass; laws at actuators and sensors may be driven by it
-// (element.hpp):
+// An input with `quantity: signal` acts on no mass; laws at actuators and sensors may be driven by
+// it (element.hpp):
 //   inputs:
 //     - {name: torque, quantity: signal, unit: N m}
 //

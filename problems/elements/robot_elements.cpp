@@ -181,7 +181,8 @@ ExtendedRobot load_extended_robot(const std::filesystem::path& file,
 
 namespace {
 
-// The robot's own spring or damper at the element's place that has the element's law; null where it has none.
+// The robot's own spring or damper at the element's place that has the element's law; null where it
+// has none.
 double* own_part(RobotModel& robot, const Element& element) {
   const Location& place = element.location;
   if (place.kind != LocationKind::kElement || place.output != place.input) return nullptr;

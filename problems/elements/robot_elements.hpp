@@ -38,8 +38,8 @@ class RobotPlaces : public Places {
   const RobotModel* robot_;
 };
 
-// Builds an inertia or payload element into the robot: its parameters are added to a motor's inertia,
-// a link's moment of inertia or the last link.
+// Builds an inertia or payload element into the robot: its parameters are added to a motor's
+// inertia, a link's moment of inertia or the last link.
 void build_in_inertia(RobotModel& robot, const Element& element);
 
 struct ExtendedRobot {
@@ -52,17 +52,18 @@ struct ExtendedRobot {
 [[nodiscard]] ExtendedRobot load_extended_robot(
     const std::filesystem::path& file, const std::optional<std::filesystem::path>& physics = {});
 
-// What springs, dampers and masses alone can hold of a robot: all that local models, information matrices and fits of
-// responses know.
+// What springs, dampers and masses alone can hold of a robot: all that local models, information
+// matrices and fits of responses know.
 struct LinearRobot {
   RobotModel robot;
   std::vector<std::string>
       left_out;  // elements that they can't hold: "'grease' (coulomb at joint_1.motor)"
 };
 
-// Inertia and payload, stiffness and viscous friction at gearboxes and bearings, and viscous friction at motors are added
-// to the robot's own parts. Other elements are left out: what such a model says is about a motion in which these
-// are no more than a disturbance. Throws InputError, also where a spring or damper in sum is negative.
+// Inertia and payload, stiffness and viscous friction at gearboxes and bearings, and viscous
+// friction at motors are added to the robot's own parts. Other elements are left out: what such a
+// model says is about a motion in which these are no more than a disturbance. Throws InputError,
+// also where a spring or damper in sum is negative.
 [[nodiscard]] LinearRobot load_linear_robot(const std::filesystem::path& file);
 
 // The robot with the elements at rest: motors at the commanded joint angles, the arm where springs,

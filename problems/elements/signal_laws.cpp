@@ -21,7 +21,8 @@ struct SignalOffset {
   }
 };
 
-// The corner is a parabola from limit - corner to limit + corner, of slope one to zero. p: limit, corner.
+// The corner is a parabola from limit - corner to limit + corner, of slope one to zero. p: limit,
+// corner.
 struct Saturation {
   static constexpr int kParameters = 2, kStates = 0;
   template <typename T>

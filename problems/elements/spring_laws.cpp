@@ -50,8 +50,9 @@ struct Ripple {
   }
 };
 
-// From an anchor at distance a of an axis to a lever of length b at the angle phi from it: the length
-// l = sqrt(a^2 + b^2 - 2 a b cos phi) and its slope dl/dphi = a b sin(phi) / l. No length: no direction.
+// From an anchor at distance a of an axis to a lever of length b at the angle phi from it: the
+// length l = sqrt(a^2 + b^2 - 2 a b cos phi) and its slope dl/dphi = a b sin(phi) / l. No length:
+// no direction.
 template <typename T>
 struct LeverReach {
   T length = T(0.0), slope = T(0.0);
@@ -77,11 +78,11 @@ struct Balancer {
   }
 };
 
-// The same geometry with a gas in place of the spring's steel. Pulled out by s = l - |a - b| beyond its
-// shortest length, the rod presses a gas column of length g together, and p V^n = const gives
+// The same geometry with a gas in place of the spring's steel. Pulled out by s = l - |a - b| beyond
+// its shortest length, the rod presses a gas column of length g together, and p V^n = const gives
 //   F = F_0 (1 - s/g)^(-n),   f = F dl/dphi:
-// n = 1 for slow, 1.4 for fast motion of nitrogen (isothermal, adiabatic). A gas that would be pressed
-// to less than a thousandth is held there. p: F_0, g, n, a, b, angle.
+// n = 1 for slow, 1.4 for fast motion of nitrogen (isothermal, adiabatic). A gas that would be
+// pressed to less than a thousandth is held there. p: F_0, g, n, a, b, angle.
 struct GasBalancer {
   static constexpr int kParameters = 6, kStates = 0;
   template <typename T>

@@ -92,8 +92,8 @@ InformationSet wishart_family(std::size_t candidates, std::size_t dimension, std
   return InformationSet(dimension, draw_candidates(candidates, dimension, seed, make_draw));
 }
 
-InformationSet rank_one_family(std::size_t candidates, std::size_t dimension, ScaleDistribution scale,
-                               std::uint64_t seed) {
+InformationSet rank_one_family(std::size_t candidates, std::size_t dimension,
+                               ScaleDistribution scale, std::uint64_t seed) {
   const auto make_draw = [=] {
     return [=, x = std::vector<double>(dimension)](Random& random, double* packed) mutable {
       draw_scale(random, scale, x);

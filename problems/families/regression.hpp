@@ -18,7 +18,8 @@ namespace graybox {
 // Legendre's and hardly for Chebyshev's.
 enum class PolynomialBasis { kMonomial, kLegendre, kChebyshev };
 // Throws InputError if degree + 1 distinct points are not there, or if the sum of the matrices is
-// singular in double precision, naming the bases to take instead (monomials beyond degree 16 or so).
+// singular in double precision, naming the bases to take instead (monomials beyond degree 16 or
+// so).
 [[nodiscard]] InformationSet polynomial_regression(std::size_t degree,
                                                    std::span<const double> points,
                                                    PolynomialBasis basis);

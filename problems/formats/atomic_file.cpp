@@ -133,8 +133,7 @@ void AtomicFile::find_target() {
 
 void AtomicFile::make_temporary() {
   std::error_code error;
-  const fs::path place =
-      through_ ? fs::temp_directory_path(error) / "output" : fs::path(target_);
+  const fs::path place = through_ ? fs::temp_directory_path(error) / "output" : fs::path(target_);
   if (error) fail("the folder for temporary files is missing; set TMPDIR");
   remove_leftovers(place.parent_path());
   temporary_ = temporary_pattern(place);

@@ -1,7 +1,7 @@
 // AtomicFile: a file appears under its name complete or not at all. Data go to a temporary file in
 // the same folder, which is renamed over the name by commit(); an exception, a full disk or Ctrl-C
-// leaves an older file of that name as it was. File and folder are on the disk when commit() returns:
-// a power cut after it loses nothing.
+// leaves an older file of that name as it was. File and folder are on the disk when commit()
+// returns: a power cut after it loses nothing.
 //
 //   graybox::AtomicFile file("design.json");
 //   std::ofstream(file.temporary()) << text;
@@ -9,10 +9,10 @@
 //
 // Libraries that open files by name (HDF5, matio) write to temporary() likewise.
 //
-// A symbolic link stays, and the file that it names is replaced. What is no regular file (/dev/null, a
-// pipe, `>(command)`) is written to, and so is a file that the command's standard output goes to. An
-// input of the same command is refused (input_guard.hpp). Temporary files of killed runs are removed
-// by the next run that writes into the folder (temporary_name.hpp).
+// A symbolic link stays, and the file that it names is replaced. What is no regular file
+// (/dev/null, a pipe, `>(command)`) is written to, and so is a file that the command's standard
+// output goes to. An input of the same command is refused (input_guard.hpp). Temporary files of
+// killed runs are removed by the next run that writes into the folder (temporary_name.hpp).
 #pragma once
 
 #include <string>

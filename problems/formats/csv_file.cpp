@@ -74,9 +74,10 @@ class ColumnOrder {
   void place_columns() {
     const std::size_t dimension = dimension_from_packed_size(names_.size());
     if (dimension == 0) {
-      fail(fmt::format("{} columns are no packed size d(d+1)/2 (1, 3, 6, 10, ...); write one "
-                       "triangle, H_1_1, H_2_1, H_2_2, ...",
-                       names_.size()));
+      fail(
+          fmt::format("{} columns are no packed size d(d+1)/2 (1, 3, 6, 10, ...); write one "
+                      "triangle, H_1_1, H_2_1, H_2_2, ...",
+                      names_.size()));
     }
     std::vector<std::string_view> holder(names_.size());  // the column that fills each place
     for (const std::string_view name : names_) {
@@ -90,8 +91,8 @@ class ColumnOrder {
       if (!holder[position].empty()) {
         fail(holder[position] == name
                  ? fmt::format("{} is there twice; write each entry once", name)
-                 : fmt::format("{} and {} are the same entry; write one triangle",
-                               holder[position], name));
+                 : fmt::format("{} and {} are the same entry; write one triangle", holder[position],
+                               name));
       }
       holder[position] = name;
       positions_.push_back(position);

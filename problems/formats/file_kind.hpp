@@ -10,8 +10,8 @@ namespace graybox {
 [[nodiscard]] bool is_file(const std::filesystem::path& path);
 [[nodiscard]] bool is_folder(const std::filesystem::path& path);
 
-// Throws InputError "PATH: no such file", "PATH: can't be opened: Too many levels of symbolic links"
-// or "PATH: is no regular file; name the file itself".
+// Throws InputError "PATH: no such file", "PATH: can't be opened: Too many levels of symbolic
+// links" or "PATH: is no regular file; name the file itself".
 void require_file(const std::filesystem::path& path);
 
 }  // namespace graybox

@@ -174,8 +174,8 @@ void send_hdf5(const std::vector<std::string>& arguments, MessageWriter& answer)
 void write_contents(const hdf5::Writer& writer, hid_t file, const InformationSet& set) {
   writer.attribute(file, "format", std::string(kFormat));
   writer.attribute(file, "sha256", set.content_hash());
-  const hdf5::Handle information = writer.dataset(
-      file, "information", {set.candidate_count(), set.packed_size()}, set.data());
+  const hdf5::Handle information =
+      writer.dataset(file, "information", {set.candidate_count(), set.packed_size()}, set.data());
   const CandidateTable& table = set.candidates();
   if (!table.names.empty()) {
     const hdf5::Handle candidates = writer.dataset(
@@ -208,9 +208,8 @@ InformationSlice read_hdf5_slice(const std::string& path, std::size_t part, std:
 }
 
 void write_hdf5(const std::string& path, const InformationSet& set) {
-  hdf5::write_file(path, [&](const hdf5::Writer& writer, hid_t file) {
-    write_contents(writer, file, set);
-  });
+  hdf5::write_file(
+      path, [&](const hdf5::Writer& writer, hid_t file) { write_contents(writer, file, set); });
 }
 
 }  // namespace graybox

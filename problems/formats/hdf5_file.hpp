@@ -9,8 +9,8 @@
 //
 // Reading is lenient where no doubt arises: `information` may also be [Q x d x d], 32-bit or
 // chunked; sha256 and units may be missing. A hash that is there must match. Contiguous float64
-// [Q x p] goes from the file straight into the set's own array. libhdf5 runs in a process of its own
-// (reading_process.hpp): a damaged file can't crash or hang the caller.
+// [Q x p] goes from the file straight into the set's own array. libhdf5 runs in a process of its
+// own (reading_process.hpp): a damaged file can't crash or hang the caller.
 #pragma once
 
 #include <string>

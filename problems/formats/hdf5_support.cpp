@@ -123,9 +123,10 @@ long double chunks_of(const Dataset& dataset, hid_t creation) {
 
 [[noreturn]] void fail_incomplete(const Dataset& dataset, long double needed, long double stored,
                                   const char* what) {
-  throw InputError(fmt::format("{}: truncated: shape {} needs {:.0f} {}, {:.0f} are there; copy it "
-                               "again, or write all of it",
-                               dataset.source, shape_text(dataset.shape), needed, what, stored));
+  throw InputError(
+      fmt::format("{}: truncated: shape {} needs {:.0f} {}, {:.0f} are there; copy it "
+                  "again, or write all of it",
+                  dataset.source, shape_text(dataset.shape), needed, what, stored));
 }
 
 }  // namespace

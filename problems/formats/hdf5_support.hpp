@@ -86,7 +86,8 @@ struct Dataset {
 
 [[noreturn]] void fail_truncated(const std::string& source);
 
-// Rows of a dataset with two axes, checked by require_stored; left in the file if they lie there in one piece as float64.
+// Rows of a dataset with two axes, checked by require_stored; left in the file if they lie there in
+// one piece as float64.
 [[nodiscard]] StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count);
 
 // [Q x d x d] to packed lower triangles, in blocks; checks what is stored, and symmetry.

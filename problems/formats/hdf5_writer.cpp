@@ -20,8 +20,7 @@ class FixedTexts {
     for (const std::string& text : texts) longest = std::max(longest, text.size());
     bytes_.assign(std::max<std::size_t>(1, texts.size()) * (longest + 1), '\0');
     for (std::size_t i = 0; i < texts.size(); ++i) {
-      std::ranges::copy(texts[i],
-                        bytes_.begin() + static_cast<std::ptrdiff_t>(i * (longest + 1)));
+      std::ranges::copy(texts[i], bytes_.begin() + static_cast<std::ptrdiff_t>(i * (longest + 1)));
     }
     H5Tset_size(type_, longest + 1);
     H5Tset_cset(type_, H5T_CSET_UTF8);
@@ -66,15 +65,15 @@ void Writer::attribute(hid_t object, const char* name,
 
 void Writer::attribute(hid_t object, const char* name, double number) const {
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
-  const Handle attribute(
-      H5Acreate2(object, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+  const Handle attribute(H5Acreate2(object, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose);
   check(H5Awrite(attribute, H5T_NATIVE_DOUBLE, &number));
 }
 
 void Writer::attribute(hid_t object, const char* name, const std::vector<double>& numbers) const {
   const Handle space(list_of(numbers.size()), H5Sclose);
-  const Handle attribute(
-      H5Acreate2(object, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+  const Handle attribute(H5Acreate2(object, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose);
   check(attribute.valid() ? 0 : -1);
   if (!numbers.empty()) check(H5Awrite(attribute, H5T_NATIVE_DOUBLE, numbers.data()));
 }
@@ -87,8 +86,8 @@ Handle Writer::dataset(hid_t parent, const char* name, const std::vector<hsize_t
   check(H5Pset_obj_track_times(timeless, false));
   const hid_t dataset =
       H5Dcreate2(parent, name, H5T_IEEE_F64LE, space, H5P_DEFAULT, timeless, H5P_DEFAULT);
-  check(dataset < 0 ? -1 : H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT,
-                                    numbers));
+  check(dataset < 0 ? -1
+                    : H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers));
   return {dataset, H5Dclose};
 }
 
@@ -113,8 +112,7 @@ void write_file(const std::string& path,
   const QuietErrors quiet;
   const Writer writer(path);
   AtomicFile target(path);
-  const hid_t file =
-      H5Fcreate(target.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+  const hid_t file = H5Fcreate(target.temporary().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
   if (file < 0) throw InputError(fmt::format("{}: can't be written", path));
   try {
     writer.attribute(file, "written_by", written_by());

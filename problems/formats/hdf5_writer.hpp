@@ -1,6 +1,6 @@
-// What the writers of HDF5 files share. Files of equal contents are equal bytes: nothing has a time,
-// and text has a fixed length (the longest string's, UTF-8, ended by a zero). Every failure of the
-// library is an InputError, also one that shows when the file is closed.
+// What the writers of HDF5 files share. Files of equal contents are equal bytes: nothing has a
+// time, and text has a fixed length (the longest string's, UTF-8, ended by a zero). Every failure
+// of the library is an InputError, also one that shows when the file is closed.
 #pragma once
 
 #include <hdf5.h>
@@ -32,8 +32,7 @@ class Writer {
   [[nodiscard]] Handle group(hid_t parent, const char* name) const;
 
  private:
-  void attribute(hid_t object, const char* name, hid_t type, hid_t space,
-                 const void* values) const;
+  void attribute(hid_t object, const char* name, hid_t type, hid_t space, const void* values) const;
   std::string path_;
 };
 

@@ -84,8 +84,7 @@ bool is_pipe(const std::string& path) {
 
 constexpr std::string_view kKnown = ".h5, .npy, .csv or .mat";
 
-InformationSet read_file(const std::string& path, const ReadOptions& options,
-                         Format by_extension) {
+InformationSet read_file(const std::string& path, const ReadOptions& options, Format by_extension) {
   Format format = Format::kUnknown;
   {
     const InputFile file(path);

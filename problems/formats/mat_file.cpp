@@ -145,10 +145,10 @@ void require_complete(const InputFile& file) {
   }
 }
 
-// The bytes of a file with the cell array "Hi", as write_mat makes it: the file's header; tag, flags,
-// size and name of the cell; for each matrix its tag, flags, size, name, the tag of its numbers and
-// these. matio does not notice that the disk is full, and makes the lengths in the file fit what is
-// there: nothing but the size tells.
+// The bytes of a file with the cell array "Hi", as write_mat makes it: the file's header; tag,
+// flags, size and name of the cell; for each matrix its tag, flags, size, name, the tag of its
+// numbers and these. matio does not notice that the disk is full, and makes the lengths in the file
+// fit what is there: nothing but the size tells.
 std::uint64_t size_of_mat(std::size_t count, std::size_t d) {
   constexpr std::uint64_t kFileHeader = 128, kTag = 8, kFlags = 16, kSize = 16, kName = 8;
   constexpr std::uint64_t kArray = kTag + kFlags + kSize + kName;

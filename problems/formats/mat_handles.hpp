@@ -1,5 +1,5 @@
-// matio's files and variables, closed and freed when they go out of scope. Internal: matio's headers are
-// included by what reads MAT files alone.
+// matio's files and variables, closed and freed when they go out of scope. Internal: matio's
+// headers are included by what reads MAT files alone.
 #pragma once
 
 #include <matio.h>

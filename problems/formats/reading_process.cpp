@@ -31,7 +31,7 @@ constexpr std::uint64_t kProtocol = 0x6772617962783031;
 constexpr const char* kProgram = "graybox_reader";
 
 constexpr std::size_t kSmall = 1'000'000;  // numbers
-#ifndef GRAYBOX_READER_SECONDS  // the fuzzer has less patience
+#ifndef GRAYBOX_READER_SECONDS             // the fuzzer has less patience
 #define GRAYBOX_READER_SECONDS 3
 #endif
 constexpr std::uint64_t kSeconds = GRAYBOX_READER_SECONDS;
@@ -69,8 +69,8 @@ void set_limits(const std::string& path) {
   const std::uint64_t size = InputFile(path).size();
   limit(RLIMIT_CPU, kSeconds + size / kBytesPerSecond);
   if (kSanitized) return;
-  const std::uint64_t bytes = std::min<std::uint64_t>(kMemory + kExpansion * size,
-                                                      available_memory());
+  const std::uint64_t bytes =
+      std::min<std::uint64_t>(kMemory + kExpansion * size, available_memory());
   limit(RLIMIT_AS, used_address_space() + bytes);
 }
 
@@ -117,7 +117,7 @@ Pipe open_pipe(const std::string& path) {
 
 ReadingProcess::ReadingProcess(const ReadingTask& task, const std::vector<std::string>& arguments)
     : path_(arguments.front()) {
-  note_input(path_);  // the child opens it, but this process may write over it
+  note_input(path_);                   // the child opens it, but this process may write over it
   { const InputFile present(path_); }  // missing, a folder, empty
   if (reader_program().empty() || !execute(reader_program(), task, arguments)) {
     fork_task(task, arguments);
@@ -159,8 +159,7 @@ bool ReadingProcess::execute(const std::string& program, const ReadingTask& task
   return false;
 }
 
-void ReadingProcess::fork_task(const ReadingTask& task,
-                               const std::vector<std::string>& arguments) {
+void ReadingProcess::fork_task(const ReadingTask& task, const std::vector<std::string>& arguments) {
   const Pipe pipe = open_pipe(path_);
   child_ = fork();
   if (child_ == 0) {
@@ -213,9 +212,10 @@ void ReadingProcess::fail() {
   }
   end();
   const bool endless = WIFSIGNALED(ending_) && WTERMSIG(ending_) == SIGXCPU;
-  throw InputError(fmt::format("{}: damaged: the library that reads it {}; copy it again, or write "
-                               "it anew",
-                               path_, endless ? "finds no end" : "crashes on it"));
+  throw InputError(
+      fmt::format("{}: damaged: the library that reads it {}; copy it again, or write "
+                  "it anew",
+                  path_, endless ? "finds no end" : "crashes on it"));
 }
 
 std::uint64_t ReadingProcess::whole() {

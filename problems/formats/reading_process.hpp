@@ -6,19 +6,21 @@
 //   ReadingProcess child({.name = "mat", .run = &send_mat}, {path, variable});
 //   const std::uint64_t dimension = child.whole();
 //
-// A child that dies or finds no end becomes "damaged: copy it again". The file's data are read once:
-// by the child or, where they lie in one piece, by the parent at the place that the child names
-// (stored_set.hpp).
+// A child that dies or finds no end becomes "damaged: copy it again". The file's data are read
+// once: by the child or, where they lie in one piece, by the parent at the place that the child
+// names (stored_set.hpp).
 //
 // The child is the program graybox_reader, freshly executed: it starts in less than half
-// the time of graybox itself, whatever the size of the caller, and inherits no threads, locks or damaged memory. It is looked
-// for beside the running program, in ../libexec/graybox, and where it was built and installed. Where
-// it is not found or may not be executed (a sandbox, a program that was linked and moved), the child
-// is a fork of the caller that runs the same task. That needs what glibc promises beyond POSIX,
-// malloc and stdio in the child of a process with threads, and no other thread inside libhdf5.
+// the time of graybox itself, whatever the size of the caller, and inherits no threads, locks or
+// damaged memory. It is looked for beside the running program, in ../libexec/graybox, and where it
+// was built and installed. Where it is not found or may not be executed (a sandbox, a program that
+// was linked and moved), the child is a fork of the caller that runs the same task. That needs what
+// glibc promises beyond POSIX, malloc and stdio in the child of a process with threads, and no
+// other thread inside libhdf5.
 //
 // Limits: 3 s of processor time and 1 s more for every 4 MB of the file; 1 GiB of address space and
-// 1032 bytes for each byte of the file (what deflate can make of it), but no more than is available.
+// 1032 bytes for each byte of the file (what deflate can make of it), but no more than is
+// available.
 #pragma once
 
 #include <sys/types.h>

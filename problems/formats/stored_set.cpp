@@ -61,8 +61,8 @@ StoredSet receive_stored_set(const ReadingTask& task, const std::vector<std::str
 
 InformationSet information_set(const std::string& path, StoredSet stored) {
   const AlignedArray& coordinates = stored.coordinates.values;
-  CandidateTable table{std::move(stored.names), std::move(stored.units),
-                       {coordinates.begin(), coordinates.end()}};
+  CandidateTable table{
+      std::move(stored.names), std::move(stored.units), {coordinates.begin(), coordinates.end()}};
   return InformationSet(stored.dimension, std::move(stored.information.values), std::move(table),
                         std::move(stored.parameters), path);
 }

@@ -1,6 +1,6 @@
-// What the process that reads an HDF5 or MAT file (reading_process.hpp) hands over of an information
-// set. Numbers that lie in the file in one piece, as float64, are left there: the parent reads them
-// straight into the set's own array, so that a large set costs no copy.
+// What the process that reads an HDF5 or MAT file (reading_process.hpp) hands over of an
+// information set. Numbers that lie in the file in one piece, as float64, are left there: the
+// parent reads them straight into the set's own array, so that a large set costs no copy.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +28,8 @@ struct StoredSet {
   std::vector<std::string> parameters;
   std::string sha256;  // as the file states it; empty if it doesn't
   std::string source;  // "file: field" of the information matrices, for messages
-  std::size_t first = 0, total = 0;  // the candidates' place in the whole, where a part was asked for
+  std::size_t first = 0,
+              total = 0;  // the candidates' place in the whole, where a part was asked for
 };
 
 // The child's end.

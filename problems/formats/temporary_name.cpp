@@ -44,8 +44,8 @@ std::optional<pid_t> maker_of(std::string_view name) {
 
 const fs::file_time_type kStart = fs::file_time_type::clock::now();  // of this process
 
-// In containers the next run often has the number of the last one: what bears our own number and was
-// written before we started is not ours.
+// In containers the next run often has the number of the last one: what bears our own number and
+// was written before we started is not ours.
 bool is_left(const fs::path& file, pid_t maker) {
   if (maker != getpid()) return kill(maker, 0) != 0 && errno == ESRCH;
   std::error_code error;
@@ -67,8 +67,7 @@ bool first_visit(const fs::path& folder) {
 
 std::string temporary_pattern(const fs::path& target) {
   const std::string name = target.filename().string().substr(0, kLongestName);
-  return (target.parent_path() /
-          fmt::format(".{}{}{}-XXXXXX{}", name, kMark, getpid(), kEnding))
+  return (target.parent_path() / fmt::format(".{}{}{}-XXXXXX{}", name, kMark, getpid(), kEnding))
       .string();
 }
 

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <fstream>
+#include <sstream>
+#include <utility>
 
 #include "graybox/problems/error.hpp"
 
@@ -21,17 +24,21 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-LineReader::LineReader(const std::string& path) : path_(path), stream_(path, std::ios::binary) {}
+LineReader::LineReader(const std::string& path)
+    : path_(path), stream_(std::make_unique<std::ifstream>(path, std::ios::binary)) {}
+
+LineReader::LineReader(const std::string& path, std::string text)
+    : path_(path), stream_(std::make_unique<std::istringstream>(std::move(text))) {}
 
 bool LineReader::next(std::string_view& line) {
-  while (std::getline(stream_, text_)) {
+  while (std::getline(*stream_, text_)) {
     ++number_;
     line = text_;
     if (number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);  // a BOM
     line = trimmed(line);
     if (!line.empty() && line.front() != '#') return true;
   }
-  if (stream_.bad()) throw InputError(fmt::format("{}: can't be read", path_));
+  if (stream_->bad()) throw InputError(fmt::format("{}: can't be read", path_));
   return false;
 }
 
@@ -46,8 +53,7 @@ FieldSplitter::FieldSplitter(std::string_view first_line) {
 const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) {
   fields_.clear();
   while (true) {
-    const std::size_t end =
-        separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);
+    const std::size_t end = separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);
     std::string_view field = trimmed(line.substr(0, end));
     if (field.size() >= 2 && field.front() == '"' && field.back() == '"') {
       field = trimmed(field.substr(1, field.size() - 2));

@@ -3,7 +3,8 @@
 #pragma once
 
 #include <cstddef>
-#include <fstream>
+#include <istream>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,11 +14,13 @@ namespace graybox {
 // Without blanks, tabs and carriage returns at both ends.
 [[nodiscard]] std::string_view trimmed(std::string_view text);
 
-// Lines without blanks at their ends; empty lines and lines that begin with # are skipped, and so is
-// a byte order mark.
+// Lines without blanks at their ends; empty lines and lines that begin with # are skipped, and so
+// is a byte order mark.
 class LineReader {
  public:
   explicit LineReader(const std::string& path);
+  // Of a text that is in memory already; `path` is for messages.
+  LineReader(const std::string& path, std::string text);
 
   // The line is valid until the next call. Throws InputError if the file can't be read.
   bool next(std::string_view& line);
@@ -25,7 +28,7 @@ class LineReader {
 
  private:
   std::string path_;
-  std::ifstream stream_;
+  std::unique_ptr<std::istream> stream_;
   std::string text_;
   std::size_t number_ = 0;
 };
@@ -45,12 +48,12 @@ class FieldSplitter {
   std::vector<std::string_view> fields_;
 };
 
-// Whether a table's first line names its columns: no field is a number. One number among words makes
-// the line data, so that a typo there is an error and no header.
+// Whether a table's first line names its columns: no field is a number. One number among words
+// makes the line data, so that a typo there is an error and no header.
 [[nodiscard]] bool is_header(const std::vector<std::string_view>& fields);
 
-// The number of a field of a table. Throws InputError "path: line 3, column 2: 'zero' is no number",
-// with `column` as it is given.
+// The number of a field of a table. Throws InputError "path: line 3, column 2: 'zero' is no
+// number", with `column` as it is given.
 [[nodiscard]] double number_in_table(const std::string& path, std::size_t line,
                                      const std::string& column, std::string_view field);
 

@@ -1,11 +1,11 @@
-// Mass matrix and bias torque of a RigidChain together and fast: the inner loop of a simulation. KDL
-// (rigid_chain.hpp) computes the same; here both share one pass, in base coordinates and without
-// allocation.
+// Mass matrix and bias torque of a RigidChain together and fast: the inner loop of a simulation.
+// KDL (rigid_chain.hpp) computes the same; here both share one pass, in base coordinates and
+// without allocation.
 //
 // Spatial vectors about the base frame's origin (Featherstone 2008, Chapters 5 and 6). Rotation a
-// with axis z_a through o_a moves the bodies beyond it with S_a = (z_a, o_a x z_a): angular velocity,
-// and velocity of the point at the origin. A body of mass m, first moment h = m r and inertia I about
-// the origin has, moving with V = (w, v), the momentum (I w + h x v, m v - h x w).
+// with axis z_a through o_a moves the bodies beyond it with S_a = (z_a, o_a x z_a): angular
+// velocity, and velocity of the point at the origin. A body of mass m, first moment h = m r and
+// inertia I about the origin has, moving with V = (w, v), the momentum (I w + h x v, m v - h x w).
 //
 //   composite bodies:  M_ab = S_a . (inertia of all bodies beyond b) S_b,       a <= b
 //   Newton and Euler:  V_a = V_{a-1} + S_a q_a',  A_a = A_{a-1} + V_a x S_a q_a',  A_0 = (0, -g),

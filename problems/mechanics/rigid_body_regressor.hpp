@@ -4,9 +4,9 @@
 //   M(q) q'' + c(q, q') + g(q) = Y(q, q', q'') p,
 //   p = (XX, XY, XZ, YY, YZ, ZZ, MX, MY, MZ, M) of link 1, then of link 2, ...
 //
-// (Khalil and Dombre 2002, Chapter 9; Atkeson, An and Hollerbach 1986). XX to ZZ is the inertia matrix
-// about the origin of the link's frame, kg m^2 (XY = -integral of x y dm); MX, MY, MZ are mass times
-// centre of mass, kg m; M is the mass, kg.
+// (Khalil and Dombre 2002, Chapter 9; Atkeson, An and Hollerbach 1986). XX to ZZ is the inertia
+// matrix about the origin of the link's frame, kg m^2 (XY = -integral of x y dm); MX, MY, MZ are
+// mass times centre of mass, kg m; M is the mass, kg.
 //
 // Link j, whose frame turns with w and w' and whose origin accelerates with a (gravity as an
 // acceleration of the base by -g), all in its own axes, needs force and moment about its origin

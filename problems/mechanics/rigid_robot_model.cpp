@@ -128,8 +128,9 @@ void read_rows(const YamlField& list, bool is_modified, bool has_transmission,
 void read_urdf(const YamlField& root, const std::filesystem::path& folder, bool has_transmission,
                RigidRobotModel& model) {
   const std::string urdf = root.at("urdf").text();
-  const std::vector<ChainRotation> chain =
-      read_urdf_chain(folder / urdf, root.at("base").text(), root.at("tip").text());
+  const UrdfChain urdf_chain =
+      read_urdf_joints(folder / urdf, root.at("base").text(), root.at("tip").text());
+  const std::vector<ChainRotation>& chain = urdf_chain.joints;
   const std::vector<YamlField> items = root.at("joints").items();
   for (std::size_t k = 0; k < std::min(items.size(), chain.size()); ++k) {
     const YamlField& item = items[k];
@@ -143,6 +144,7 @@ void read_urdf(const YamlField& root, const std::filesystem::path& folder, bool 
     joint.name = rotation.name;
     joint.origin = rotation.origin;
     joint.axis = rotation.axis.normalized();
+    joint.is_prismatic = urdf_chain.is_prismatic[k];
     if (!item.has("body")) {
       joint.body = rotation.body;
     } else if (!is_unknown(item.at("body"))) {

@@ -2,9 +2,9 @@
 //
 //   N^T u = M(q) q'' + c(q, q') + g(q) + N^T J N q'' + f(elements),    q_m = N q,
 //
-// q the joint coordinates (rad, or m where prismatic), q_m and u the motors' angles and torques, N the
-// transmission, J the rotor inertias. Read from a graybox-rigid-robot/1 file (docs/rigid_robot.md has
-// every field):
+// q the joint coordinates (rad, or m where prismatic), q_m and u the motors' angles and torques, N
+// the transmission, J the rotor inertias. Read from a graybox-rigid-robot/1 file
+// (docs/rigid_robot.md has every field):
 //
 //   format: graybox-rigid-robot/1
 //   gravity: [0, 0, -9.81]                   # m/s^2, in the base frame
@@ -13,15 +13,17 @@
 //     - {name: shoulder, a: 0, alpha: 0, d: 0.3, theta: 0, gear_ratio: 100, rotor_inertia: 1e-4}
 //     - {name: elbow, a: 0, alpha: -90, d: 0, theta: 0, gear_ratio: -80, rotor_inertia: unknown}
 //
-// or, with bodies and places from a URDF, the keys urdf, base, tip instead of denavit_hartenberg and
-// the rows. What the file leaves out is what recordings must tell: the body of a link without `body`
-// (or with `body: unknown`), a rotor inertia that is `unknown`, and every parameter of the elements in
-// which their force is linear (LawParameter::is_linear), except those listed under `known`. The other
-// parameters of elements keep the value in the file unless they are listed under `refine`.
+// or, with bodies and places from a URDF, the keys urdf, base, tip instead of denavit_hartenberg
+// and the rows. What the file leaves out is what recordings must tell: the body of a link without
+// `body` (or with `body: unknown`), a rotor inertia that is `unknown`, and every parameter of the
+// elements in which their force is linear (LawParameter::is_linear), except those listed under
+// `known`. The other parameters of elements keep the value in the file unless they are listed under
+// `refine`.
 //
-// Denavit-Hartenberg rows: modified (Craig 1986, Khalil and Kleinfinger 1986) turns and shifts before
-// the joint, Rot_x(alpha) Trans_x(a) Trans_z(d) Rot_z(theta + q); standard (Denavit and Hartenberg
-// 1955) after it, Rot_z(theta + q) Trans_z(d) Trans_x(a) Rot_x(alpha). A prismatic joint adds q to d.
+// Denavit-Hartenberg rows: modified (Craig 1986, Khalil and Kleinfinger 1986) turns and shifts
+// before the joint, Rot_x(alpha) Trans_x(a) Trans_z(d) Rot_z(theta + q); standard (Denavit and
+// Hartenberg 1955) after it, Rot_z(theta + q) Trans_z(d) Trans_x(a) Rot_x(alpha). A prismatic joint
+// adds q to d.
 #pragma once
 
 #include <Eigen/Core>
@@ -38,8 +40,8 @@
 namespace graybox {
 
 // A joint and the link that it moves. The link's frame is the joint's: its origin on the joint's
-// axis, at q = 0 standing at `origin` in the frame of the joint before. Standard rows are turned into
-// such frames, too.
+// axis, at q = 0 standing at `origin` in the frame of the joint before. Standard rows are turned
+// into such frames, too.
 struct RobotJoint {
   std::string name;
   Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
@@ -83,8 +85,9 @@ struct RigidRobotModel {
 //   {kind: element, deflection: {J: 1, K: 1}}         z = q_J + q_K, all of one kind
 //   {kind: element, axis: flange}                     payloads: x, y, z in the flange's frame: the
 //                                                     last row's, or the last link's of a URDF
-// each but the last with `driven_by` of one of the first three kinds. Laws with inner states and signal
-// laws are refused: they are for simulation. Throws InputError of one line for whatever is wrong.
+// each but the last with `driven_by` of one of the first three kinds. Laws with inner states and
+// signal laws are refused: they are for simulation. Throws InputError of one line for whatever is
+// wrong.
 [[nodiscard]] RigidRobotModel load_rigid_robot(
     const std::filesystem::path& file, const std::vector<std::filesystem::path>& physics = {},
     const std::vector<std::string>& refine = {});

@@ -94,29 +94,28 @@ class UrdfReader {
   }
 
   // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
-  [[nodiscard]] RigidBody body(const std::string& link_name,
-                               const urdf::JointSharedPtr& next) const {
+  // Joints beside the chain stand at zero.
+  [[nodiscard]] RigidBody body(const std::string& link_name, const urdf::JointSharedPtr& next,
+                               std::vector<std::string>& locked) const {
     const urdf::LinkConstSharedPtr link = model_->getLink(link_name);
     RigidBody result = own_body(*link);
     for (const urdf::JointSharedPtr& joint : link->child_joints) {
       if (joint == next) continue;
-      if (joint->type != urdf::Joint::FIXED) {
-        fail(
-            fmt::format("joint '{}' moves, but is not between base and tip: make it fixed or "
-                        "choose another tip",
-                        joint->name));
-      }
+      if (joint->type != urdf::Joint::FIXED) locked.push_back(joint->name);
       const Eigen::Isometry3d pose = to_eigen(joint->parent_to_joint_origin_transform);
-      result = joined(result, moved(body(joint->child_link_name, nullptr), pose));
+      result = joined(result, moved(body(joint->child_link_name, nullptr, locked), pose));
     }
     return result;
   }
 
   [[nodiscard]] bool is_fixed(const urdf::Joint& joint) const {
     if (joint.type == urdf::Joint::FIXED) return true;
-    if (joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::CONTINUOUS) {
-      fail(fmt::format("joint '{}': only revolute, continuous and fixed joints can be in the chain",
-                       joint.name));
+    if (joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::CONTINUOUS &&
+        joint.type != urdf::Joint::PRISMATIC) {
+      fail(
+          fmt::format("joint '{}': only revolute, continuous, prismatic and fixed joints can be in "
+                      "the chain",
+                      joint.name));
     }
     if (joint.mimic != nullptr) {
       fail(fmt::format("joint '{}' mimics another: describe coupled axes by a transmission matrix",
@@ -202,32 +201,46 @@ RigidBody joined(const RigidBody& a, const RigidBody& b) {
   return result;
 }
 
-std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
-                                           const std::string& base, const std::string& tip) {
+UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
+                           const std::string& tip) {
   const UrdfReader reader(file);
-  const std::vector<urdf::JointSharedPtr> joints = reader.path(base, tip);
-  std::vector<ChainRotation> rotations;
-  Eigen::Isometry3d offset = Eigen::Isometry3d::Identity();  // from the last rotation's frame
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const urdf::Joint& joint = *joints[j];
-    const urdf::JointSharedPtr next = j + 1 < joints.size() ? joints[j + 1] : nullptr;
-    const RigidBody body = reader.body(joint.child_link_name, next);
+  const std::vector<urdf::JointSharedPtr> path = reader.path(base, tip);
+  UrdfChain chain;
+  Eigen::Isometry3d offset = Eigen::Isometry3d::Identity();  // from the last joint's frame
+  for (std::size_t j = 0; j < path.size(); ++j) {
+    const urdf::Joint& joint = *path[j];
+    const urdf::JointSharedPtr next = j + 1 < path.size() ? path[j + 1] : nullptr;
+    const RigidBody body = reader.body(joint.child_link_name, next, chain.locked);
     offset = offset * to_eigen(joint.parent_to_joint_origin_transform);
     if (!reader.is_fixed(joint)) {
-      rotations.push_back({joint.name, offset, reader.axis(joint), body});
-      if (joint.type == urdf::Joint::REVOLUTE && joint.limits != nullptr) {
-        rotations.back().lower = joint.limits->lower;
-        rotations.back().upper = joint.limits->upper;
+      chain.joints.push_back({joint.name, offset, reader.axis(joint), body});
+      chain.is_prismatic.push_back(joint.type == urdf::Joint::PRISMATIC);
+      if (joint.type != urdf::Joint::CONTINUOUS && joint.limits != nullptr) {
+        chain.joints.back().lower = joint.limits->lower;
+        chain.joints.back().upper = joint.limits->upper;
       }
       offset = Eigen::Isometry3d::Identity();
-    } else if (!rotations.empty()) {
-      rotations.back().body = joined(rotations.back().body, moved(body, offset));
+    } else if (!chain.joints.empty()) {
+      chain.joints.back().body = joined(chain.joints.back().body, moved(body, offset));
     }
   }
-  if (rotations.empty()) {
+  if (chain.joints.empty()) {
     reader.fail(fmt::format("no moving joint between '{}' and '{}'", base, tip));
   }
-  return rotations;
+  return chain;
+}
+
+std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
+                                           const std::string& base, const std::string& tip) {
+  UrdfChain chain = read_urdf_joints(file, base, tip);
+  const auto prismatic = std::ranges::find(chain.is_prismatic, true);
+  if (prismatic != chain.is_prismatic.end()) {
+    const auto at = static_cast<std::size_t>(prismatic - chain.is_prismatic.begin());
+    throw InputError(fmt::format(
+        "{}: joint '{}': only revolute, continuous and fixed joints can be in the chain",
+        file.string(), chain.joints[at].name));
+  }
+  return std::move(chain.joints);
 }
 
 }  // namespace graybox

@@ -12,10 +12,22 @@
 
 namespace graybox {
 
-// The chain from `base` to `tip`, one rotation for each revolute or continuous joint, named like
-// it. Throws InputError for a missing or broken file, an unknown link, a tip that is not beyond the
-// base, joints that are neither revolute, continuous nor fixed, moving side branches, mimic joints,
-// and masses or inertias that no body has.
+struct UrdfChain {
+  // One for each joint that moves, named like it. A prismatic joint's `axis` is that along which it
+  // moves, its limits are in m.
+  std::vector<ChainRotation> joints;
+  std::vector<bool> is_prismatic;   // of each
+  std::vector<std::string> locked;  // joints that move bodies beside the chain (heads, hands)
+};
+
+// The chain from `base` to `tip`. Joints beside it are locked at zero: their bodies count as fixed.
+// Throws InputError for a missing or broken file, an unknown link, a tip that is not beyond the
+// base, joints of the chain that are neither revolute, continuous, prismatic nor fixed, mimic joints
+// in it, and masses or inertias that no body has.
+[[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
+                                         const std::string& tip);
+
+// The same for robots of rotations alone: InputError for a prismatic joint.
 [[nodiscard]] std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
                                                          const std::string& base,
                                                          const std::string& tip);

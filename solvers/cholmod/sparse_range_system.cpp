@@ -86,8 +86,8 @@ class SparseRangeSystem final : public RangeSystem {
     }
   }
 
-  // A D A^T + N, some candidates at a time: between them it asks whether to stop. Null where it does, or
-  // where memory does not do.
+  // A D A^T + N, some candidates at a time: between them it asks whether to stop. Null where it
+  // does, or where memory does not do.
   cholmod_sparse* sum_of_rows_and_barrier() {
     constexpr std::size_t kWork = 100'000'000;  // multiplications, were the rows dense
     const std::size_t count = normal_.candidate_count(), p = normal_.packed_size();
@@ -124,8 +124,8 @@ class SparseRangeSystem final : public RangeSystem {
     }
   }
 
-  // N = R (x) R: its entry for the pairs (i, j) and (k, l) is R_ik R_jl + R_il R_jk, times 1/sqrt(2)
-  // for each pair with equal indices.
+  // N = R (x) R: its entry for the pairs (i, j) and (k, l) is R_ik R_jl + R_il R_jk, times
+  // 1/sqrt(2) for each pair with equal indices.
   void fill_barrier(const Eigen::MatrixXd& inverse_scaling) {
     const auto d = static_cast<Eigen::Index>(normal_.dimension());
     r_.noalias() = inverse_scaling.transpose() * inverse_scaling;
@@ -143,7 +143,8 @@ class SparseRangeSystem final : public RangeSystem {
     }
   }
 
-  // Factor of the sum scaled to unit diagonal, with a small shift where it is not positive definite.
+  // Factor of the sum scaled to unit diagonal, with a small shift where it is not positive
+  // definite.
   bool factorise_scaled(cholmod_sparse* sum) {
     const std::size_t p = diagonal_.size();
     for (std::size_t k = 0; k < p; ++k) {

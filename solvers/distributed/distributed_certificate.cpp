@@ -14,8 +14,8 @@ using Support = std::vector<std::pair<std::size_t, double>>;
 constexpr std::size_t kChunk = 16384;  // candidates of the slice that are certified together
 
 // The support's matrices, then a stretch of the slice. The design is the same on each.
-InformationSet part_of(const InformationSet& support, const InformationSet& slice,
-                       std::size_t from, std::size_t count) {
+InformationSet part_of(const InformationSet& support, const InformationSet& slice, std::size_t from,
+                       std::size_t count) {
   const std::size_t p = slice.packed_size(), own = support.candidate_count() * p;
   AlignedArray rows(own + count * p);
   std::copy_n(support.data(), own, rows.begin());
@@ -27,8 +27,8 @@ double reach(const Certificate& certificate) {
   return certificate.duality_gap + certificate.rounding_bound;
 }
 
-// Keeps in `worst` what holds on both: the figures of the part that reaches further, with a rounding
-// bound that also covers the other's gap.
+// Keeps in `worst` what holds on both: the figures of the part that reaches further, with a
+// rounding bound that also covers the other's gap.
 void take_worse(const Certificate& other, Certificate& worst) {
   const double gap = std::max(worst.duality_gap, other.duality_gap);
   const double furthest = std::max(reach(worst), reach(other));
@@ -76,8 +76,8 @@ InformationSet gather_support(MPI_Comm communicator, const InformationSet& slice
 }
 
 Certificate certify_distributed(MPI_Comm communicator, const InformationSet& slice,
-                                std::size_t first_index, const Support& support,
-                                double asked_gap, int threads) {
+                                std::size_t first_index, const Support& support, double asked_gap,
+                                int threads) {
   if (support.empty()) {
     Certificate none;
     none.duality_gap = none.rounding_bound = none.log_det_gap =
@@ -88,8 +88,7 @@ Certificate certify_distributed(MPI_Comm communicator, const InformationSet& sli
   }
   const InformationSet members = gather_support(communicator, slice, first_index, support);
   Certificate mine = certify_slice(members, slice, first_index, support, asked_gap, threads);
-  const double figures[] = {mine.duality_gap, mine.rounding_bound,
-                            static_cast<double>(mine.status),
+  const double figures[] = {mine.duality_gap, mine.rounding_bound, static_cast<double>(mine.status),
                             static_cast<double>(mine.worst_candidate)};
   std::vector<double> all = mpi::gather(communicator, figures);
   all.resize(std::size(figures) * mpi::size_of(communicator));

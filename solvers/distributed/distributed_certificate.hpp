@@ -1,7 +1,7 @@
-// The checker (certificate.hpp) for a set whose candidates are shared out: each process certifies the
-// design on its own slice, and one reduction takes the worst. The rule, its arithmetic and its
-// rounding bound are certify()'s: a design's gap on a set is the largest of its gaps on parts that all
-// contain the design's support.
+// The checker (certificate.hpp) for a set whose candidates are shared out: each process certifies
+// the design on its own slice, and one reduction takes the worst. The rule, its arithmetic and its
+// rounding bound are certify()'s: a design's gap on a set is the largest of its gaps on parts that
+// all contain the design's support.
 #pragma once
 
 #include <mpi.h>
@@ -15,13 +15,14 @@
 
 namespace graybox {
 
-// The support's candidates as a set of their own, in the order of `support` (global index, weight), on
-// every process. Collective.
+// The support's candidates as a set of their own, in the order of `support` (global index, weight),
+// on every process. Collective.
 [[nodiscard]] InformationSet gather_support(
     MPI_Comm communicator, const InformationSet& slice, std::size_t first_index,
     const std::vector<std::pair<std::size_t, double>>& support);
 
-// Collective; the same on every process. worst_candidate is a global index. One pass over the slices.
+// Collective; the same on every process. worst_candidate is a global index. One pass over the
+// slices.
 [[nodiscard]] Certificate certify_distributed(
     MPI_Comm communicator, const InformationSet& slice, std::size_t first_index,
     const std::vector<std::pair<std::size_t, double>>& support, double asked_gap = kFinestGap,

@@ -15,9 +15,9 @@
 #include "graybox/problems/random.hpp"
 #include "graybox/problems/stop.hpp"
 #include "graybox/solvers/distributed/mpi_transfer.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/exact/relaxation.hpp"
 #include "graybox/solvers/exact/whitened_pool.hpp"
+#include "graybox/solvers/kernels/dense_kernels.hpp"
 #include "graybox/solvers/sensitivity_sample.hpp"
 #include "graybox/solvers/solve_report.hpp"
 #include "graybox/solvers/tracer.hpp"
@@ -43,13 +43,13 @@ class Slice {
 
   // Both return how many candidates were read.
   std::size_t price_all(const double* dual) {
-    constexpr std::size_t kChunk = 4096;
+    constexpr std::size_t kPricedTogether = 4096;
     const std::size_t count = set_.candidate_count(), p = set_.packed_size();
-    const std::size_t chunks = (count + kChunk - 1) / kChunk;
+    const std::size_t chunks = (count + kPricedTogether - 1) / kPricedTogether;
 #pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
     for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-      const std::size_t from = chunk * kChunk;
-      kernels().price(set_.data() + from * p, std::min(kChunk, count - from), p, dual,
+      const std::size_t from = chunk * kPricedTogether;
+      kernels().price(set_.data() + from * p, std::min(kPricedTogether, count - from), p, dual,
                       sensitivity_.data() + from);
     }
     choose_list();
@@ -174,17 +174,14 @@ class Coordinator {
       const std::vector<double> sample =
           gather_sample(communicator_, set_, first_index_, total_, wanted, random_);
       count(static_cast<double>(sample.size() / (set_.packed_size() + 1)));
-      std::uint64_t started =
-          rank_ == 0 && start(working_, sample, set_.packed_size()) ? 1U : 0U;
+      std::uint64_t started = rank_ == 0 && start(working_, sample, set_.packed_size()) ? 1U : 0U;
       mpi::broadcast(communicator_, started);
       if (started != 0) return true;
       if (wanted >= total_) return false;
     }
   }
 
-  void count(double candidates) {
-    tracer_.count_passes(candidates / static_cast<double>(total_));
-  }
+  void count(double candidates) { tracer_.count_passes(candidates / static_cast<double>(total_)); }
 
   // The other processes: price on command until told to finish.
   void follow() {
@@ -206,8 +203,8 @@ class Coordinator {
   void price(Command command) {
     if (rank_ == 0) std::ranges::copy(working_.inverse().trace_dual(), dual_.begin());
     mpi::broadcast(communicator_, std::span<double>(dual_));
-    const std::size_t read = command == kPriceSlice ? slice_.price_all(dual_.data())
-                                                    : slice_.price_list(dual_.data());
+    const std::size_t read =
+        command == kPriceSlice ? slice_.price_all(dual_.data()) : slice_.price_list(dual_.data());
     slice_.best(command, wanted_, mine_);
     mine_.push_back(static_cast<double>(read));
     records_ = mpi::gather(communicator_, mine_);
@@ -377,14 +374,13 @@ DistributedDesign solve_distributed(MPI_Comm communicator, const InformationSet&
     DistributedDesign design =
         Coordinator(communicator, coordinates, first_index, options, tracer).run();
     publish(communicator, design);
-    design.certificate =
-        certify_distributed(communicator, slice, first_index, design.support,
-                            options.duality_gap, options.threads);
+    design.certificate = certify_distributed(communicator, slice, first_index, design.support,
+                                             options.duality_gap, options.threads);
     return design;
   };
   DistributedDesign design = attempt(slice);
-  const bool falls_short = judge(design.status, options.duality_gap, design.certificate) !=
-                           ReportStatus::kSolved;
+  const bool falls_short =
+      judge(design.status, options.duality_gap, design.certificate) != ReportStatus::kSolved;
   std::uint64_t goes_on = falls_short && !tracer.out_of_time() ? 1U : 0U;
   mpi::broadcast(communicator, goes_on);  // one clock decides
   if (goes_on != 0) {

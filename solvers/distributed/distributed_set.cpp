@@ -51,9 +51,8 @@ std::size_t project_slice(DistributedSet& set, double tolerance) {
     std::copy_n(set.slice.information(i).data(), p, pair.begin());
     for (std::size_t j = 0; j < d; ++j) pair[p + packed_index(j, j)] = 1.0;
     try {
-      const ProjectedSet one =
-          project_semidefinite(InformationSet(d, std::move(pair), {}, {}, set.slice.name()),
-                               tolerance);
+      const ProjectedSet one = project_semidefinite(
+          InformationSet(d, std::move(pair), {}, {}, set.slice.name()), tolerance);
       std::ranges::copy(one.set.information(0), rows.begin() + i * p);
     } catch (const InputError&) {
       throw InputError(fmt::format(
@@ -123,8 +122,8 @@ InformationSet share_out(MPI_Comm communicator, const std::optional<InformationS
   mpi::broadcast(communicator, total);
   mpi::broadcast(communicator, dimension);
   if (total < processes) {
-    throw InputError(fmt::format("{}: {} processes are too many for {} candidates", name,
-                                 processes, total));
+    throw InputError(
+        fmt::format("{}: {} processes are too many for {} candidates", name, processes, total));
   }
   const std::size_t p = packed_size(dimension);
   const auto begin_of = [&](std::size_t process) { return total * process / processes; };
@@ -144,8 +143,8 @@ InformationSet share_out(MPI_Comm communicator, const std::optional<InformationS
 DistributedSet read_slices(MPI_Comm communicator, const std::string& path, std::string& stated) {
   std::optional<InformationSlice> slice;
   agree(communicator, error_of([&] {
-          slice.emplace(read_hdf5_slice(path, mpi::rank_of(communicator),
-                                        mpi::size_of(communicator)));
+          slice.emplace(
+              read_hdf5_slice(path, mpi::rank_of(communicator), mpi::size_of(communicator)));
         }));
   stated = slice->problem_hash;
   return {std::move(slice->set), slice->first, slice->total, {}, 0};

@@ -5,10 +5,10 @@
 //   set.slice.candidate_count() of set.total candidates, from set.first on
 //
 // Packed HDF5 is read slice by slice: no process holds the whole set. Of other formats the first
-// process reads the whole and sends the others their slices. Every matrix is checked and, within the
-// tolerance, made positive semidefinite as project_semidefinite() does it; the sum of all must be
-// regular; and a hash that the file states must be that of the numbers: the first process forms it of
-// all slices, which stream through it once.
+// process reads the whole and sends the others their slices. Every matrix is checked and, within
+// the tolerance, made positive semidefinite as project_semidefinite() does it; the sum of all must
+// be regular; and a hash that the file states must be that of the numbers: the first process forms
+// it of all slices, which stream through it once.
 #pragma once
 
 #include <mpi.h>
@@ -24,15 +24,15 @@ namespace graybox {
 
 struct DistributedSet {
   InformationSet slice;
-  std::size_t first = 0;     // global index of the slice's first candidate
-  std::size_t total = 0;     // Q
-  std::string content_hash;    // of the whole set
-  std::size_t projected = 0;   // matrices that were made positive semidefinite, in all slices
+  std::size_t first = 0;      // global index of the slice's first candidate
+  std::size_t total = 0;      // Q
+  std::string content_hash;   // of the whole set
+  std::size_t projected = 0;  // matrices that were made positive semidefinite, in all slices
 };
 
 // Collective. Throws the same InputError on every process.
-[[nodiscard]] DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& path,
-                                                  const ReadOptions& options = {},
-                                                  double psd_tolerance = kDefaultSemidefiniteTolerance);
+[[nodiscard]] DistributedSet read_distributed_set(
+    MPI_Comm communicator, const std::string& path, const ReadOptions& options = {},
+    double psd_tolerance = kDefaultSemidefiniteTolerance);
 
 }  // namespace graybox

@@ -44,7 +44,8 @@ double BoxBound::evaluate(std::span<const double> g, std::span<const std::int32_
 std::size_t BoxBound::tighten(std::span<const double> g, double threshold, BoxLimits limits) const {
   if (!std::isfinite(multiplier_) || !std::isfinite(threshold)) return 0;
   const double needed = dimension_ * std::exp((threshold + log_det_dual_) / dimension_);
-  // A little more room than (4) and (5) ask for, so that rounding here removes nothing it should not.
+  // A little more room than (4) and (5) ask for, so that rounding here removes nothing it should
+  // not.
   const double room = (total_ - needed) * (1.0 + 1e-9) + 1e-12 * total_;
   if (!(room >= 0.0)) return 0;
   std::size_t moved = 0;

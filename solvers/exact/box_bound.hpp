@@ -8,7 +8,8 @@
 //               <= -log det W + d log(tr(W M(m)) / d),        tr(W M(m)) = sum_i m_i g_i.        (1)
 //
 // The right side grows with P = max sum_i m_i g_i over the box: a knapsack, solved by filling the
-// largest g_i first. With nu the last value filled (its multiplier), linear programming duality says
+// largest g_i first. With nu the last value filled (its multiplier), linear programming duality
+// says
 //
 //   P = M nu + sum_i [ l_i min(g_i - nu, 0) + u_i max(g_i - nu, 0) ].                            (2)
 //
@@ -17,16 +18,16 @@
 // Nothing about W is assumed, so (3) holds for whatever iterate a solver stopped at; it is sharp
 // where W is the inverse of the box's best relaxed information matrix.
 //
-// Safe elimination. Let T be the value that a better design has to exceed. If m_i >= l_i + k for an i
-// with g_i < nu, then l_i may be replaced by l_i + k in (2) and P falls by k (nu - g_i). By (3) such
-// a design exceeds T only if P - k (nu - g_i) > P_T, P_T = d exp((T + log det W) / d). Hence
+// Safe elimination. Let T be the value that a better design has to exceed. If m_i >= l_i + k for an
+// i with g_i < nu, then l_i may be replaced by l_i + k in (2) and P falls by k (nu - g_i). By (3)
+// such a design exceeds T only if P - k (nu - g_i) > P_T, P_T = d exp((T + log det W) / d). Hence
 //
 //   m_i <= l_i + (P - P_T) / (nu - g_i)   where g_i < nu,                                         (4)
 //   m_i >= u_i - (P - P_T) / (g_i - nu)   where g_i > nu.                                         (5)
 //
 // Before branching l = 0, u = M, W = M(lambda)^-1 / M for the relaxed optimum lambda, so that nu =
-// max_i w_i / M = d (1 + gap) / M, P = d (1 + gap), and with the loss of the incumbent beta = log det
-// M(lambda) - log det(M(m) / M), (4) reads: at most
+// max_i w_i / M = d (1 + gap) / M, P = d (1 + gap), and with the loss of the incumbent beta = log
+// det M(lambda) - log det(M(m) / M), (4) reads: at most
 //
 //   M (d (1 + gap) - d e^(-beta / d)) / (d (1 + gap) - w_i)  <=  M (beta + d gap) / (d - w_i)     (6)
 //
@@ -36,14 +37,14 @@
 // about C / M^2 (second-order loss of rounding), so the budget M beta falls as 1 / M. For full-rank
 // H_i it is small because tr(B_i^2) is: the same rule on rank-one candidates keeps far more.
 //
-// The trace-free part of H_i, which sharpens screening.hpp, enters through the choice of W: for each
-// candidate (3) is evaluated at a W that is optimal, to second order, for the box with m_i >= l_i + k
-// (node_relaxation.hpp, "probing").
+// The trace-free part of H_i, which sharpens screening.hpp, enters through the choice of W: for
+// each candidate (3) is evaluated at a W that is optimal, to second order, for the box with m_i >=
+// l_i + k (node_relaxation.hpp, "probing").
 //
 // Rounding. g_i and log det W come from floating-point numbers. With W = X^T X for the computed X,
 // log det W is exact up to a few units, and |error of g_i| <= gamma tr(W) ||H_i||_F, gamma =
-// (p + 4 d + 32) 2^-53, because sum_k |X_kj X_kl| <= tr(W). Bounds (3) are raised by the effect of that
-// on P, `slack` below.
+// (p + 4 d + 32) 2^-53, because sum_k |X_kj X_kl| <= tr(W). Bounds (3) are raised by the effect of
+// that on P, `slack` below.
 //
 // Cost O(n + n' log n) for n candidates, n' of them filled.
 #pragma once

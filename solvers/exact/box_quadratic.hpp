@@ -3,8 +3,8 @@
 //   minimise  y^T K y / 2 - r^T y   subject to  lower <= y <= upper,  sum_i y_i = 0,
 //
 // where y = 0 is feasible (lower <= 0 <= upper): the Newton step of a design under limits on its
-// counts. Primal active-set method (Nocedal and Wright, Numerical Optimization, Algorithm 16.3) that
-// starts with every variable free that could move: on the free set F the optimality conditions
+// counts. Primal active-set method (Nocedal and Wright, Numerical Optimization, Algorithm 16.3)
+// that starts with every variable free that could move: on the free set F the optimality conditions
 //
 //   K_FF y_F + nu 1 = r_F - K_FB y_B,    1^T y_F = -1^T y_B
 //
@@ -35,8 +35,8 @@ class BoxQuadratic {
 
   bool solve_free(std::span<const double> matrix, std::span<const double> linear,
                   std::span<const double> y);
-  // Sets free the bound variable that gains most by it; with no free variable there is no multiplier
-  // to compare with, and the best pair of variables is set free. False if none gains.
+  // Sets free the bound variable that gains most by it; with no free variable there is no
+  // multiplier to compare with, and the best pair of variables is set free. False if none gains.
   bool release(std::span<const double> matrix, std::span<const double> linear,
                std::span<const double> y);
   [[nodiscard]] double gradient(std::span<const double> matrix, std::span<const double> linear,

@@ -74,8 +74,8 @@ class Tree {
     LocalExchange exchange;
   };
 
-  // The checker's figures, in the coordinates of the set: double precision may be wrong by more than
-  // the gap.
+  // The checker's figures, in the coordinates of the set: double precision may be wrong by more
+  // than the gap.
   struct Value {
     double log_det = -kInfinity;
     double at_most = -kInfinity;
@@ -113,9 +113,9 @@ class Tree {
 
   void prepare_workers() {
     for (int thread = 0; thread < options_.threads; ++thread) {
-      workers_.push_back(std::make_unique<Worker>(Worker{
-          NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_, clock_),
-          LocalExchange(*pool_, clock_)}));
+      workers_.push_back(std::make_unique<Worker>(
+          Worker{NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_, clock_),
+                 LocalExchange(*pool_, clock_)}));
     }
   }
 

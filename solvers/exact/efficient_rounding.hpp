@@ -5,8 +5,8 @@
 //   sum(m) < M:  m_k = m_k + 1 where m_k / lambda_k is smallest,
 //   sum(m) > M:  m_k = m_k - 1 where (m_k - 1) / lambda_k is largest.
 //
-// Among all ways of rounding it guarantees the largest min_i m_i / (M lambda_i). The theory asks for
-// M >= s; with fewer experiments the same discarding goes on below one run a support point, the
+// Among all ways of rounding it guarantees the largest min_i m_i / (M lambda_i). The theory asks
+// for M >= s; with fewer experiments the same discarding goes on below one run a support point, the
 // lightest first. Ties: the first index. O(Q + s^2).
 #pragma once
 

@@ -12,7 +12,8 @@
 namespace graybox {
 namespace {
 
-// The first thing that keeps the counts from being a design of M experiments; empty if nothing does.
+// The first thing that keeps the counts from being a design of M experiments; empty if nothing
+// does.
 std::string find_fault(const InformationSet& set, const ExactDesign& design,
                        std::int64_t experiments) {
   if (design.counts.size() != set.candidate_count()) {

@@ -83,8 +83,10 @@ class ClaimReader {
     if (root_.contains("method") && root_["method"].is_string()) {
       claim.method = root_["method"].get<std::string>();
     }
-    for (const char* key : {"exact_log_det_bound", "log_det_bound"}) {  // the first is the former name
-      if (root_.contains(key) && root_[key].is_number()) claim.log_det_bound = root_[key].get<double>();
+    for (const char* key :
+         {"exact_log_det_bound", "log_det_bound"}) {  // the first is the former name
+      if (root_.contains(key) && root_[key].is_number())
+        claim.log_det_bound = root_[key].get<double>();
     }
     return claim;
   }

@@ -1,5 +1,5 @@
-// Exact designs in graybox-design/1 files (design_file.hpp): the same keys, with weights m_i / M, so
-// that whoever reads approximate designs reads these too, and beside them
+// Exact designs in graybox-design/1 files (design_file.hpp): the same keys, with weights m_i / M,
+// so that whoever reads approximate designs reads these too, and beside them
 //
 //   "experiments": 20, "counts": [{"index": 41, "count": 3}, ...],
 //   "method": "branch_and_bound", "proven_efficiency": ...,
@@ -7,7 +7,8 @@
 //   "covariance": ..., "covariance_bound": ..., "nodes": ..., "open_nodes": ..., "survivors": ..., "eliminated": ...,
 //   "time_to_efficiency": seconds until 99.5 % was proven, or null
 //
-// `certificate` is that of the weights. `status` is that of the method: optimal, feasible, time_limit, memory_limit or singular.
+// `certificate` is that of the weights. `status` is that of the method: optimal, feasible,
+// time_limit, memory_limit or singular.
 #pragma once
 
 #include <cstdint>
@@ -32,11 +33,11 @@ struct ExactReport {
                                        std::string_view method, const ExactOptions& options,
                                        ExactSolution solution);
 
-// The keys of to_json(SolveReport), of the exact design: `log_det` that of sum_i m_i H_i, `duality_gap`
-// its proven loss 1 / efficiency - 1 against the best exact design, `log_det_gap` the same in log det,
-// `efficiency` the proven one, `solver` and `status` the method's. Then those listed above, and
-// `relaxed_log_det`, `relaxed_duality_gap`, `relaxed_log_det_gap`, `relaxed_efficiency`,
-// `relaxed_rounding_bound`: of the weights m / M in the relaxed problem.
+// The keys of to_json(SolveReport), of the exact design: `log_det` that of sum_i m_i H_i,
+// `duality_gap` its proven loss 1 / efficiency - 1 against the best exact design, `log_det_gap` the
+// same in log det, `efficiency` the proven one, `solver` and `status` the method's. Then those
+// listed above, and `relaxed_log_det`, `relaxed_duality_gap`, `relaxed_log_det_gap`,
+// `relaxed_efficiency`, `relaxed_rounding_bound`: of the weights m / M in the relaxed problem.
 [[nodiscard]] nlohmann::ordered_json to_json(const ExactReport& report);
 
 // Writes the file in full or not at all. report.share.problem_hash must be set.
@@ -51,8 +52,8 @@ struct ExactClaim {
   std::optional<double> log_det_bound;  // what the file says is proven
 };
 
-// Throws InputError, naming the field, where counts are no non-negative whole numbers, do not sum to
-// `experiments`, or disagree with the weights.
+// Throws InputError, naming the field, where counts are no non-negative whole numbers, do not sum
+// to `experiments`, or disagree with the weights.
 [[nodiscard]] std::optional<ExactClaim> read_exact_claim(const std::string& path,
                                                          const InformationSet& set,
                                                          const Design& weights);

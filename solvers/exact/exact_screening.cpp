@@ -16,7 +16,8 @@ CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments
   const auto m = static_cast<double>(experiments);
   const double largest =
       *std::ranges::max_element(relaxation.sensitivities) * (1.0 + kScreeningMargin);
-  // Loss of the incumbent against M(lambda), per experiment; raised by what log det is not known to.
+  // Loss of the incumbent against M(lambda), per experiment; raised by what log det is not known
+  // to.
   const double loss =
       relaxation.certificate.log_det + d * std::log(m) - incumbent_log_det + kScreeningMargin;
   const double budget = m * (largest - d * std::exp(-loss / d));

@@ -5,9 +5,10 @@
 //   limits.candidates;   // survivors, ascending
 //   limits.upper;        // the most repetitions of each of them
 //
-// Safe: every design of M experiments with log det M(m) >= incumbent_log_det lies inside the limits,
-// all optimal designs among them. Sensitivities are taken to be known to kScreeningMargin (relative),
-// which they are for M(lambda) of condition up to 1e9 (they come from extended precision). O(Q).
+// Safe: every design of M experiments with log det M(m) >= incumbent_log_det lies inside the
+// limits, all optimal designs among them. Sensitivities are taken to be known to kScreeningMargin
+// (relative), which they are for M(lambda) of condition up to 1e9 (they come from extended
+// precision). O(Q).
 #pragma once
 
 #include <cstddef>
@@ -28,8 +29,8 @@ struct CountLimits {
 [[nodiscard]] CountLimits screen_counts(const Relaxation& relaxation, std::int64_t experiments,
                                         double incumbent_log_det);
 
-// Leaves only the first of candidates whose matrices are equal to the last bit: a run of one is a run
-// of the other. Rule (6) bounds the sum of their counts by the same number.
+// Leaves only the first of candidates whose matrices are equal to the last bit: a run of one is a
+// run of the other. Rule (6) bounds the sum of their counts by the same number.
 void drop_copies(const InformationSet& set, CountLimits& limits);
 
 }  // namespace graybox

@@ -81,7 +81,8 @@ class ExchangeSearch {
     }
   }
 
-  // Counts over the pool; candidates outside it are dropped, and grown back by the caller's improve.
+  // Counts over the pool; candidates outside it are dropped, and grown back by the caller's
+  // improve.
   [[nodiscard]] static std::vector<std::int64_t> restricted(
       const WhitenedPool& pool, const std::vector<std::int64_t>& counts) {
     std::vector<std::int64_t> inside(pool.size());

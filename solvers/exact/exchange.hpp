@@ -9,9 +9,9 @@
 //      local search, each of which replaces one to three runs of the best design at random and
 //      improves the result, until 48 in a row gain nothing. A better design screens again.
 //
-// What it proves is the relaxation's bound. Randomised by the seed; the same answer for any number of
-// threads. A start costs about as many exchange steps as the start differs from its optimum, each a
-// pricing of the pool for every distinct candidate in the design.
+// What it proves is the relaxation's bound. Randomised by the seed; the same answer for any number
+// of threads. A start costs about as many exchange steps as the start differs from its optimum,
+// each a pricing of the pool for every distinct candidate in the design.
 #pragma once
 
 #include <cstdint>

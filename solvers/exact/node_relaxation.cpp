@@ -121,9 +121,10 @@ void NodeRelaxation::spread(double lack, std::size_t variables) {
   }
 }
 
-// A regular point of the box, of few variables: from the lower limits, the free runs are spread over
-// the candidates that the centre of the box prices highest, over more of them until X is regular.
-// False if X is singular at the centre, where its rank is largest: no design in the box is regular.
+// A regular point of the box, of few variables: from the lower limits, the free runs are spread
+// over the candidates that the centre of the box prices highest, over more of them until X is
+// regular. False if X is singular at the centre, where its rank is largest: no design in the box is
+// regular.
 bool NodeRelaxation::restart() {
   double width = 0.0, left = static_cast<double>(experiments_);
   for (std::size_t i = 0; i < x_.size(); ++i) {
@@ -363,9 +364,9 @@ bool NodeRelaxation::invert_free_hessian() {
   return true;
 }
 
-// A bound of the box with its variable i = working_[free_index] limited to lower .. upper: one Newton
-// step that moves it by `shift`, as far as the other counts' limits allow, then (3) of box_bound.hpp
-// with the W found there.
+// A bound of the box with its variable i = working_[free_index] limited to lower .. upper: one
+// Newton step that moves it by `shift`, as far as the other counts' limits allow, then (3) of
+// box_bound.hpp with the W found there.
 double NodeRelaxation::probe_half(std::size_t free_index, double shift, std::int32_t lower,
                                   std::int32_t upper) {
   const std::size_t n = working_.size();

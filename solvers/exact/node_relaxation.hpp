@@ -8,8 +8,8 @@
 // those at a limit that want to leave it. With X = sum_i x_i B_i, g_i = tr(X^-1 B_i) and K_ij =
 // tr(X^-1 B_i X^-1 B_j) a step y minimises y^T K y / 2 - g^T y within the box (box_quadratic.hpp),
 // followed by Armijo's rule. Every iterate prices all candidates of the node and so gives the safe
-// bound (3) of box_bound.hpp with W = X^-1; nothing relies on convergence, and a node is abandoned as
-// soon as its bound is no better than `threshold`. Three things then shrink the box:
+// bound (3) of box_bound.hpp with W = X^-1; nothing relies on convergence, and a node is abandoned
+// as soon as its bound is no better than `threshold`. Three things then shrink the box:
 //
 //   limits    (4), (5) of box_bound.hpp with the W at hand;
 //   probing   for a count i and an integer a, the half m_i <= a (or m_i >= a + 1) is bounded by (3)
@@ -21,19 +21,19 @@
 //             the largest product of the two losses) and go with the children;
 //   repeated  until nothing moves.
 //
-// A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run is
-// the identity) is taken to hold no regular design.
+// A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run
+// is the identity) is taken to hold no regular design.
 //
 // One design: where the limits leave a single design, W = X^-1 bounds it by its own log det but for
-// rounding, which no branching makes smaller. Such a node is done, and its bound is that design's value,
-// from the checker's extended precision: the caller's part.
+// rounding, which no branching makes smaller. Such a node is done, and its bound is that design's
+// value, from the checker's extended precision: the caller's part.
 //
 // Integer points: an integral x is a design; a fractional one is rounded (largest fractions up)
 // inside the box. Both are offered to the caller as incumbents with their log det.
 //
-// A node costs a few Newton steps, f d^3 + f^2 p / 2 for f free variables each, 2 n p per pricing of
-// its n candidates and d^3 + n p per probe: 0.1 to 0.3 ms for the robot. No allocation in the loops
-// once the largest node has been seen. Not for use by several threads at once: one each.
+// A node costs a few Newton steps, f d^3 + f^2 p / 2 for f free variables each, 2 n p per pricing
+// of its n candidates and d^3 + n p per probe: 0.1 to 0.3 ms for the robot. No allocation in the
+// loops once the largest node has been seen. Not for use by several threads at once: one each.
 #pragma once
 
 #include <cstddef>

@@ -75,9 +75,9 @@ Relaxation certified_relaxation(const InformationSet& set, Design design, int th
   const auto d = static_cast<double>(set.dimension());
   const CheckedWeights checked(set, design);
   const ExtendedInformation information(set, checked.weights);
-  relaxation.log_det_ceiling =
-      certificate.log_det + log_det_rounding(information, set.dimension()) +
-      d * std::log1p(largest_gap(certificate));
+  relaxation.log_det_ceiling = certificate.log_det +
+                               log_det_rounding(information, set.dimension()) +
+                               d * std::log1p(largest_gap(certificate));
   relaxation.inverse_factor = whitening_transform(set, checked.weights);
   relaxation.sensitivities.resize(set.candidate_count());
   const auto count = static_cast<std::ptrdiff_t>(set.candidate_count());
@@ -93,11 +93,10 @@ Relaxation certified_relaxation(const InformationSet& set, Design design, int th
 
 Relaxation solve_relaxation(const InformationSet& set, const RelaxationOptions& options) {
   const auto start = std::chrono::steady_clock::now();
-  Solution solution = ColumnGeneration().solve(
-      set, {.duality_gap = options.duality_gap,
-            .time_limit = options.time_limit,
-            .seed = options.seed,
-            .threads = options.threads});
+  Solution solution = ColumnGeneration().solve(set, {.duality_gap = options.duality_gap,
+                                                     .time_limit = options.time_limit,
+                                                     .seed = options.seed,
+                                                     .threads = options.threads});
   Relaxation relaxation = certified_relaxation(set, std::move(solution.design), options.threads);
   relaxation.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

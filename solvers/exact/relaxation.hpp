@@ -1,5 +1,5 @@
-// The relaxed problem (paper, formula (9)) as every exact method needs it: weights lambda*, what the
-// checker proves about them, and the bound that they put on all exact designs,
+// The relaxed problem (paper, formula (9)) as every exact method needs it: weights lambda*, what
+// the checker proves about them, and the bound that they put on all exact designs,
 //
 //   log det M(m) <= d log M + log det M(lambda) + d log(1 + duality_gap)   for every m, sum m_i = M,
 //
@@ -45,8 +45,8 @@ struct RelaxationOptions {
   int threads = 1;
 };
 
-// What any regular design at hand proves; the better it is, the more. Throws InputError where M(lambda)
-// is singular.
+// What any regular design at hand proves; the better it is, the more. Throws InputError where
+// M(lambda) is singular.
 [[nodiscard]] Relaxation certified_relaxation(const InformationSet& set, Design design,
                                               int threads = 1);
 
@@ -54,9 +54,9 @@ struct RelaxationOptions {
 [[nodiscard]] Relaxation solve_relaxation(const InformationSet& set,
                                           const RelaxationOptions& options = {});
 
-// A bound on the error of log det M: with X the computed inverse factor and ||X M X^T - I|| <= delta =
-// residual(), log det M = -2 log det X + log det(I + E) with |log det(I + E)| <= d delta / (1 - delta);
-// the weights and the result are rounded to double besides.
+// A bound on the error of log det M: with X the computed inverse factor and ||X M X^T - I|| <=
+// delta = residual(), log det M = -2 log det X + log det(I + E) with |log det(I + E)| <= d delta /
+// (1 - delta); the weights and the result are rounded to double besides.
 [[nodiscard]] double log_det_rounding(const ExtendedInformation& information,
                                       std::size_t dimension);
 

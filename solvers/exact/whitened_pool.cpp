@@ -24,8 +24,7 @@ void unpack_extended(std::span<const double> packed, ExtendedMatrix& full) {
 }  // namespace
 
 WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxation,
-                           std::span<const std::size_t> candidates, int threads,
-                           StopClock clock)
+                           std::span<const std::size_t> candidates, int threads, StopClock clock)
     : dimension_(set.dimension()),
       packed_size_(set.packed_size()),
       candidates_(candidates.begin(), candidates.end()),

@@ -1,5 +1,5 @@
-// WhitenedPool: the candidates that an exact method still considers, in coordinates where the relaxed
-// optimum is the identity:
+// WhitenedPool: the candidates that an exact method still considers, in coordinates where the
+// relaxed optimum is the identity:
 //
 //   B_i = X H_i X^T,   X M(lambda) X^T = I,   log det sum_i m_i H_i = log det sum_i m_i B_i + shift,
 //   shift = -2 log det X.

@@ -87,10 +87,11 @@ std::string_view reason(Ipopt::ApplicationReturnStatus status) {
 
 }  // namespace
 
-// One solve: the best weights so far, and what the callback decided. Ipopt runs on a thread of its own,
-// because nothing stops MUMPS in the middle of a factorisation; the caller's thread waits, and leaves
-// the other behind where that does not end in time. From then on the session answers every question
-// with "stop" and touches nothing of the caller's: it owns all else, and the thread owns the session.
+// One solve: the best weights so far, and what the callback decided. Ipopt runs on a thread of its
+// own, because nothing stops MUMPS in the middle of a factorisation; the caller's thread waits, and
+// leaves the other behind where that does not end in time. From then on the session answers every
+// question with "stop" and touches nothing of the caller's: it owns all else, and the thread owns
+// the session.
 class Session {
  public:
   Session(const InformationSet& set, const SolveOptions& options, Tracer& tracer)
@@ -130,12 +131,12 @@ class Session {
     return tracer_->finish({best_}, status, iterations_, std::move(message));
   }
 
-  std::mutex guard_;            // of what both threads use
+  std::mutex guard_;  // of what both threads use
   std::condition_variable end_;
   bool done_ = false;
-  const InformationSet& set_;   // not after it was left behind
+  const InformationSet& set_;  // not after it was left behind
   SolveOptions options_;
-  Tracer* tracer_;              // null once left behind
+  Tracer* tracer_;  // null once left behind
   NormalizedSet normalized_;
   std::int64_t iteration_limit_;
   std::int64_t iterations_ = 0;

@@ -9,8 +9,8 @@
 // least halves the gap.
 //
 // MUMPS, the linear solver beneath Ipopt, keeps global state: runs in one process take turns, and
-// the clock starts when the turn comes. Nothing stops it within a factorisation: where time is up, run()
-// returns the best design and leaves the factorisation to a thread that ends after it.
+// the clock starts when the turn comes. Nothing stops it within a factorisation: where time is up,
+// run() returns the best design and leaves the factorisation to a thread that ends after it.
 #pragma once
 
 #include <IpTNLP.hpp>

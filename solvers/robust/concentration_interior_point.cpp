@@ -352,8 +352,8 @@ class ConcentrationNewton {
 
   static double boundary(double x, double dx) { return dx < 0.0 ? -x / dx : kInfinity; }
 
-  // One length for all: a step of the prices without that of the weights would leave W M = I behind,
-  // and runs with two lengths were found to stall.
+  // One length for all: a step of the prices without that of the weights would leave W M = I
+  // behind, and runs with two lengths were found to stall.
   [[nodiscard]] double step_to_any_boundary() {
     return std::min({step_to_boundary(at_.weight, step_.weight),
                      step_to_boundary(at_.excess, step_.excess),

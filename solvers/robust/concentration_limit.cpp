@@ -149,15 +149,15 @@ ConcentrationCertificate certify_concentrated(const InformationSet& set, const D
   certificate.worst_candidate =
       static_cast<std::size_t>(std::ranges::max_element(sensitivity) - sensitivity.begin());
   certificate.duality_gap = static_cast<double>(maximum.value / d - 1);
-  // The maximum is a mean of sensitivities: monotone in them, and moved by no more than they are. As
-  // a function of the share it is concave with slope `price`: a design above the limit is one of a
-  // problem whose maximum is larger by no more than that.
+  // The maximum is a mean of sensitivities: monotone in them, and moved by no more than they are.
+  // As a function of the share it is concave with slope `price`: a design above the limit is one of
+  // a problem whose maximum is larger by no more than that.
   const Extended excess = std::max<Extended>(answer.concentration - limit.share, 0);
-  certificate.rounding_bound = static_cast<double>(
-      (maximum.value * delta / (1 - delta) + information.trace_unit() * magnitude +
-       maximum.price * excess) /
-          d +
-      std::numeric_limits<double>::epsilon() * std::abs(maximum.value / d - 1));
+  certificate.rounding_bound =
+      static_cast<double>((maximum.value * delta / (1 - delta) +
+                           information.trace_unit() * magnitude + maximum.price * excess) /
+                              d +
+                          std::numeric_limits<double>::epsilon() * std::abs(maximum.value / d - 1));
   state_bounds(static_cast<double>(d), certificate);
   answer.price = static_cast<double>(maximum.price);
   return answer;

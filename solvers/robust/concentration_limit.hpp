@@ -3,14 +3,14 @@
 //
 //   sum of the r largest lambda_i <= alpha,   r = floor(beta Q).
 //
-// With the simplex this is a polytope P, non-empty where alpha >= r/Q, the share of r positions in the
-// uniform design; at alpha = r/Q it holds that design alone, at alpha = 1 it is the simplex. A
+// With the simplex this is a polytope P, non-empty where alpha >= r/Q, the share of r positions in
+// the uniform design; at alpha = r/Q it holds that design alone, at alpha = 1 it is the simplex. A
 // design that obeys the limit has weight on at least r/alpha positions.
 //
 // Linear functions on P. To maximise sum_i w_i lambda_i, sort w in descending order. P and the
 // simplex are symmetric under permutations, so some maximiser is sorted likewise, and a
-// non-increasing lambda is a mixture of uniform designs on the first k positions: lambda = sum_k x_k
-// u_k, u_k = (1/k) on 1..k, x >= 0, sum_k x_k = 1. The r largest weights of u_k sum to g_k =
+// non-increasing lambda is a mixture of uniform designs on the first k positions: lambda = sum_k
+// x_k u_k, u_k = (1/k) on 1..k, x >= 0, sum_k x_k = 1. The r largest weights of u_k sum to g_k =
 // min(1, r/k), those of the sorted mixture to sum_k x_k g_k, and with the mean A_k = (w_1 + ... +
 // w_k)/k the problem is
 //

@@ -10,14 +10,14 @@
 //   add     the most violating candidates, and drop those that left.
 //
 // The average is D-optimal design with block-diagonal matrices diag(H_{1,i}, ..., H_{N,i}) of
-// dimension N d, so the screening rules hold for it with N d in the place of d; the gap at which they
-// begin to delete is then N times smaller, and with 5 to 10 passes there is nothing to gain: nothing
-// is screened.
+// dimension N d, so the screening rules hold for it with N d in the place of d; the gap at which
+// they begin to delete is then N times smaller, and with 5 to 10 passes there is nothing to gain:
+// nothing is screened.
 //
-// Cost: a pass is N times that of one set, less the samples of price zero; memory beyond the samples
-// is N times that of the working set. Statuses as for column_generation, which throws InputError
-// where the matrices of a sample have a singular sum. The gap asked for is that of certify_robust() with the prices
-// returned. Results do not depend on options.threads.
+// Cost: a pass is N times that of one set, less the samples of price zero; memory beyond the
+// samples is N times that of the working set. Statuses as for column_generation, which throws
+// InputError where the matrices of a sample have a singular sum. The gap asked for is that of
+// certify_robust() with the prices returned. Results do not depend on options.threads.
 //
 //   graybox::RobustProblem problem{{&a, &b, &c}, graybox::RobustObjective::kWorstCase};
 //   problem.references = graybox::sample_optima(problem.samples, {.duality_gap = 1e-9}).log_det;

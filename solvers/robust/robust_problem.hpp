@@ -68,13 +68,13 @@ struct SampleOptima {
 //      <= sum_s pi_s phi_s(lambda) + sum_s pi_s d log(tr(M_s^-1 M_s')/d)
 //      <= sum_s pi_s phi_s(lambda) + d log(max_i w_i/d)
 //
-// (inequality of the arithmetic and geometric mean, concavity of the logarithm). So the objective of
-// lambda is short of the optimum by at most
+// (inequality of the arithmetic and geometric mean, concavity of the logarithm). So the objective
+// of lambda is short of the optimum by at most
 //
 //   log_det_gap = [sum_s pi_s phi_s - min_s phi_s] + d log(max_i w_i/d) = d log(1 + duality_gap),
 //
-// whatever the pi: a poor one makes the bound weak, never wrong. For the average, pi_s = 1/N and the
-// bracket is absent. In both cases the design is optimal where duality_gap = 0, and
+// whatever the pi: a poor one makes the bound weak, never wrong. For the average, pi_s = 1/N and
+// the bracket is absent. In both cases the design is optimal where duality_gap = 0, and
 // `efficiency` >= 1/(1 + duality_gap) compares exp(objective/d) with that of the optimum.
 struct RobustCertificate {
   Certificate certificate;      // log_det: the objective, mean or minimum of the phi_s

@@ -175,8 +175,9 @@ bool RobustWorkingSet::factorise() {
   return factorise_system();
 }
 
-// With more members of positive weight than M has entries the optimal weights are not unique, and the
-// system becomes singular as s goes to zero. A little more on the diagonal picks one of the steps.
+// With more members of positive weight than M has entries the optimal weights are not unique, and
+// the system becomes singular as s goes to zero. A little more on the diagonal picks one of the
+// steps.
 bool RobustWorkingSet::factorise_system() {
   const VectorXd diagonal = system_.diagonal();
   for (const double ridge : {0.0, 1e-14, 1e-12, 1e-10, 1e-8}) {
@@ -211,9 +212,9 @@ double RobustWorkingSet::step_to_boundary() const {
                    largest_step(at_.slack, step_.slack), largest_step(at_.price, step_.price)});
 }
 
-// Mehrotra's predictor, and with it the targets of the corrector. The products do not fall below what
-// y = phi - t is violated by, weighted with the prices: ahead of it they would fix prices that the
-// next step has to move again.
+// Mehrotra's predictor, and with it the targets of the corrector. The products do not fall below
+// what y = phi - t is violated by, weighted with the prices: ahead of it they would fix prices that
+// the next step has to move again.
 void RobustWorkingSet::choose_centring() {
   weight_target_ = -at_.weight.cwiseProduct(at_.cost);
   slack_target_ = -at_.slack.cwiseProduct(at_.price);

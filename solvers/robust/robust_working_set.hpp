@@ -18,8 +18,8 @@
 //
 //   [S + diag(s/lambda) + sum_g q_g (w_g - w~)(w_g - w~)^T] dlambda = right side.
 //
-// Predictor and corrector as Mehrotra 1992, one step length for all. The gap that ends a run is that
-// of the normalised design and prices on the working set, in the form of certify_robust().
+// Predictor and corrector as Mehrotra 1992, one step length for all. The gap that ends a run is
+// that of the normalised design and prices on the working set, in the form of certify_robust().
 //
 // Cost of an iteration for n members: N (n d^3 + n^2 p / 2) + G n^2 + n^3/3.
 #pragma once
@@ -42,8 +42,8 @@ class RobustWorkingSet {
  public:
   explicit RobustWorkingSet(const RobustProblem& problem);  // keeps a reference
 
-  // Adds a candidate. One that is there, or whose matrices equal a member's in every sample, only has
-  // its weight added to that member's. True if it is new.
+  // Adds a candidate. One that is there, or whose matrices equal a member's in every sample, only
+  // has its weight added to that member's. True if it is new.
   bool add(std::size_t candidate, double weight);
   // Drops members of zero weight whose sensitivity sum_s pi_s w_{s,i} is below `sensitivity`.
   void drop_below(double sensitivity);
@@ -52,8 +52,8 @@ class RobustWorkingSet {
   [[nodiscard]] std::size_t singular_sample();
 
   // Until the gap on the working set is at most `tolerance`, or rounding or `stop`, asked once an
-  // iteration, ends it. The best design seen is kept, its negligible weights and prices set to zero.
-  // False where the present weights are singular under some sample; nothing is then changed.
+  // iteration, ends it. The best design seen is kept, its negligible weights and prices set to
+  // zero. False where the present weights are singular under some sample; nothing is then changed.
   bool optimise(double tolerance, const std::function<bool()>& stop);
 
   // All of the last successful optimise().

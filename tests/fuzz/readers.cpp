@@ -146,6 +146,9 @@ void read_robot_plan(const fs::path& file) { read_plan_of(file, 6); }
 
 void read_grid(const fs::path& file) { (void)read_positions(file, 6); }
 
+void read_csv_columns(const fs::path& file) { (void)formats::read_csv_recording(file.string()); }
+void read_json_columns(const fs::path& file) { (void)formats::read_json_recording(file.string()); }
+
 constexpr std::array kReaders{
     Reader{"set_npy", "input.npy", &read_set<&read_npy>},
     Reader{"set_csv", "input.csv", &read_set<&read_csv>},
@@ -153,11 +156,11 @@ constexpr std::array kReaders{
     Reader{"set_mat5", "input.mat", &read_mat_set},
     Reader{"set_mat73", "input.mat", &read_mat_set},
     Reader{"design", "input.json", &read_design_file},
-    Reader{"recording_csv", "input.csv", &read_recording<&formats::read_csv_recording>},
+    Reader{"recording_csv", "input.csv", &read_csv_columns},
     Reader{"recording_npy", "input.npy", &read_recording<&formats::read_npy_recording>},
     Reader{"recording_hdf5", "input.h5", &read_hdf5_columns},
     Reader{"recording_mat", "input.mat", &read_mat_columns},
-    Reader{"recording_json", "input.json", &read_recording<&formats::read_json_recording>},
+    Reader{"recording_json", "input.json", &read_json_columns},
     Reader{"campaign", "input.yaml", &read_campaign_file},
     Reader{"robot_model", "input.yaml", &read_robot},
     Reader{"robot_urdf", "input.urdf", &read_urdf},

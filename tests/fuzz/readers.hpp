@@ -1,5 +1,5 @@
-// The readers of the project's file formats, by name, as the fuzzer and the replay of its corpus call
-// them: any bytes give a result or an InputError of one line, never anything else.
+// The readers of the project's file formats, by name, as the fuzzer and the replay of its corpus
+// call them: any bytes give a result or an InputError of one line, never anything else.
 #pragma once
 
 #include <filesystem>

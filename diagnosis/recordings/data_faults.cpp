@@ -1,0 +1,199 @@
+#include "graybox/diagnosis/recordings/data_faults.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "graybox/diagnosis/recordings/counter_wrap.hpp"
+#include "graybox/diagnosis/recordings/lost_samples.hpp"
+#include "graybox/diagnosis/recordings/quantisation.hpp"
+#include "graybox/diagnosis/recordings/signal_checks.hpp"
+#include "graybox/diagnosis/recordings/spike.hpp"
+#include "graybox/diagnosis/recordings/stuck_sensor.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr double kStuckTime = 0.05;  // s
+
+// One line: where, what, how sure, what else, what to write.
+Finding finding_of(const ChannelSamples& samples, Index row, const char* check, double strength,
+                   const std::string& what, std::string otherwise, std::string mend) {
+  const double time = samples.time(row);
+  std::string message = fmt::format(
+      "{}: {}: row {} ({:g} s) {}; {:.2g} times the threshold; could also be {}; {}", samples.file,
+      samples.channel->name, samples.first_sample + static_cast<std::size_t>(row) + 1, time, what,
+      strength, otherwise, mend);
+  return {.severity = Severity::kWarning,
+          .check = check,
+          .message = std::move(message),
+          .channel = samples.channel->name,
+          .time = time,
+          .strength = strength,
+          .otherwise = std::move(otherwise),
+          .mend = std::move(mend)};
+}
+
+// Segments of the piece without rows first to last.
+std::string segments_without(const ChannelSamples& samples, Index first, Index last) {
+  const auto number = [&](Index row) {
+    return samples.first_sample + static_cast<std::size_t>(row);
+  };
+  const Index end = samples.values.size() - 1;
+  std::string text = "segments: [";
+  if (first > 1) text += fmt::format("[{}, {}]", number(0), number(first - 1));
+  if (first > 1 && last + 1 < end) text += ", ";
+  if (last + 1 < end) text += fmt::format("[{}, {}]", number(last + 1), number(end));
+  return text + "]";
+}
+
+// ---- spikes --------------------------------------------------------------------------------------
+
+// A range that all other samples keep and these do not, or segments without the first.
+std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spikes) {
+  double lowest = HUGE_VAL, highest = -HUGE_VAL;
+  for (Index k = 0; k < samples.values.size(); ++k) {
+    if (spikes.contains(k)) continue;
+    lowest = std::min(lowest, samples.values(k));
+    highest = std::max(highest, samples.values(k));
+  }
+  const bool all_outside = std::ranges::all_of(
+      spikes, [&](Index k) { return samples.values(k) < lowest || samples.values(k) > highest; });
+  if (!all_outside) return segments_without(samples, *spikes.begin(), *spikes.begin());
+  const double margin = 1e-3 * (highest - lowest);
+  return fmt::format("preprocess: [{{kind: valid, of: [{}], range: [{:.4g}, {:.4g}]}}]",
+                     samples.channel->name, lowest - margin, highest + margin);
+}
+
+void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  std::set<Index> rows;
+  double strength = 1.0;
+  for (const Spike& spike : find_spikes(samples.values)) {
+    rows.insert(spike.sample);
+    strength = std::max(strength, spike.strength);
+  }
+  for (const Index row : wild_samples(samples.values)) rows.insert(row);
+  if (rows.empty()) return;
+  const Index row = *rows.begin();
+  const double before = samples.values(std::max<Index>(row - 1, 0));
+  const double after = samples.values(std::min(row + 1, samples.values.size() - 1));
+  const std::string more =
+      rows.size() > 1 ? fmt::format(" (and {} more)", rows.size() - 1) : std::string();
+  findings.push_back(finding_of(samples, row, "spike", strength,
+                                fmt::format("is {:g}, alone between {:g} and {:g}{}",
+                                            samples.values(row), before, after, more),
+                                "a knock or an impact", spike_mend(samples, rows)));
+}
+
+// ---- stuck sensors -------------------------------------------------------------------------------
+
+std::string others_meanwhile(const std::vector<ChannelSamples>& piece,
+                             const ChannelSamples& samples, const StuckRun& run) {
+  std::size_t others = 0, moving = 0;
+  for (const ChannelSamples& other : piece) {
+    if (&other == &samples) continue;
+    const auto part = other.values.segment(run.first, run.last - run.first + 1);
+    ++others;
+    if (part.minCoeff() != part.maxCoeff()) ++moving;
+  }
+  if (others == 0) return "";
+  if (moving == 0) return " while every other channel stands still too (was the recording frozen?)";
+  return fmt::format(" while {} of {} other channels go on", moving, others);
+}
+
+void add_stuck_run(const std::vector<ChannelSamples>& piece, const ChannelSamples& samples,
+                   std::vector<Finding>& findings) {
+  const Index last = samples.time.size() - 1;
+  const bool is_command = samples.channel->role == ChannelRole::kReference;  // may be held
+  if (last < 1 || is_command) return;
+  const double step = (samples.time(last) - samples.time(0)) / static_cast<double>(last);
+  if (!(step > 0.0)) return;
+  const auto shortest =
+      static_cast<Index>(std::min(std::ceil(kStuckTime / step), static_cast<double>(last)));
+  const std::optional<StuckRun> run = find_stuck_run(samples.values, shortest);
+  if (!run) return;
+  findings.push_back(
+      finding_of(samples, run->first, "stuck sensor", run->strength,
+                 fmt::format("holds {:g} for {:.3g} s{}", samples.values(run->first),
+                             samples.time(run->last) - samples.time(run->first),
+                             others_meanwhile(piece, samples, *run)),
+                 "a standstill that begins or ends abruptly, or a drive that was disabled",
+                 segments_without(samples, run->first, run->last)));
+}
+
+// ---- wraps, lost samples, resolution -------------------------------------------------------------
+
+double turn_of(const Channel& channel) {
+  return channel.unit == "rad" ? 2.0 * std::numbers::pi / std::abs(channel.factor) : 0.0;
+}
+
+void add_wrap(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  const double turn = turn_of(*samples.channel);
+  const std::optional<CounterWrap> wrap = find_wrap(samples.values, turn);
+  if (!wrap) return;
+  const bool is_turn = wrap->period == turn;
+  const std::string period =
+      is_turn ? std::string() : fmt::format(", bits: {}", std::log2(wrap->period));
+  findings.push_back(finding_of(
+      samples, wrap->first, "wrap", wrap->strength,
+      fmt::format(
+          "is the first of {} of {}",
+          wrap->count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap->count),
+          is_turn ? std::string("a whole turn") : fmt::format("2^{}", std::log2(wrap->period))),
+      "a counter that is reset",
+      fmt::format("preprocess: [{{kind: unwrap, of: [{}]{}}}]", samples.channel->name, period)));
+}
+
+// Jumps of a position that wraps are told as that.
+void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  const Channel& channel = *samples.channel;
+  const bool is_measured = channel.role == ChannelRole::kOutput;
+  if (!is_measured || (channel.unit != "rad" && channel.unit != "m")) return;
+  if (find_wrap(samples.values, turn_of(channel))) return;
+  const std::optional<LostSamples> lost = find_lost_samples(samples.time, samples.values);
+  if (!lost) return;
+  const std::string places =
+      lost->places > 1 ? fmt::format(" (and at {} more places)", lost->places - 1) : std::string();
+  const Index last = samples.values.size() - 1;
+  findings.push_back(
+      finding_of(samples, lost->first, "lost samples", lost->strength,
+                 fmt::format("jumps by {:g}{}: were samples cut out?", lost->jump, places),
+                 "a slip, an impact or a position that was set anew",
+                 fmt::format("segments: [[{}, {}], [{}, {}]]", samples.first_sample,
+                             samples.first_sample + static_cast<std::size_t>(lost->first) - 1,
+                             samples.first_sample + static_cast<std::size_t>(lost->first),
+                             samples.first_sample + static_cast<std::size_t>(last))));
+}
+
+void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  const std::optional<Quantisation> coarse = find_coarse_quantisation(samples.values);
+  if (!coarse) return;
+  findings.push_back(finding_of(
+      samples, 0, "quantisation", coarse->strength,
+      fmt::format("and on has steps of {:g} {}: rounding alone is {:.2g} % of its deviation",
+                  coarse->step, samples.channel->recorded_unit, 100.0 * coarse->error),
+      "a command that is given in steps",
+      "nothing mends that: record more motion or a finer sensor, or state noise"));
+}
+
+}  // namespace
+
+void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings) {
+  for (const ChannelSamples& samples : piece) {
+    if (samples.values.size() < 3) continue;
+    add_wrap(samples, findings);
+    add_spikes(samples, findings);
+    add_stuck_run(piece, samples, findings);
+    add_lost_samples(samples, findings);
+    add_quantisation(samples, findings);
+  }
+}
+
+}  // namespace graybox

@@ -1,0 +1,29 @@
+// Samples that were cut out of a position without a trace in the times: it jumps by what it moved
+// meanwhile.
+//
+// Rule: r = rate - median of the five rates around it, rates being steps over their time; |r| above
+// 20 times the |r| that 99 % of all samples keep below. For positions only: velocities and forces
+// jump. A motion has no such jump where it is sampled well; a spike has two of opposite sign and is
+// not counted, nor is what happens at the first and the last two steps.
+// Rates: docs/recordings.md. Cost: O(n).
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+namespace graybox {
+
+struct LostSamples {
+  Eigen::Index first;  // sample after the jump
+  std::size_t places;  // jumps in all
+  double jump;         // of the first, in the position's unit
+  double strength;     // largest |r| over its threshold
+};
+
+// Below 100 samples or for signals of at most 16 levels there is no answer.
+// Rising times.
+[[nodiscard]] std::optional<LostSamples> find_lost_samples(
+    const Eigen::Ref<const Eigen::VectorXd>& time,
+    const Eigen::Ref<const Eigen::VectorXd>& position);
+
+}  // namespace graybox

@@ -1,0 +1,23 @@
+// Signals whose steps of resolution are large beside what they measure.
+//
+// Rule: every step is a whole number of the smallest step q (within 2 %), and the error of
+// rounding, q/sqrt(12), is above 2 % of the signal's standard deviation. Signals of at most 16
+// levels switch and are no matter of resolution, nor are fewer than 100 samples. Rates:
+// docs/recordings.md. Cost: O(n).
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+namespace graybox {
+
+struct Quantisation {
+  double step;      // q
+  double error;     // q/sqrt(12) over the standard deviation
+  double strength;  // error over its threshold
+};
+
+[[nodiscard]] std::optional<Quantisation> find_coarse_quantisation(
+    const Eigen::Ref<const Eigen::VectorXd>& values);
+
+}  // namespace graybox
