@@ -16,6 +16,7 @@
 
 #include "commands.hpp"
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
 #include "graybox/diagnosis/recordings/experiment_recording.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
@@ -38,6 +39,7 @@ namespace {
 struct Arguments {
   std::string model, campaign, output;
   std::vector<std::string> law_files, place_files;
+  std::string method = "auto";
   int threads = 1;
   bool json = false;
   std::optional<double> time_limit;  // s
@@ -153,6 +155,65 @@ Diagnosis stopped_before_the_search(const SearchOptions& options) {
   return diagnosis;
 }
 
+// What a diagnosis goes by, and why, in one line.
+struct Method {
+  std::string name;  // periodic, force_balance, prediction_error
+  std::string reason;
+};
+
+Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
+  const std::string format = YamlField::load(arguments.model).at("format").text();
+  const bool is_lumped = format == "graybox-lumped/1";
+  const bool is_periodic = std::ranges::all_of(
+      campaign.experiments,
+      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
+  if (arguments.method == "prediction_error") return {arguments.method, "it was asked for"};
+  const bool is_rigid = format == "graybox-rigid-robot/1";
+  const std::string own = is_rigid ? "force_balance" : "periodic";
+  if (arguments.method != "auto" && arguments.method != own) {
+    throw InputError(fmt::format("--method {}: {} is a {} model: say {}{}", arguments.method,
+                                 arguments.model, format, own,
+                                 is_lumped ? " or prediction_error" : ""));
+  }
+  if (arguments.method == "auto" && is_lumped && !is_periodic) {
+    return {"prediction_error", "the recordings have no period ('excitation')"};
+  }
+  return {own, is_rigid ? "the model is a rigid robot's" : "the recordings are periodic"};
+}
+
+struct Answer {
+  std::unique_ptr<MismatchProblem> problem;  // keeps the hypotheses, of two methods
+  PredictionDiagnosis by_prediction;
+  Diagnosis diagnosis;
+  [[nodiscard]] std::span<const Hypothesis> hypotheses() const {
+    return problem ? problem->hypotheses() : std::span<const Hypothesis>(by_prediction.hypotheses);
+  }
+};
+
+Answer answer_by_prediction(const Arguments& arguments, const Campaign& campaign) {
+  Answer answer;
+  if (!arguments.place_files.empty()) {
+    throw InputError(
+        "--places: a diagnosis by prediction error takes the places of the model alone");
+  }
+  answer.by_prediction =
+      diagnose_by_prediction(arguments.model, campaign, arguments.search, arguments.threads);
+  answer.diagnosis = answer.by_prediction.diagnosis;
+  return answer;
+}
+
+Answer answer_by_problem(Arguments& arguments, const Campaign& campaign) {
+  Answer answer;
+  answer.problem = load(arguments, campaign);
+  if (!answer.problem) {
+    answer.diagnosis = stopped_before_the_search(arguments.search);
+    return answer;
+  }
+  require_known_laws(arguments.search.excluded_laws, answer.problem->hypotheses());
+  answer.diagnosis = diagnose(*answer.problem, arguments.search);
+  return answer;
+}
+
 int execute(Arguments& arguments) {
   if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
@@ -163,24 +224,28 @@ int execute(Arguments& arguments) {
   Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const StepProgress progress;
   progress.show("reading the recordings, fitting the model");
-  const std::unique_ptr<MismatchProblem> problem = load(arguments, campaign);
-  if (problem) require_known_laws(arguments.search.excluded_laws, problem->hypotheses());
   arguments.search.proceed = [&progress](const std::string& step) {
     progress.show(step);
     return !stop_requested();
   };
-  const Diagnosis diagnosis =
-      problem ? diagnose(*problem, arguments.search) : stopped_before_the_search(arguments.search);
-  const std::span<const Hypothesis> hypotheses =
-      problem ? problem->hypotheses() : std::span<const Hypothesis>();
+  const Method method = chosen_method(arguments, campaign);
+  const Answer answer = method.name == "prediction_error"
+                            ? answer_by_prediction(arguments, campaign)
+                            : answer_by_problem(arguments, campaign);
+  const Diagnosis& diagnosis = answer.diagnosis;
+  const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
+  if (method.name == "prediction_error") verdict["method"] = method.name;
   if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
   if (arguments.json) {
     fmt::print("{}\n", verdict.dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
+    if (method.name == "prediction_error") {
+      fmt::print("By prediction error, since {}.\n", method.reason);
+    }
     for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
       fmt::print("{}\n", line);
     }
@@ -208,6 +273,11 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output,
                       "write report.html, verdict.json, model_extended.yaml, physics.yaml and "
                       "figures into this folder");
+  command
+      ->add_option("--method", arguments->method,
+                   "periodic, force_balance or prediction_error (default: what the model and the "
+                   "recordings ask for)")
+      ->check(CLI::IsMember({"auto", "periodic", "force_balance", "prediction_error"}));
   command->add_option("--threads", arguments->threads, "threads")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();

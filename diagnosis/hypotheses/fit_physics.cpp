@@ -82,11 +82,16 @@ FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit
   const auto* evidence = dynamic_cast<const PhysicalEvidence*>(&problem);
   const PhysicalContext context =
       evidence != nullptr ? evidence->physical_context(fit) : PhysicalContext{};
+  return fit_physics(problem.hypotheses(), context, fit);
+}
+
+FittedPhysics fit_physics(std::span<const Hypothesis> hypotheses, const PhysicalContext& context,
+                          const ExtendedFit& fit) {
   FittedPhysics physics;
   add_model(context, fit, physics);
   for (std::size_t l = 0; l < fit.laws.size(); ++l) {
     const FittedLaw& law = fit.laws[l];
-    const Hypothesis& hypothesis = problem.hypotheses()[law.hypothesis];
+    const Hypothesis& hypothesis = hypotheses[law.hypothesis];
     const LawEntry* entry = find_law(hypothesis.law, is_signal(hypothesis));
     const PhysicalContext::OfLaw* own = l < context.laws.size() ? &context.laws[l] : nullptr;
     LawTrace trace = own != nullptr ? own->trace : LawTrace{};

@@ -1,0 +1,50 @@
+// What the actuators give: recorded inputs, passed through the actuator laws of a model, at the
+// beginning, the middle and the end of each step of an integrator (node_inputs.hpp).
+//
+// Actuator laws depend on the recorded input alone, never on the motion, so one pass over the
+// record does all of them. Delays come first (they commute with the others). A lag x' = (s - x)/T
+// is exact for an input that is straight within a step:
+//
+//   x(t) = a + b (t - T) + (x_0 - a + b T) exp(-t/T),   s = a + b t,
+//
+// and the exponential enters by the parabola that has its integrals against 1, t and t^2. So a lag
+// far shorter than a step is right, too, and T -> 0 is continuous.
+//
+//   DriveSignals signals(recordings, InputHold::kZero, 2);
+//   const NodeInputs& drive = signals.of(0, model);      // valid until the next call
+//
+// One object serves one thread. Cost: one pass over the record, none where no actuator has a law.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "graybox/diagnosis/output_error/node_inputs.hpp"
+#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+
+namespace graybox {
+
+// The recorded inputs without any law; shared by all threads.
+using RecordedNodes = std::vector<NodeInputs>;
+[[nodiscard]] RecordedNodes recorded_nodes(std::span<const OutputErrorRecording> recordings,
+                                           InputHold hold, int steps_per_sample);
+
+class DriveSignals {
+ public:
+  // Both are kept by reference.
+  DriveSignals(std::span<const OutputErrorRecording> recordings, InputHold hold,
+               const RecordedNodes& recorded);
+  // `sample_time` in s.
+  [[nodiscard]] const NodeInputs& of(std::size_t recording, const LumpedModel& model,
+                                     double sample_time);
+
+ private:
+  std::span<const OutputErrorRecording> recordings_;
+  InputHold hold_;
+  const RecordedNodes* recorded_;
+  NodeInputs changed_;
+};
+
+}  // namespace graybox

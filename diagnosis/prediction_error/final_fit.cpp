@@ -1,0 +1,165 @@
+#include "graybox/diagnosis/prediction_error/final_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
+constexpr int kIterations = 25;
+constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
+constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
+
+// Covariance of the first `parameters` columns.
+MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
+                           const BlockEdges& edges) {
+  const Index p = jacobian.cols();
+  const VectorXd scale = jacobian.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  const MatrixXd j = jacobian * scale.asDiagonal();
+  const MatrixXd normal = j.transpose() * j;
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(normal);
+  inverse.setThreshold(kUnseen);
+  MatrixXd middle = MatrixXd::Zero(p, p);
+  for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
+    const Index from = edges[b], count = edges[b + 1] - from;
+    const VectorXd g = j.middleRows(from, count).transpose() * residuals.segment(from, count);
+    middle += g * g.transpose();
+  }
+  const auto counted = static_cast<double>((residuals.array() != 0.0).count());
+  const double white = residuals.squaredNorm() / std::max(1.0, counted - static_cast<double>(p));
+  const MatrixXd pinv = inverse.pseudoInverse();
+  const MatrixXd robust = pinv * middle * pinv, plain = white * pinv;
+  MatrixXd covariance = robust;
+  for (Index i = 0; i < p; ++i) {
+    covariance(i, i) = std::max(robust(i, i), plain(i, i)) * scale(i) * scale(i);
+    if (inverse.rank() < p) {  // a direction that the data do not see
+      const VectorXd seen = pinv * (normal * VectorXd::Unit(p, i));
+      if (std::abs(seen(i) - 1.0) > 1e-3) {
+        covariance(i, i) = std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+  }
+  return covariance;
+}
+
+}  // namespace
+
+FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& findings, int threads)
+    : data_(&data),
+      findings_(&findings),
+      threads_(threads),
+      task_(data.windows(0)),
+      weights_(data.output_scale()) {
+  found_ = judged(findings.found, kIterations);
+  if (!found_.fit.usable || !has_skill(found_.error)) {
+    for (auto rung = findings.rungs.rbegin(); rung != findings.rungs.rend(); ++rung) {
+      const double ratio = findings.sample_time / data.sample_time();
+      task_ = data.windows(std::lround(ratio * static_cast<double>(rung->horizon)));
+      found_ = judged(findings.found, kIterations);
+      if (found_.fit.usable && has_skill(found_.error)) break;
+    }
+  }
+  if (!found_.fit.usable) return;
+  weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
+  found_ = judged(found_.fit.model, kIterations);
+  drop_idle_laws();
+  estimate_deviations(found_);
+  judge_held_out(found_);
+  as_given_ = judged(findings.as_given, kIterations);
+  judge_held_out(as_given_);
+}
+
+bool FinalFit::has_skill(const VectorXd& error) const {
+  const bool is_only_way = findings_->has_free_run;
+  const double limit = task_.is_free() && !is_only_way ? kFreeSkill : kSkill;
+  return (error.array() < limit * data_->output_scale().array()).all();
+}
+
+JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {
+  const PredictionFitter fitter(*data_, task_, findings_->intensity, threads_);
+  JudgedModel result;
+  result.horizon = task_.horizon;
+  result.fit = fitter.fit(model, weights_, {}, iterations);
+  if (!result.fit.usable) return result;
+  result.error = fitter.errors(result.fit, weights_);
+  result.by_noise = fitter.errors_by_noise(result.fit, weights_);
+  return result;
+}
+
+void FinalFit::estimate_deviations(JudgedModel& model) const {
+  const PredictionFit& fit = model.fit;
+  const MatrixXd covariance = robust_covariance(fit.residuals, fit.jacobian, fit.edges);
+  model.deviations.resize(static_cast<Index>(fit.free.size()));
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const ParameterSpace& space = fit.model.space[fit.free[i]];
+    const double value = fit.model.model.parameters[fit.free[i]].value;
+    const double slope = space.logarithmic ? std::abs(value) : space.scale;
+    const auto at = static_cast<Index>(i);
+    model.deviations(at) = slope * std::sqrt(covariance(at, at));
+  }
+}
+
+void FinalFit::judge_held_out(JudgedModel& model) const {
+  if (!data_->has_validation() || !model.fit.usable) return;
+  const PredictionTask task = task_.is_free()
+                                  ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
+                                  : data_->windows(task_.horizon, ExperimentRole::kValidation);
+  const PredictionFitter whole(*data_, task, findings_->intensity, threads_);
+  const PredictionFit run = whole.fit(model.fit.model, weights_, {}, 0, false);
+  if (run.usable) model.held_out_error = whole.errors(run, weights_);
+  model.held_out_scale = VectorXd::Zero(data_->output_count());
+  double samples = 0.0;
+  for (const PredictionRun& one : task.runs) {
+    const MatrixXd& outputs = data_->recording(one.recording).outputs;
+    const Eigen::RowVectorXd mean = outputs.colwise().mean();
+    model.held_out_scale += (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
+    samples += static_cast<double>(outputs.rows());
+  }
+  model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
+}
+
+// What the search found on one rung and the whole does not bear out.
+void FinalFit::drop_idle_laws() {
+  for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
+    JudgedModel poorer =
+        judged(without_part(found_.fit.model, found_.fit.model.laws[l].part), kIterations);
+    if (!is_idle(poorer.fit, found_.fit)) {
+      ++l;
+      continue;
+    }
+    found_ = std::move(poorer);
+    l = 0;
+  }
+}
+
+JudgedModel FinalFit::exchanged(std::size_t law, const ExtendedLumpedModel& rival) const {
+  const ExtendedLumpedModel& model = found_.fit.model;
+  return judged(with_last_law_of(rival, without_part(model, model.laws[law].part)), kIterations);
+}
+
+JudgedModel FinalFit::without(std::size_t law) const {
+  JudgedModel result =
+      judged(without_part(found_.fit.model, found_.fit.model.laws[law].part), kIterations);
+  judge_held_out(result);
+  return result;
+}
+
+double FinalFit::z_over(const JudgedModel& poorer) const {
+  return z_between(poorer.fit, found_.fit);
+}
+
+MatrixXd FinalFit::motion() const {
+  return PredictionFitter(*data_, task_, findings_->intensity, threads_).motion(found_.fit);
+}
+
+}  // namespace graybox

@@ -1,0 +1,63 @@
+// The model that a search ended with, fitted once more for what is reported, and judged: parameters
+// with errors, what it leaves on the recordings of the fit and on those kept out, and what each law
+// is worth.
+//
+// It is fitted in free run where free run has skill (errors below a fifth of the signal in every
+// output), else over the longest windows that have. Standard errors allow for residuals with memory
+// and of changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of
+// white residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free
+// to the end.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
+
+namespace graybox {
+
+struct JudgedModel {
+  PredictionFit fit;
+  Eigen::Index horizon = 0;    // of this fit; 0: free run
+  Eigen::VectorXd deviations;  // of the free parameters, in their units; NaN: not seen
+  Eigen::VectorXd error;       // rms by output, recordings of the fit
+  Eigen::VectorXd by_noise;    // what the sensors' noise alone would leave
+  std::optional<Eigen::VectorXd> held_out_error;
+  Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
+};
+
+class FinalFit {
+ public:
+  // References are kept.
+  FinalFit(const PredictionData& data, const PredictionFindings& findings, int threads);
+
+  // Free run, or the longest rung, whichever `found` has skill in.
+  [[nodiscard]] Eigen::Index horizon() const { return task_.horizon; }
+  [[nodiscard]] const JudgedModel& found() const { return found_; }
+  [[nodiscard]] const JudgedModel& as_given() const { return as_given_; }
+  // The model refitted without one of its laws.
+  [[nodiscard]] JudgedModel without(std::size_t law) const;
+  // The model refitted with the last law of `rival` in place of one of its laws.
+  [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
+  // z of the model found over another, by blocks left out.
+  [[nodiscard]] double z_over(const JudgedModel& poorer) const;
+  [[nodiscard]] Eigen::MatrixXd motion() const;
+
+ private:
+  [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
+  [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
+  void drop_idle_laws();
+  void judge_held_out(JudgedModel& model) const;
+  void estimate_deviations(JudgedModel& model) const;
+
+  const PredictionData* data_;
+  const PredictionFindings* findings_;
+  int threads_;
+  PredictionTask task_;
+  Eigen::VectorXd weights_;
+  JudgedModel found_, as_given_;
+};
+
+}  // namespace graybox

@@ -1,0 +1,94 @@
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kLongestStep = 4.0;  // standard deviations a parameter
+
+// Beside the columns of `local`.
+MatrixXd beside(const MatrixXd& local, const MatrixXd& values) {
+  if (local.cols() == 0 || values.cols() == 0) return values;
+  const VectorXd size = local.colwise().norm().cwiseMax(1e-300).transpose();
+  const MatrixXd scaled = local * size.cwiseInverse().asDiagonal();
+  return values - scaled * scaled.colPivHouseholderQr().solve(values);
+}
+
+}  // namespace
+
+BlockEdges block_edges(const std::vector<Index>& unit_starts, Index rows) {
+  const auto units = static_cast<Index>(unit_starts.size());
+  const Index blocks = std::min(kLeftOutBlocks, units);
+  BlockEdges edges;
+  for (Index b = 0; b < blocks; ++b) {
+    edges.push_back(unit_starts[static_cast<std::size_t>(units * b / blocks)]);
+  }
+  edges.push_back(rows);
+  return edges;
+}
+
+VectorXd left_out_squares(const VectorXd& all_residuals, const MatrixXd& all_columns,
+                          const BlockEdges& edges, Index local, double variance) {
+  const Index p = all_columns.cols() - local;
+  const MatrixXd own = all_columns.rightCols(local);
+  const VectorXd residuals = beside(own, all_residuals);
+  const MatrixXd jacobian = beside(own, all_columns.leftCols(p));
+  const auto blocks = static_cast<Index>(edges.size()) - 1;
+  VectorXd squares(blocks);
+  MatrixXd normal = jacobian.transpose() * jacobian;
+  normal.diagonal().array() += variance;
+  // Columns of one size, and a ridge for those that the data do not see.
+  const VectorXd size = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
+  const VectorXd scale = size.cwiseInverse();
+  normal = scale.asDiagonal() * normal * scale.asDiagonal();
+  normal.diagonal().array() += 1e-10;
+  for (Index b = 0; b < blocks; ++b) {
+    const Index from = edges[static_cast<std::size_t>(b)];
+    const Index count = edges[static_cast<std::size_t>(b) + 1] - from;
+    VectorXd left = residuals.segment(from, count);
+    if (p > 0) {
+      const MatrixXd block = jacobian.middleRows(from, count) * scale.asDiagonal();
+      const MatrixXd others = normal - block.transpose() * block;
+      VectorXd change = others.ldlt().solve(block.transpose() * left);
+      const double length = change.dot(normal * change);
+      const double limit = kLongestStep * kLongestStep * static_cast<double>(p) * variance;
+      if (variance > 0.0 && length > limit) change *= std::sqrt(limit / length);
+      if (change.allFinite()) left += block * change;
+    }
+    squares(b) = left.squaredNorm();
+  }
+  return squares;
+}
+
+double left_out_z(const VectorXd& poorer, const VectorXd& richer, double rows) {
+  constexpr double kLeast = 1e-300;
+  constexpr double kLeastVariance = 0.3;  // of the variance without its correlations
+  const VectorXd gain =
+      0.5 * rows * (poorer.array().max(kLeast).log() - richer.array().max(kLeast).log()).matrix();
+  const auto blocks = static_cast<double>(gain.size());
+  const double mean = gain.mean();
+  const VectorXd about = gain.array() - mean;
+  const double plain = about.squaredNorm() / blocks;
+  double variance = plain;
+  for (const Index lag : {Index{1}, Index{2}}) {
+    const Index count = gain.size() - lag;
+    if (count < 2) continue;
+    variance += 2.0 * (1.0 - static_cast<double>(lag) / 3.0) *
+                about.head(count).dot(about.tail(count)) / blocks;
+  }
+  variance = std::max(variance, kLeastVariance * plain);
+  const double t = mean / std::sqrt(variance / blocks + kLeast);
+  const double freedom = std::max(blocks - 1.0, 1.0);
+  return t * (1.0 - 1.0 / (4.0 * freedom)) / std::sqrt(1.0 + t * t / (2.0 * freedom));
+}
+
+}  // namespace graybox

@@ -1,0 +1,274 @@
+#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/problems/error.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+
+constexpr Index kFewestSeen = 20, kMostSeen = 100;
+constexpr double kLeastNoise = 1e-7;   // of an output's scale
+constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
+constexpr int kMostSteps = 16;
+constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
+constexpr double kThinnedPhase = 0.3;  // rad a thinned sample
+
+Index seen_of(Index horizon) { return std::clamp(horizon / 3, kFewestSeen, kMostSeen); }
+
+// rad/s of the fastest linear mode, as stated.
+double fastest_mode(const LumpedModel& model) {
+  std::vector<Index> free;
+  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
+    if (!model.imposed[i]) free.push_back(static_cast<Index>(i));
+  }
+  if (free.empty()) return 0.0;
+  const Eigen::MatrixXd inverse = Eigen::MatrixXd(model.mass(free, free)).inverse();
+  const Eigen::MatrixXd k = inverse * model.stiffness(free, free);
+  const Eigen::MatrixXd c = inverse * model.damping(free, free);
+  return std::max(std::sqrt(k.eigenvalues().cwiseAbs().maxCoeff()),
+                  c.eigenvalues().cwiseAbs().maxCoeff());
+}
+
+double sample_time_of(const OutputErrorRecording& recording) {
+  return (recording.time(recording.time.size() - 1) - recording.time(0)) /
+         static_cast<double>(recording.time.size() - 1);
+}
+
+Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, Index factor) {
+  const Index count = values.rows() / factor;
+  Eigen::MatrixXd means(count, values.cols());
+  for (Index k = 0; k < count; ++k) {
+    means.row(k) = values.middleRows(k * factor, factor).colwise().mean();
+  }
+  return means;
+}
+
+// Whether the inputs hardly change within `factor` samples: by at most kDropped of their rms.
+bool changes_slowly(const OutputErrorData& data, Index factor) {
+  double dropped = 0.0, all = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings) {
+    const Eigen::MatrixXd means = block_means(recording.inputs, factor);
+    for (Index k = 0; k < means.rows() * factor; ++k) {
+      dropped += (recording.inputs.row(k) - means.row(k / factor)).squaredNorm();
+      all += recording.inputs.row(k).squaredNorm();
+    }
+  }
+  return dropped <= kDropped * kDropped * all;
+}
+
+void thin(Index factor, OutputErrorRecording& recording) {
+  const Index count = recording.outputs.rows() / factor;
+  recording.inputs = block_means(recording.inputs, factor);
+  recording.outputs =
+      Eigen::MatrixXd(recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));
+  recording.time = Eigen::VectorXd(recording.time(Eigen::seqN(0, count, factor)));
+}
+
+// The first of the estimation recordings' samples.
+void cut(Index most, OutputErrorData& data) {
+  Index left = most;
+  std::erase_if(data.recordings, [&](OutputErrorRecording& recording) {
+    if (recording.role != ExperimentRole::kEstimation) return false;
+    if (left < std::min<Index>(most / 10, recording.time.size())) return true;
+    const Index count = std::min(left, recording.time.size());
+    recording.inputs.conservativeResize(count, Eigen::NoChange);
+    recording.outputs.conservativeResize(count, Eigen::NoChange);
+    recording.time.conservativeResize(count);
+    left -= count;
+    return false;
+  });
+}
+
+OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index most) {
+  Index samples = 0;
+  for (const OutputErrorRecording& recording : data.recordings) {
+    if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
+  }
+  if (most == 0 || samples <= most) return data;
+  const double phase = fastest_mode(model) * sample_time_of(data.recordings.front());
+  for (Index factor = (samples + most - 1) / most; factor > 1; --factor) {
+    const bool may = data.hold == InputHold::kZero &&
+                     phase * static_cast<double>(factor) < kThinnedPhase &&
+                     changes_slowly(data, factor);
+    if (!may) continue;
+    for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
+    break;
+  }
+  cut(most, data);
+  return data;
+}
+
+OutputErrorData even_data(const LumpedModel& model, const Campaign& campaign) {
+  OutputErrorData data = load_output_error_data(model, campaign);
+  for (const OutputErrorRecording& recording : data.recordings) {
+    if (recording.even) continue;
+    throw InputError(
+        fmt::format("{}: sample_time: a diagnosis by prediction error needs even samples; {} has "
+                    "irregular times: resample it first",
+                    campaign.file.string(), recording.name));
+  }
+  return data;
+}
+
+}  // namespace
+
+double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  constexpr int kHighest = 8;
+  Eigen::VectorXd difference = values;
+  double least = std::numeric_limits<double>::infinity(), binomial = 1.0;
+  for (int m = 1; m <= kHighest && difference.size() > 2; ++m) {
+    difference =
+        (difference.tail(difference.size() - 1) - difference.head(difference.size() - 1)).eval();
+    binomial *= 2.0 * (2.0 * m - 1.0) / m;  // binomial(2 m, m)
+    if (m == 1) continue;
+    least = std::min(least, std::sqrt(difference.array().square().mean() / binomial));
+  }
+  return std::isfinite(least) ? least : 0.0;
+}
+
+Index PredictionTask::rows(Index outputs) const {
+  Index count = 0;
+  for (const PredictionRun& run : runs) count += run.samples * outputs;
+  return count;
+}
+
+BlockEdges PredictionTask::edges(Index outputs) const {
+  std::vector<Index> starts;
+  const Index whole = rows(1);
+  const Index length =
+      is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : seen_of(horizon) + horizon;
+  Index first = 0;
+  for (const PredictionRun& run : runs) {
+    for (Index k = 0; k + length / 2 < run.samples; k += length) {
+      starts.push_back((first + k) * outputs);
+    }
+    first += run.samples;
+  }
+  if (starts.empty()) starts.push_back(0);
+  return block_edges(starts, whole * outputs);
+}
+
+PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
+                               Index most_samples)
+    : problem_(model, reduced(model, even_data(model, campaign), most_samples), threads) {
+  sample_time_ = sample_time_of(problem_.data().recordings.front());
+  const double phase = fastest_mode(model) * sample_time_;
+  steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),
+                      hold() == InputHold::kBandLimited ? 2 : 1, kMostSteps);
+  nodes_ = recorded_nodes(recordings(), hold(), steps_);
+  estimate_noise();
+  measure_force(model);
+}
+
+void PredictionData::estimate_noise() {
+  noise_ = problem_.data().noise;
+  for (Index j = 0; j < noise_.size(); ++j) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const OutputErrorRecording& recording : recordings()) {
+      if (recording.role == ExperimentRole::kEstimation) {
+        least = std::min(least, noise_by_differences(recording.outputs.col(j)));
+      }
+    }
+    stated_.push_back(noise_(j) > 0.0);
+    if (!stated_.back()) noise_(j) = least;
+    noise_(j) = std::max({noise_(j), kLeastNoise * output_scale()(j), 1e-300});
+  }
+}
+
+void PredictionData::measure_force(const LumpedModel& model) {
+  double squares = 0.0, samples = 0.0, largest = 0.0;
+  const auto add = [&](const Eigen::MatrixXd& values, Index channel) {
+    squares += values.col(channel).squaredNorm();
+    largest = std::max(largest, values.col(channel).cwiseAbs().maxCoeff());
+    samples += static_cast<double>(values.rows());
+  };
+  for (const OutputErrorRecording& recording : recordings()) {
+    for (std::size_t j = 0; j < model.inputs.size(); ++j) {
+      if (model.inputs[j].kind == LumpedInput::Kind::kForce) {
+        add(recording.inputs, static_cast<Index>(j));
+      }
+    }
+    for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+      if (model.outputs[j].quantity == LumpedOutput::Quantity::kForce) {
+        add(recording.outputs, static_cast<Index>(j));
+      }
+    }
+  }
+  if (!(squares > 0.0)) return;
+  force_scale_ = std::sqrt(squares / samples);
+  largest_force_ = largest;
+}
+
+Eigen::VectorXd PredictionData::measured_initial(std::size_t index) const {
+  return problem_.measured_initial({index, {0, recording(index).time.size()}});
+}
+
+Index PredictionData::shortest() const {
+  Index least = std::numeric_limits<Index>::max();
+  for (const OutputErrorRecording& recording : recordings()) {
+    if (recording.role == ExperimentRole::kEstimation) {
+      least = std::min(least, recording.time.size());
+    }
+  }
+  return least;
+}
+
+bool PredictionData::has_validation() const {
+  return std::ranges::any_of(recordings(), [](const OutputErrorRecording& recording) {
+    return recording.role == ExperimentRole::kValidation;
+  });
+}
+
+Index PredictionData::window_count(Index horizon) const {
+  Index count = 0;
+  for (const OutputErrorRecording& recording : recordings()) {
+    if (recording.role != ExperimentRole::kEstimation) continue;
+    count += recording.time.size() / (seen_of(horizon) + horizon);
+  }
+  return count;
+}
+
+PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const {
+  PredictionTask task = windows(0, role);
+  for (PredictionRun& run : task.runs) {
+    task.horizon = std::max(task.horizon, run.samples);
+    run.seen.assign(run.counted.size(), 0);
+    const auto first = static_cast<std::ptrdiff_t>(std::min(seen, run.samples / 2));
+    std::fill_n(run.seen.begin(), first, std::uint8_t{1});
+    std::fill_n(run.counted.begin(), first, std::uint8_t{0});
+  }
+  return task;
+}
+
+PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const {
+  PredictionTask task{horizon, {}};
+  const Index on = seen_of(horizon);
+  for (std::size_t r = 0; r < recording_count(); ++r) {
+    if (recording(r).role != role) continue;
+    PredictionRun run{r, recording(r).time.size(), {}, {}};
+    run.counted.assign(static_cast<std::size_t>(run.samples), 1);
+    if (horizon > 0) {
+      const Index first =
+          std::max(on, std::min(kMostSeen, run.samples / 10));  // a start from nothing
+      run.seen.assign(run.counted.size(), 0);
+      for (Index k = 0; k < run.samples; ++k) {
+        const bool sees = (k + on - first) % (on + horizon) < on || k < first;
+        run.seen[static_cast<std::size_t>(k)] = sees ? 1 : 0;
+        run.counted[static_cast<std::size_t>(k)] = sees ? 0 : 1;
+      }
+    }
+    task.runs.push_back(std::move(run));
+  }
+  return task;
+}
+
+}  // namespace graybox

@@ -1,0 +1,100 @@
+// The recordings of a diagnosis by prediction error, and which of their samples a predictor sees.
+//
+//   const PredictionData data(model, campaign);
+//   const PredictionTask task = data.windows(10);         // ten samples ahead
+//
+// A task cuts recordings into cycles: `on` samples that the predictor sees, then h that it does
+// not, and only those count. h = 0 is the free run: nothing is seen, everything counts, initial
+// states are estimated.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "graybox/diagnosis/prediction_error/drive_signals.hpp"
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+
+namespace graybox {
+
+struct PredictionRun {
+  std::size_t recording = 0;
+  Eigen::Index samples = 0;                 // from its first
+  std::vector<std::uint8_t> seen, counted;  // of each sample; empty `seen`: none
+};
+
+struct PredictionTask {
+  Eigen::Index horizon = 0;  // samples ahead; 0: free run
+  std::vector<PredictionRun> runs;
+  [[nodiscard]] bool is_free() const { return horizon == 0; }
+  [[nodiscard]] Eigen::Index rows(
+      Eigen::Index outputs) const;  // samples times outputs, of all runs
+  // Edges of blocks for left_out_blocks.hpp: of whole windows; in free run runs cut evenly.
+  [[nodiscard]] BlockEdges edges(Eigen::Index outputs) const;
+};
+
+class PredictionData {
+ public:
+  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the
+  // mean of the inputs between, where the inputs hold, the model's fastest mode lets it, and what
+  // is dropped of the inputs is small; else cut to the first. Throws InputError for what
+  // load_output_error_data refuses and for times that are not even.
+  PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
+                 Eigen::Index most_samples = 0);
+
+  [[nodiscard]] const OutputErrorRecording& recording(std::size_t index) const {
+    return problem_.data().recordings[index];
+  }
+  [[nodiscard]] std::size_t recording_count() const { return problem_.data().recordings.size(); }
+  [[nodiscard]] Eigen::Index output_count() const { return output_scale().size(); }
+  [[nodiscard]] double sample_time() const { return sample_time_; }
+  [[nodiscard]] int steps_per_sample() const { return steps_; }
+  [[nodiscard]] const RecordedNodes& nodes() const { return nodes_; }
+  [[nodiscard]] InputHold hold() const { return problem_.data().hold; }
+  [[nodiscard]] std::span<const OutputErrorRecording> recordings() const {
+    return problem_.data().recordings;
+  }
+  // rms of each output about its mean, over the recordings of the fit.
+  [[nodiscard]] const Eigen::VectorXd& output_scale() const { return problem_.output_scale(); }
+  // Standard deviation of the white noise of each output: stated, else from differences: of order m
+  // of samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the
+  // scale.
+  [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
+  [[nodiscard]] bool states_noise(Eigen::Index output) const {
+    return stated_[static_cast<std::size_t>(output)];
+  }
+  // Of the forces that act (or that outputs measure): rms, and the largest.
+  [[nodiscard]] double force_scale() const { return force_scale_; }
+  [[nodiscard]] double largest_force() const { return largest_force_; }
+  [[nodiscard]] Eigen::VectorXd measured_initial(std::size_t recording) const;
+  // How far a velocity and a position of the free coordinates may be off at the start: their steps.
+  [[nodiscard]] Eigen::Index shortest() const;  // samples, of the estimation recordings
+  [[nodiscard]] bool has_validation() const;
+  // Whole windows of a horizon in the recordings of the fit.
+  [[nodiscard]] Eigen::Index window_count(Eigen::Index horizon) const;
+
+  // Free run after so many samples that the predictor sees.
+  [[nodiscard]] PredictionTask free_after(Eigen::Index seen, ExperimentRole role) const;
+  [[nodiscard]] PredictionTask windows(Eigen::Index horizon,
+                                       ExperimentRole role = ExperimentRole::kEstimation) const;
+
+ private:
+  void estimate_noise();
+  void measure_force(const LumpedModel& model);
+
+  OutputErrorProblem problem_;
+  int steps_ = 1;
+  double sample_time_ = 0.0;
+  RecordedNodes nodes_;
+  Eigen::VectorXd noise_;
+  std::vector<bool> stated_;  // of each output's
+  double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+// Standard deviation of white noise on a smooth signal, by its differences.
+[[nodiscard]] double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values);
+
+}  // namespace graybox

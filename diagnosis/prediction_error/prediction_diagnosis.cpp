@@ -1,0 +1,475 @@
+#include "graybox/diagnosis/prediction_error/prediction_diagnosis.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
+#include "graybox/diagnosis/prediction_error/final_fit.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
+#include "graybox/diagnosis/search/verdict_reasons.hpp"
+#include "graybox/problems/error.hpp"
+#include "graybox/problems/stop.hpp"
+#include "graybox/problems/yaml_field.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kHeldOutLimit = 15.0;           // % of the signal
+constexpr double kNoiseLimit = 1.5;              // times the stated noise
+constexpr double kNoiseMultiple = 2.0;           // of the sensors' noise
+constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+
+double pooled(const VectorXd& error, const VectorXd& scale) {
+  return 100.0 * std::sqrt((error.array() / scale.array()).square().mean());
+}
+
+Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
+                      double samples) {
+  Assessment result;
+  result.degrees_of_freedom = samples * static_cast<double>(error.size());
+  result.chi_square = samples * (error.array() / noise.array()).square().sum();
+  result.nrmse = pooled(error, scale);
+  result.variance_accounted_for = 100.0 * (1.0 - (error.array() / scale.array()).square().mean());
+  return result;
+}
+
+FittedLaw fitted_law(const ExtendedLumpedModel& model, const PlacedFinding& law,
+                     const JudgedModel* judged) {
+  FittedLaw result;
+  result.hypothesis = law.hypothesis;
+  const Element& part = model.model.parts[law.part];
+  const LawEntry& entry = *find_law(part.law_name, part.location.kind != LocationKind::kElement);
+  const std::size_t first = model.first_parameter(law.part);
+  for (std::size_t p = 0; p < part.parameters.size(); ++p) {
+    double error = kNaN;
+    if (judged != nullptr) {
+      const auto at = std::ranges::find(judged->fit.free, first + p);
+      if (at != judged->fit.free.end()) error = judged->deviations(at - judged->fit.free.begin());
+    }
+    result.parameters.push_back(
+        estimate_of(entry.parameters[p], part.location.units, part.parameters[p], error));
+  }
+  return result;
+}
+
+class DiagnosisBuilder {
+ public:
+  DiagnosisBuilder(const LumpedModel& stated, const PredictionData& data,
+                   const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
+                   const FinalFit& final)
+      : stated_(&stated),
+        data_(&data),
+        hypotheses_(&hypotheses),
+        findings_(&findings),
+        final_(&final) {}
+
+  [[nodiscard]] Diagnosis build() {
+    result_.before = extended_fit(final_->as_given());
+    result_.after = extended_fit(final_->found());
+    result_.validation_before = held_out(final_->as_given());
+    result_.validation_after = held_out(final_->found());
+    motion_ = final_->motion();
+    add_effects();
+    add_channels();
+    add_ranking();
+    result_.detection.detected = !result_.effects.empty() || largest_multiple() > kNoiseMultiple;
+    result_.checked = checked();
+    result_.implausible =
+        implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
+    result_.interrupted = findings_->stopped;
+    result_.reasons = reasons();
+    result_.verdict = verdict_of(result_.reasons);
+    result_.verified =
+        std::ranges::none_of(result_.reasons, [](const VerdictReason& r) { return has_failed(r); });
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] double samples() const {
+    double count = 0.0;
+    for (const OutputErrorRecording& recording : data_->recordings()) {
+      if (recording.role == ExperimentRole::kEstimation) {
+        count += static_cast<double>(recording.time.size());
+      }
+    }
+    return count;
+  }
+
+  [[nodiscard]] ExtendedFit extended_fit(const JudgedModel& judged) const {
+    ExtendedFit fit;
+    fit.usable = judged.fit.usable;
+    if (!fit.usable) {
+      fit.trouble = "its simulation leaves all bounds";
+      return fit;
+    }
+    const ExtendedLumpedModel& model = judged.fit.model;
+    for (std::size_t i = 0; i < judged.fit.free.size(); ++i) {
+      const std::size_t index = judged.fit.free[i];
+      if (index >= model.own_parameters()) continue;
+      const LumpedParameter& parameter = model.model.parameters[index];
+      fit.model_parameters.push_back(
+          {parameter.name, parameter.unit, parameter.value,
+           judged.deviations.size() > 0 ? judged.deviations(static_cast<Index>(i)) : kNaN});
+    }
+    const JudgedModel* with_errors = judged.deviations.size() > 0 ? &judged : nullptr;
+    for (const PlacedFinding& law : model.laws) {
+      fit.laws.push_back(fitted_law(model, law, with_errors));
+    }
+    fit.deviance = samples() * (judged.error.array() / data_->noise().array()).square().sum();
+    fit.parameter_count = judged.fit.free.size();
+    fit.estimation = assessment(judged.error, data_->output_scale(), data_->noise(), samples());
+    return fit;
+  }
+
+  [[nodiscard]] std::optional<Assessment> held_out(const JudgedModel& judged) const {
+    if (!judged.held_out_error) return {};
+    return assessment(*judged.held_out_error, judged.held_out_scale, data_->noise(), 1.0);
+  }
+
+  [[nodiscard]] std::optional<HeldOutEffect> effect_of(const JudgedModel& without) const {
+    const JudgedModel& with = final_->found();
+    if (!without.held_out_error || !with.held_out_error) return {};
+    HeldOutEffect effect;
+    effect.error_without = pooled(*without.held_out_error, without.held_out_scale);
+    effect.error_with = pooled(*with.held_out_error, with.held_out_scale);
+    const double floor = pooled(data_->noise(), with.held_out_scale);
+    const double before = effect.error_without * effect.error_without - floor * floor;
+    const double after = effect.error_with * effect.error_with - floor * floor;
+    effect.gain = before > 0.0 ? 1.0 - std::max(after, 0.0) / before : 0.0;
+    effect.misleads = effect.error_with > 1.05 * effect.error_without;
+    return effect;
+  }
+
+  [[nodiscard]] Rival rival_of(const TriedLaw& tried) const {
+    Rival rival;
+    rival.law = fitted_law(tried.fit.model, tried.fit.model.laws.back(), nullptr);
+    rival.bic_difference = tried.behind * std::abs(tried.behind);
+    return rival;
+  }
+
+  void add_effects() {
+    const ExtendedLumpedModel& model = final_->found().fit.model;
+    for (std::size_t l = 0; l < model.laws.size(); ++l) {
+      FoundEffect effect;
+      effect.law = result_.after.laws[l];
+      const JudgedModel without = final_->without(l);
+      if (without.fit.usable) {
+        const double z = final_->z_over(without);
+        effect.law.wald_statistic = z * std::abs(z);
+        effect.bic_difference = effect.law.wald_statistic;
+        effect.explained_share = 1.0 - final_->found().fit.cost / without.fit.cost;
+        effect.held_out = effect_of(without);
+      }
+      const auto accepted =
+          std::ranges::find(findings_->laws, model.laws[l].hypothesis, &AcceptedLaw::hypothesis);
+      if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
+      result_.effects.push_back(std::move(effect));
+    }
+  }
+
+  // A rival that was found as a law of its own later is none; of the others each takes the place of
+  // the law in the model as it is at the end.
+  void add_rivals(const AcceptedLaw& accepted, std::size_t law, FoundEffect& effect) const {
+    constexpr std::size_t kNamed = 3;
+    constexpr double kExcluded = 2.0;  // z
+    const ExtendedLumpedModel& model = final_->found().fit.model;
+    for (const TriedLaw& tried : accepted.rivals) {
+      const bool is_found =
+          std::ranges::count(model.laws, tried.hypothesis, &PlacedFinding::hypothesis) > 0;
+      if (is_found) continue;
+      const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
+      Rival rival = rival_of(tried);
+      if (exchanged.fit.usable) {
+        const double z = final_->z_over(exchanged);
+        rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+        rival.bic_difference = z * std::abs(z);
+        const bool stands = z < kExcluded;
+        (stands ? effect.rivals : effect.excluded).push_back(std::move(rival));
+      } else {
+        effect.excluded.push_back(std::move(rival));
+      }
+    }
+    for (const TriedLaw& tried : accepted.excluded) {
+      if (effect.excluded.size() < kNamed) effect.excluded.push_back(rival_of(tried));
+    }
+  }
+
+  [[nodiscard]] std::vector<ChannelRest> channel_rests(const JudgedModel& judged) const {
+    std::vector<ChannelRest> rests;
+    if (!judged.fit.usable) return rests;
+    const Index outputs = data_->output_count();
+    const Eigen::Map<const MatrixXd> table(judged.fit.residuals.data(), outputs,
+                                           judged.fit.residuals.size() / outputs);
+    for (Index j = 0; j < outputs; ++j) {
+      ChannelRest rest;
+      rest.channel = stated_->output_names[static_cast<std::size_t>(j)];
+      rest.nrmse = 100.0 * judged.error(j) / data_->output_scale()(j);
+      const VectorXd e = table.row(j).transpose();
+      const Index n = e.size() - 1;
+      const double memory = e.head(n).dot(e.tail(n)) / std::max(e.squaredNorm(), 1e-300);
+      rest.autocorrelated_error = rest.nrmse * std::clamp(memory, 0.0, 1.0);
+      rests.push_back(std::move(rest));
+    }
+    return rests;
+  }
+
+  void add_channels() {
+    result_.channels_before = channel_rests(final_->as_given());
+    result_.channels_after = channel_rests(final_->found());
+  }
+
+  void add_ranking() {
+    for (const ExtensionScore& score : findings_->ranking) {
+      const LawExtension& law = findings_->ranked[score.extension];
+      const bool is_known = std::ranges::any_of(result_.ranking, [&](const HypothesisScore& other) {
+        return other.start.hypothesis == law.hypothesis;
+      });
+      if (is_known) continue;
+      HypothesisScore entry;
+      entry.start.hypothesis = law.hypothesis;
+      entry.explained_share = score.share;
+      entry.amplitude = score.amplitude;
+      entry.amplitude_deviation = score.deviation;
+      result_.ranking.push_back(std::move(entry));
+    }
+  }
+
+  [[nodiscard]] CheckedRange checked() const {
+    CheckedRange range;
+    range.kept_out = data_->has_validation();
+    const auto role = range.kept_out ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
+    for (const OutputErrorRecording& recording : data_->recordings()) {
+      if (recording.role != role) continue;
+      if (std::ranges::count(range.files, recording.name) == 0)
+        range.files.push_back(recording.name);
+      for (Index j = 0; j < recording.outputs.cols(); ++j) {
+        const auto at = static_cast<std::size_t>(j);
+        const double low = recording.outputs.col(j).minCoeff();
+        const double high = recording.outputs.col(j).maxCoeff();
+        if (range.spans.size() <= at) {
+          range.spans.push_back({stated_->output_names[at], stated_->output_units[at], low, high});
+        }
+        range.spans[at].from = std::min(range.spans[at].from, low);
+        range.spans[at].to = std::max(range.spans[at].to, high);
+      }
+    }
+    return range;
+  }
+
+  [[nodiscard]] PhysicalContext context() const {
+    PhysicalContext context;
+    const JudgedModel& found = final_->found();
+    for (const std::size_t index : found.fit.free) {
+      if (index < found.fit.model.own_parameters()) {
+        context.starts.push_back(findings_->as_given.model.parameters[index].value);
+      }
+    }
+    for (const PlacedFinding& law : found.fit.model.laws) {
+      context.laws.push_back(context_of(found.fit.model.model, law.part));
+    }
+    return context;
+  }
+
+  [[nodiscard]] PhysicalContext::OfLaw context_of(const LumpedModel& model,
+                                                  std::size_t part) const {
+    PhysicalContext::OfLaw own{0.0, 0.0, 0.0, {}};
+    const Element& law = model.parts[part];
+    if (law.location.kind != LocationKind::kElement) return own;
+    own.trace.carried = data_->largest_force();
+    for (std::size_t i = 0; i < model.parts.size(); ++i) {
+      const Element& other = model.parts[i];
+      if (i == part || other.location.kind != LocationKind::kElement ||
+          other.location.output != law.location.output) {
+        continue;
+      }
+      if (other.law_name == "stiffness") own.stiffness += other.parameters[0];
+      if (other.law_name == "viscous") own.damping += other.parameters[0];
+    }
+    if (!law.law || law.law->state_count() > 0) return own;
+    const Index m = motion_.cols() / 2;
+    const VectorXd z = motion_.leftCols(m) * law.location.input;
+    const VectorXd rate = motion_.rightCols(m) * law.location.input;
+    own.trace.deflection.assign(z.data(), z.data() + z.size());
+    own.trace.rate.assign(rate.data(), rate.data() + rate.size());
+    for (Index k = 0; k < z.size(); ++k) {
+      own.trace.force.push_back(law.law->force(z(k), rate(k), {}));
+    }
+    return own;
+  }
+
+  // The most that any rung leaves in any output, over what the sensors' noise alone would.
+  [[nodiscard]] double largest_multiple() const {
+    double largest = 0.0;
+    for (const Rung& rung : findings_->rungs) {
+      largest = std::max(largest, (rung.error.array() / rung.by_noise.array()).maxCoeff());
+    }
+    const JudgedModel& found = final_->found();
+    return std::max(largest, (found.error.array() / found.by_noise.array()).maxCoeff());
+  }
+
+  static VerdictReason test(std::string name, std::optional<double> value, double limit,
+                            bool passed, std::string next, Verdict otherwise = Verdict::kUnknown) {
+    VerdictReason reason;
+    reason.test = std::move(name);
+    reason.value = value;
+    reason.limit = limit;
+    reason.passed = passed;
+    reason.otherwise = otherwise;
+    if (!passed) reason.next = std::move(next);
+    return reason;
+  }
+
+  [[nodiscard]] std::vector<std::string> parameters_at_bounds() const {
+    std::vector<std::string> names;
+    const PredictionFit& fit = final_->found().fit;
+    for (std::size_t i = 0; i < fit.free.size(); ++i) {
+      const ParameterSpace& space = fit.model.space[fit.free[i]];
+      const double value = fit.model.model.parameters[fit.free[i]].value;
+      const bool is_own = fit.free[i] < fit.model.own_parameters();
+      const bool is_low = space.low > 1e-6 * space.scale && value <= space.low * (1.0 + 1e-9);
+      if (is_own && space.logarithmic && (is_low || value >= space.high * (1.0 - 1e-9))) {
+        names.push_back(fit.model.model.parameters[fit.free[i]].name);
+      }
+    }
+    return names;
+  }
+
+  void add_plausibility(std::vector<VerdictReason>& list) const {
+    const std::size_t absurd = excluding(result_.implausible);
+    list.push_back(test("parameters and laws that no machine has", static_cast<double>(absurd), 0.0,
+                        absurd == 0, absurd > 0 ? result_.implausible.front().remedy : ""));
+    const std::vector<std::string> bounds = parameters_at_bounds();
+    list.push_back(test("masses and springs that ran to a bound of the search",
+                        static_cast<double>(bounds.size()), 0.0, bounds.empty(),
+                        bounds.empty() ? "" : "check the stated value of " + bounds.front()));
+  }
+
+  void add_held_out(std::vector<VerdictReason>& list) const {
+    const JudgedModel& found = final_->found();
+    if (!found.held_out_error) {
+      VerdictReason reason = test("error kept out, % of the signal", {}, kHeldOutLimit, true, "");
+      reason.not_tested = "no recordings were kept out of the fit";
+      list.push_back(std::move(reason));
+      return;
+    }
+    for (Index j = 0; j < data_->output_count(); ++j) {
+      const double error = 100.0 * (*found.held_out_error)(j) / found.held_out_scale(j);
+      const double noise = 100.0 * kNoiseLimit * data_->noise()(j) / found.held_out_scale(j);
+      const double limit = std::max(kHeldOutLimit, noise);
+      const std::string ahead =
+          found.horizon == 0 ? "in free run"
+                             : fmt::format("{:.3g} s ahead", static_cast<double>(found.horizon) *
+                                                                 data_->sample_time());
+      list.push_back(
+          test(fmt::format("error kept out of {} {}, % of its signal",
+                           stated_->output_names[static_cast<std::size_t>(j)], ahead),
+               error, limit, error <= limit,
+               "put recordings like those kept out into the fit, and look at when the error is "
+               "largest"));
+    }
+  }
+
+  [[nodiscard]] std::vector<VerdictReason> reasons() const {
+    std::vector<VerdictReason> list;
+    if (result_.interrupted) {
+      list.push_back(test("the search came to its end", {}, 0.0, false,
+                          "give it more time (--time-limit) or more threads"));
+    }
+    add_plausibility(list);
+    if (!result_.detection.detected) {
+      list.push_back(test("something is missing", {}, 0.0, false,
+                          "nothing: the model as it is will do for motion like the recorded one",
+                          Verdict::kNone));
+      return list;
+    }
+    const auto laws = static_cast<double>(result_.effects.size());
+    VerdictReason found = test("laws found", laws, 1.0, laws >= 1.0,
+                               "check units, signs and the motion that was recorded, and try laws "
+                               "of your own (--laws)");
+    found.is_lower_limit = true;
+    list.push_back(std::move(found));
+    add_held_out(list);
+    const double multiple = largest_multiple();
+    list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
+                        multiple, kNoiseMultiple, multiple <= kNoiseMultiple,
+                        "a disturbance, or physics that none of these laws describes: look at "
+                        "which channel and when it is largest"));
+    std::size_t rivals = 0;
+    for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
+    list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals),
+                        0.0, rivals == 0, "add a sensor, or record larger and faster motion",
+                        Verdict::kAmbiguous));
+    return list;
+  }
+
+  const LumpedModel* stated_;
+  const PredictionData* data_;
+  const PredictionHypotheses* hypotheses_;
+  const PredictionFindings* findings_;
+  const FinalFit* final_;
+  MatrixXd motion_;
+  Diagnosis result_;
+};
+
+Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
+  Diagnosis diagnosis;
+  diagnosis.interrupted = findings.stopped;
+  if (!findings.stopped) {
+    diagnosis.trouble =
+        "the model as it is can't be fitted: its simulation leaves all bounds from the stated "
+        "values";
+  }
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  return diagnosis;
+}
+
+}  // namespace
+
+PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
+                                           const Campaign& campaign, const SearchOptions& options,
+                                           int threads) {
+  const std::string format = YamlField::load(model).at("format").text();
+  if (format != "graybox-lumped/1") {
+    throw InputError(
+        fmt::format("{}: format: a diagnosis by prediction error takes "
+                    "graybox-lumped/1 models, not {}",
+                    model.string(), format));
+  }
+  const LumpedModel stated = load_lumped_model(model);
+  const PredictionData data(stated, campaign, threads);
+  const PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
+  PredictionSearchOptions search_options;
+  search_options.threads = threads;
+  search_options.proceed = options.proceed;
+  if (options.effect_limit > 0) search_options.most_laws = options.effect_limit;
+  PredictionDiagnosis result{hypotheses.hypotheses(), {}};
+  PredictionSearch search(searched, hypotheses, search_options);
+  try {
+    const PredictionFindings findings = search.run(stated);
+    if (findings.usable) {
+      const FinalFit final(data, findings, threads);
+      if (final.found().fit.usable) {
+        result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
+        return result;
+      }
+    }
+    result.diagnosis = without_fit(findings, options);
+  } catch (const Stopped&) {
+    result.diagnosis.interrupted = true;
+    result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
+    result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+  }
+  return result;
+}
+
+}  // namespace graybox

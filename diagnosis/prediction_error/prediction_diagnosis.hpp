@@ -1,0 +1,41 @@
+// Diagnosis by prediction error: the physics that a lumped model lacks, from recordings of any
+// motion, closed loop or open, no period needed, not every force and position measured.
+//
+//   const PredictionDiagnosis result = diagnose_by_prediction(model, campaign, options);
+//   verdict_words(result.diagnosis, result.hypotheses);
+//
+// A predictor (predictor.hpp) that sees the measurements for a while and then runs free for h
+// samples; the search climbs a ladder of h (prediction_search.hpp); the model found is fitted in
+// free run where that has skill and judged on recordings kept out (final_fit.hpp).
+// docs/prediction_error.md has the mathematics and the limits.
+//
+// Verdict: `none` where nothing was found and the rest is at the sensors' noise on every rung;
+// `explained` where laws were found, the rest is at the noise on every rung, no output's error on
+// recordings kept out is above 15 % of its signal (or 1.5 times its stated noise), the model could
+// be a machine's (plausibility.hpp) and no rival stands; `ambiguous` where only the last fails;
+// `unknown` otherwise, with the tests that failed.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/diagnosis/search/diagnosis.hpp"
+#include "graybox/diagnosis/search/search_options.hpp"
+
+namespace graybox {
+
+struct PredictionDiagnosis {
+  std::vector<Hypothesis> hypotheses;
+  Diagnosis diagnosis;
+};
+
+// Throws InputError for files that are missing, wrong or do not belong together, and for models of
+// another format than graybox-lumped/1. A search that is asked to stop ends with what it has.
+[[nodiscard]] PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
+                                                         const Campaign& campaign,
+                                                         const SearchOptions& options,
+                                                         int threads = 1);
+
+}  // namespace graybox

@@ -1,0 +1,301 @@
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+#include "graybox/diagnosis/prediction_error/predictor.hpp"
+#include "graybox/diagnosis/prediction_error/stationary_gain.hpp"
+#include "graybox/problems/stop.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kDifference = 3e-4;  // of a coordinate
+constexpr double kLongestStep = 1.5;  // of a logarithmic coordinate
+constexpr double kInitialDamping = 1e-3, kLeastDamping = 1e-9;
+constexpr double kSettled = 1e-5;  // relative fall of the cost, twice in a row
+constexpr int kTrials = 8;         // of a damping, an iteration
+constexpr double kAtBound = 1e-9;
+
+bool wants_out(const ParameterSpace& space, double value, double slope) {
+  const double low = space.low + kAtBound * std::abs(space.low);
+  const double high = space.high - kAtBound * std::abs(space.high);
+  return (value <= low && slope > 0.0) || (value >= high && slope < 0.0);
+}
+
+}  // namespace
+
+double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
+  const BlockEdges& edges = richer.edges;
+  const auto counted = static_cast<double>((richer.residuals.array() != 0.0).count());
+  const auto squares = [&](const PredictionFit& fit) {
+    return left_out_squares(fit.residuals, fit.jacobian, edges, fit.initial_columns(),
+                            fit.cost / std::max(counted, 1.0));
+  };
+  return left_out_z(squares(poorer), squares(richer),
+                    counted / static_cast<double>(edges.size() - 1));
+}
+
+PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,
+                                   double intensity, int threads)
+    : data_(&data), task_(&task), intensity_(intensity), threads_(threads) {}
+
+InitialStates PredictionFitter::measured_initials(const LumpedModel& model) const {
+  std::vector<Index> slots;  // of each coordinate among the free ones
+  Index free = 0;
+  for (const bool imposed : model.imposed) slots.push_back(imposed ? -1 : free++);
+  InitialStates initials;
+  for (const PredictionRun& run : task_->runs) {
+    VectorXd initial = data_->measured_initial(run.recording);
+    for (const Element& part : model.parts) {
+      if (part.location.kind != LocationKind::kSensor || part.law_name != "offset") continue;
+      const LumpedOutput& output = model.outputs[static_cast<std::size_t>(part.location.channel)];
+      const Index slot = slots[static_cast<std::size_t>(output.mass)];
+      if (slot < 0) continue;
+      using enum LumpedOutput::Quantity;
+      if (output.quantity == kPosition) initial(slot) -= part.parameters[0];
+      if (output.quantity == kVelocity) initial(free + slot) -= part.parameters[0];
+    }
+    initials.push_back(std::move(initial));
+  }
+  return initials;
+}
+
+MatrixXd PredictionFitter::gain_of(const ExtendedLumpedModel& model) const {
+  if (task_->is_free()) return {};
+  Predictor predictor(model.model, data_->sample_time(), data_->steps_per_sample());
+  return stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
+}
+
+bool PredictionFitter::run_all(
+    const ExtendedLumpedModel& model, const InitialStates& initials, const MatrixXd& given,
+    const std::function<void(std::size_t, const MatrixXd&, const MatrixXd&)>& take,
+    bool with_states) const {
+  Predictor predictor(model.model, data_->sample_time(), data_->steps_per_sample());
+  MatrixXd gain = given, errors, states;
+  if (!task_->is_free() && gain.rows() != predictor.state_count()) {
+    gain =
+        stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
+  }
+  DriveSignals signals(data_->recordings(), data_->hold(), data_->nodes());
+  for (std::size_t r = 0; r < task_->runs.size(); ++r) {
+    const PredictionRun& run = task_->runs[r];
+    const NodeInputs& drive = signals.of(run.recording, model.model, data_->sample_time());
+    const OutputErrorRecording& recording = data_->recording(run.recording);
+    const bool whole = run.samples == recording.outputs.rows();
+    const MatrixXd part = whole ? MatrixXd() : MatrixXd(recording.outputs.topRows(run.samples));
+    if (!predictor.run(drive, whole ? recording.outputs : part, run.seen, gain, initials[r], errors,
+                       with_states ? &states : nullptr)) {
+      return false;
+    }
+    take(r, errors, states);
+  }
+  return true;
+}
+
+bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorXd& weights,
+                                 const InitialStates& initials, const MatrixXd& gain,
+                                 VectorXd& result) const {
+  const Index outputs = data_->output_count();
+  result.resize(task_->rows(outputs));
+  Index next = 0;
+  return run_all(
+      model, initials, gain,
+      [&](std::size_t r, const MatrixXd& errors, const MatrixXd&) {
+        const PredictionRun& run = task_->runs[r];
+        for (Index k = 0; k < run.samples; ++k) {
+          const bool counts = run.counted[static_cast<std::size_t>(k)] != 0;
+          for (Index j = 0; j < outputs; ++j) {
+            result(next++) = counts ? errors(k, j) / weights(j) : 0.0;
+          }
+        }
+      },
+      false);
+}
+
+VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit,
+                                           const VectorXd& weights) const {
+  if (!task_->is_free()) {
+    Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
+    if (fit.gain.rows() != predictor.state_count()) return data_->noise();
+    return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon);
+  }
+  VectorXd noise = data_->noise();
+  const Index outputs = data_->output_count();
+  const Eigen::Map<const MatrixXd> table(fit.residuals.data(), outputs,
+                                         fit.residuals.size() / outputs);
+  for (Index j = 0; j < outputs; ++j) {
+    if (data_->states_noise(j)) continue;
+    const VectorXd rest = table.row(j).transpose() * weights(j);
+    noise(j) = std::min(noise(j), std::max(noise_by_differences(rest), 1e-300));
+  }
+  return noise;
+}
+
+MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {
+  const auto coordinates = static_cast<Index>(fit.model.model.imposed.size());
+  MatrixXd all(task_->rows(1), 2 * coordinates);
+  Index next = 0;
+  const auto take = [&](std::size_t, const MatrixXd& errors, const MatrixXd& states) {
+    all.middleRows(next, errors.rows()) = states;
+    next += errors.rows();
+  };
+  if (!run_all(fit.model, fit.initials, fit.gain, take, true)) all.setZero();
+  return all;
+}
+
+VectorXd PredictionFitter::errors(const PredictionFit& fit, const VectorXd& weights) const {
+  const Index outputs = data_->output_count();
+  double counted = 0.0;
+  for (const PredictionRun& run : task_->runs) {
+    counted += static_cast<double>(std::ranges::count(run.counted, 1));
+  }
+  const Eigen::Map<const MatrixXd> table(fit.residuals.data(), outputs,
+                                         fit.residuals.size() / outputs);
+  return (table.rowwise().squaredNorm() / std::max(counted, 1.0)).cwiseSqrt().cwiseProduct(weights);
+}
+
+bool PredictionFitter::evaluate(Point& point, const VectorXd& weights) const {
+  if (!residuals(point.model, weights, point.initials, point.gain, point.residuals)) return false;
+  point.cost = point.residuals.squaredNorm();
+  return std::isfinite(point.cost);
+}
+
+Index PredictionFitter::initial_columns(const Point& at) const {
+  Index count = 0;
+  if (task_->is_free()) {
+    for (const VectorXd& initial : at.initials) count += initial.size();
+  }
+  return count;
+}
+
+PredictionFitter::Point PredictionFitter::moved(const Point& from,
+                                                std::span<const std::size_t> free,
+                                                const VectorXd& step) const {
+  Point point;
+  std::vector<double> values = from.model.values();
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const ParameterSpace& space = from.model.space[free[i]];
+    double change = step(static_cast<Index>(i));
+    if (space.logarithmic) change = std::clamp(change, -kLongestStep, kLongestStep);
+    if (change == 0.0) continue;
+    values[free[i]] = space.value(space.coordinate(values[free[i]]) + change);
+  }
+  point.model = with_values(from.model, values);
+  point.initials = from.initials;
+  point.gain = from.gain;
+  auto next = static_cast<Index>(free.size());
+  if (next == step.size()) return point;
+  for (VectorXd& initial : point.initials) {
+    initial += step.segment(next, initial.size());
+    next += initial.size();
+  }
+  return point;
+}
+
+double PredictionFitter::difference_step(const Point& at, std::span<const std::size_t> free,
+                                         Index column) const {
+  if (column >= static_cast<Index>(free.size())) {  // an initial state: by the outputs' size
+    return kDifference * data_->output_scale().maxCoeff();
+  }
+  const std::size_t index = free[static_cast<std::size_t>(column)];
+  const ParameterSpace& space = at.model.space[index];
+  const double value = at.model.model.parameters[index].value;
+  const double z = space.coordinate(value);
+  const double step = space.logarithmic ? kDifference : kDifference * std::max(1.0, std::abs(z));
+  return space.value(z + step) <= value ? -step : step;
+}
+
+MatrixXd PredictionFitter::jacobian(const Point& at, std::span<const std::size_t> free,
+                                    const VectorXd& weights) const {
+  const Index parameters = static_cast<Index>(free.size());
+  const Index columns = parameters + initial_columns(at);
+  MatrixXd result = MatrixXd::Zero(at.residuals.size(), columns);
+#pragma omp parallel for num_threads(threads_) schedule(dynamic) if (threads_ > 1)
+  for (Index c = 0; c < columns; ++c) {
+    VectorXd step = VectorXd::Zero(columns);
+    double size = difference_step(at, free, c);
+    for (int trial = 0; trial < 2; ++trial, size *= -0.1) {
+      step(c) = size;
+      Point beside = moved(at, free, step);
+      if (!evaluate(beside, weights)) continue;
+      result.col(c) = (beside.residuals - at.residuals) / size;
+      break;
+    }
+  }
+  return result;
+}
+
+std::vector<Index> PredictionFitter::active_columns(const Point& at, const VectorXd& slope,
+                                                    PredictionFit& result) const {
+  std::vector<Index> active;
+  result.at_bound.assign(result.free.size(), false);
+  for (Index c = 0; c < slope.size(); ++c) {
+    const auto i = static_cast<std::size_t>(c);
+    if (i < result.free.size()) {
+      result.at_bound[i] = wants_out(at.model.space[result.free[i]],
+                                     at.model.model.parameters[result.free[i]].value, slope(c));
+    }
+    if (i >= result.free.size() || !result.at_bound[i]) active.push_back(c);
+  }
+  return active;
+}
+
+bool PredictionFitter::descend(Point& at, const MatrixXd& jacobian, std::span<const Index> active,
+                               std::span<const std::size_t> free, const VectorXd& weights,
+                               double& damping) const {
+  const MatrixXd normal = jacobian.transpose() * jacobian;
+  const VectorXd slope = jacobian.transpose() * at.residuals;
+  for (int trial = 0; trial < kTrials; ++trial, damping *= 6.0) {
+    MatrixXd damped = normal(active, active);
+    const double floor = 1e-12 * damped.diagonal().maxCoeff() + 1e-300;
+    damped.diagonal() += damping * (damped.diagonal().array() + floor).matrix();
+    VectorXd step = VectorXd::Zero(slope.size());
+    step(active) = -damped.ldlt().solve(slope(active));
+    if (!step.allFinite()) continue;
+    Point next = moved(at, free, step);
+    if (!evaluate(next, weights) || !(next.cost < at.cost)) continue;
+    at = std::move(next);
+    damping = std::max(damping / 6.0, kLeastDamping);
+    return true;
+  }
+  return false;
+}
+
+PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const VectorXd& weights,
+                                    const InitialStates& initials, int iterations,
+                                    bool parameters_too) const {
+  PredictionFit result;
+  Point at{
+      start, initials.empty() ? measured_initials(start.model) : initials, gain_of(start), 0.0, {}};
+  if (parameters_too) result.free = start.free_parameters();
+  result.usable = evaluate(at, weights);
+  double damping = kInitialDamping;
+  int settled = 0;
+  for (int iteration = 0; result.usable; ++iteration) {
+    stop_if_requested();
+    result.jacobian = jacobian(at, result.free, weights);
+    const std::vector<Index> active =
+        active_columns(at, result.jacobian.transpose() * at.residuals, result);
+    if (iteration == iterations || settled == 2 || active.empty()) break;
+    const double before = at.cost;
+    if (!descend(at, result.jacobian, active, result.free, weights, damping)) break;
+    settled = before - at.cost < kSettled * before ? settled + 1 : 0;
+  }
+  result.model = at.model;
+  result.initials = at.initials;
+  result.gain = at.gain;
+  result.edges = task_->edges(data_->output_count());
+  if (!result.usable) return result;
+  result.cost = at.cost;
+  result.residuals = std::move(at.residuals);
+  return result;
+}
+
+}  // namespace graybox

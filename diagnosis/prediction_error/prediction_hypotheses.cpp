@@ -1,0 +1,392 @@
+#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// Simple laws win among equals (prediction_search.hpp).
+int complexity_of(const std::string& law, LocationKind kind) {
+  if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
+  for (const char* plain : {"viscous", "coulomb", "offset", "inertia"}) {
+    if (law == plain) return 0;
+  }
+  for (const char* plain : {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag",
+                            "dead_zone", "backlash", "ripple"}) {
+    if (law == plain) return 1;
+  }
+  return law == "dahl" || law == "play_and_slip" ? 3 : 2;
+}
+
+const std::vector<std::string> kForceLaws{"viscous",
+                                          "coulomb",
+                                          "offset",
+                                          "stiffness",
+                                          "inertia",
+                                          "cubic_spring",
+                                          "asymmetric_viscous",
+                                          "stribeck",
+                                          "dead_zone",
+                                          "quadratic_drag",
+                                          "deflection_damping",
+                                          "backlash",
+                                          "ripple",
+                                          "dahl",
+                                          "play_and_slip"};
+
+// A part of the model at this place with this law.
+std::optional<std::size_t> part_at(const LumpedModel& model, const Location& place,
+                                   const std::string& law) {
+  for (std::size_t i = 0; i < model.parts.size(); ++i) {
+    const Element& part = model.parts[i];
+    if (part.law_name != law || part.location.kind != place.kind) continue;
+    const bool is_same =
+        place.kind == LocationKind::kElement
+            ? part.location.output == place.output || part.location.output == -place.output
+            : part.location.channel == place.channel;
+    if (is_same) return i;
+  }
+  return {};
+}
+
+bool is_found(const ExtendedLumpedModel& model, std::size_t part) {
+  return std::ranges::any_of(model.laws,
+                             [&](const PlacedFinding& law) { return law.part == part; });
+}
+
+double value_of(const ExtendedLumpedModel& model, std::size_t part, std::size_t parameter) {
+  return model.model.parts[part].parameters[parameter];
+}
+
+LawExtension amplitude(LawExtension plain, std::vector<double> base, std::size_t parameter,
+                       double unit, bool one_sided) {
+  plain.direction.assign(base.size(), 0.0);
+  plain.direction[parameter] = 1.0;
+  plain.fixed.resize(base.size(), false);
+  plain.base = std::move(base);
+  plain.unit = unit;
+  plain.one_sided = one_sided;
+  return plain;
+}
+
+}  // namespace
+
+struct PredictionHypotheses::MotionAt {
+  std::vector<double> sizes, rates;  // |z - median|, |z'|, sorted
+  double range = 0.0, largest = 0.0, rms_rate = 0.0, force = 0.0;
+  bool is_of_free_mass = false;  // against the ground
+  [[nodiscard]] double size(double share) const { return quantile_of(sizes, share); }
+  [[nodiscard]] double rate(double share) const { return quantile_of(rates, share); }
+  static double quantile_of(const std::vector<double>& sorted, double share) {
+    return sorted.empty()
+               ? 0.0
+               : sorted[static_cast<std::size_t>(share * static_cast<double>(sorted.size() - 1))];
+  }
+};
+
+PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const PredictionData& data,
+                                           const std::vector<std::string>& excluded)
+    : data_(&data), excluded_(excluded) {
+  const auto n = static_cast<Index>(model.mass_names.size());
+  rotates_ = std::ranges::any_of(model.parameters,
+                                 [](const LumpedParameter& parameter) {
+                                   return parameter.unit.find("rad") != std::string::npos ||
+                                          parameter.unit == "kg m^2";
+                                 }) ||
+             std::ranges::any_of(model.output_units,
+                                 [](const std::string& unit) { return unit.starts_with("rad"); });
+  has_known_scale_ = std::ranges::any_of(model.parameters, &LumpedParameter::fixed);
+  Location place;
+  place.units = rotates_ ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
+  place.takes_inertia = true;
+  for (Index i = 0; i < n; ++i) {
+    place.name = model.mass_names[static_cast<std::size_t>(i)];
+    place.input = place.output = VectorXd::Unit(n, i);
+    add_place(place, fmt::format("{{kind: element, mass: {}}}", place.name));
+  }
+  place.takes_inertia = false;
+  for (const Element& part : model.parts) {
+    const VectorXd& b = part.location.output;
+    Index plus = 0, minus = 0;
+    if (part.location.kind != LocationKind::kElement || (b.array() != 0.0).count() != 2 ||
+        b.maxCoeff(&plus) != 1.0 || b.minCoeff(&minus) != -1.0) {
+      continue;
+    }
+    const auto& names = model.mass_names;
+    const std::string &to = names[static_cast<std::size_t>(plus)],
+                      &from = names[static_cast<std::size_t>(minus)];
+    place.name = to + "-" + from;
+    place.input = place.output = b;
+    const bool is_known = std::ranges::any_of(locations_, [&](const Location& other) {
+      return other.output.size() == b.size() && (other.output == b || other.output == -b);
+    });
+    if (!is_known) add_place(place, fmt::format("{{kind: element, between: [{}, {}]}}", to, from));
+  }
+  for (std::size_t c = 0; c < model.inputs.size(); ++c) {
+    if (model.inputs[c].kind == LumpedInput::Kind::kForce) {
+      add_signal(LocationKind::kActuator, c, model);
+    }
+    double peak = 0.0, squares = 0.0, samples = 0.0;
+    for (const OutputErrorRecording& recording : data.recordings()) {
+      const auto column = recording.inputs.col(static_cast<Index>(c));
+      peak = std::max(peak, column.cwiseAbs().maxCoeff());
+      squares += column.squaredNorm();
+      samples += static_cast<double>(column.size());
+    }
+    input_peaks_.push_back(peak);
+    input_scales_.push_back(std::sqrt(squares / std::max(samples, 1.0)));
+  }
+  for (std::size_t c = 0; c < model.outputs.size(); ++c) {
+    add_signal(LocationKind::kSensor, c, model);
+  }
+}
+
+void PredictionHypotheses::add(const Location& place, const std::string& yaml,
+                               const std::string& law) {
+  if (std::ranges::count(excluded_, law) > 0) return;
+  Hypothesis hypothesis;
+  hypothesis.place = place.name;
+  hypothesis.location = yaml;
+  hypothesis.law = law;
+  hypotheses_.push_back(std::move(hypothesis));
+  locations_.push_back(place);
+}
+
+void PredictionHypotheses::add_place(const Location& place, const std::string& yaml) {
+  for (const std::string& law : kForceLaws) {
+    if (law == "inertia" && !place.takes_inertia) continue;
+    if (law == "ripple" && !rotates_) continue;
+    add(place, yaml, law);
+  }
+}
+
+void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
+                                      const LumpedModel& model) {
+  const bool is_actuator = kind == LocationKind::kActuator;
+  const auto& names = is_actuator ? model.input_names : model.output_names;
+  const auto& units = is_actuator ? model.input_units : model.output_units;
+  Location place;
+  place.kind = kind;
+  place.channel = static_cast<Index>(channel);
+  place.name = fmt::format("{} {}", is_actuator ? "actuator" : "sensor", names[channel]);
+  place.units.force = units[channel];
+  const std::string yaml = fmt::format("{{kind: {}, {}: {}}}", is_actuator ? "actuator" : "sensor",
+                                       is_actuator ? "input" : "output", names[channel]);
+  add(place, yaml, "lag");
+  add(place, yaml, "delay");
+  if (is_actuator) {
+    add(place, yaml, "saturation");
+    add(place, yaml, "dead_zone");
+  } else {
+    add(place, yaml, "offset");
+  }
+  const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
+  if (is_told) add(place, yaml, "gain");
+}
+
+PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
+    const Location& place, const Eigen::MatrixXd& motion) const {
+  MotionAt at;
+  const Index m = motion.cols() / 2;
+  const VectorXd z = motion.leftCols(m) * place.input;
+  const VectorXd rate = motion.rightCols(m) * place.input;
+  std::vector<double> sorted(z.data(), z.data() + z.size());
+  std::ranges::sort(sorted);
+  const double median = MotionAt::quantile_of(sorted, 0.5);
+  for (Index k = 0; k < z.size(); ++k) {
+    at.sizes.push_back(std::abs(z(k) - median));
+    at.rates.push_back(std::abs(rate(k)));
+  }
+  std::ranges::sort(at.sizes);
+  std::ranges::sort(at.rates);
+  at.range = z.maxCoeff() - z.minCoeff();
+  at.largest = std::max(z.cwiseAbs().maxCoeff(), 1e-300);
+  at.rms_rate = std::max(std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size())), 1e-300);
+  at.force = data_->force_scale();
+  return at;
+}
+
+void PredictionHypotheses::extend_friction(const LawExtension& plain,
+                                           const ExtendedLumpedModel& present, const MotionAt& at,
+                                           std::vector<LawExtension>& list) const {
+  constexpr double kTransition = 1e-3;  // of the rms velocity
+  constexpr double kImposedTransition = 0.05;
+  constexpr std::array kWideTransitions{0.1, 0.4};
+  const Location& place = plain.location;
+  const LumpedModel& model = present.model;
+  bool is_imposed = true;
+  for (Index i = 0; i < place.output.size(); ++i) {
+    is_imposed &= place.output(i) == 0.0 || model.imposed[static_cast<std::size_t>(i)];
+  }
+  const double transition = (is_imposed ? kImposedTransition : kTransition) * at.rms_rate;
+  const auto viscous = part_at(model, place, "viscous");
+  const auto coulomb = part_at(model, place, "coulomb");
+  if (plain.law == "viscous" && !viscous && !part_at(model, place, "asymmetric_viscous")) {
+    list.push_back(amplitude(plain, {0.0}, 0, at.force / at.rms_rate, true));
+  } else if (plain.law == "coulomb" && !coulomb && !part_at(model, place, "stribeck")) {
+    LawExtension law = amplitude(plain, {0.0, transition}, 0, at.force, true);
+    law.fixed = {false, !is_imposed};
+    list.push_back(law);
+    for (const double share : kWideTransitions) {  // a gradual one, that is seen
+      law.base[1] = share * at.rms_rate;
+      law.fixed[1] = false;
+      if (!is_imposed) list.push_back(law);
+    }
+  } else if (plain.law == "asymmetric_viscous" && viscous) {
+    const bool found = is_found(present, *viscous);
+    const double damping = found ? value_of(present, *viscous, 0) : 0.0;
+    LawExtension law = amplitude(plain, {damping, damping}, 1, at.force / at.rms_rate, false);
+    law.fixed = {!found, false};
+    if (found) law.replaces = viscous;
+    list.push_back(std::move(law));
+  } else if (plain.law == "stribeck" && coulomb && is_found(present, *coulomb)) {
+    const double level = value_of(present, *coulomb, 0);
+    for (const double share : {0.1, 0.3}) {
+      LawExtension law =
+          amplitude(plain, {level, level, at.rate(share), value_of(present, *coulomb, 1)}, 1,
+                    std::max(level, 1e-3 * at.force), false);
+      law.fixed = {false, false, false, true};
+      law.replaces = coulomb;
+      if (at.rate(share) > transition) list.push_back(std::move(law));
+    }
+  } else if (plain.law == "quadratic_drag") {
+    list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
+  } else if (plain.law == "deflection_damping") {
+    list.push_back(
+        amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.largest * at.largest), true));
+  }
+}
+
+void PredictionHypotheses::extend_spring(const LawExtension& plain,
+                                         const ExtendedLumpedModel& present, const MotionAt& at,
+                                         std::vector<LawExtension>& list) const {
+  constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a spring
+  const auto spring = part_at(present.model, plain.location, "stiffness");
+  const double size = at.largest;
+  if (plain.law == "offset") {
+    list.push_back(amplitude(plain, {0.0}, 0, at.force, false));
+  } else if (plain.law == "stiffness" && !spring) {
+    list.push_back(amplitude(plain, {0.0}, 0, at.force / size, false));
+  } else if (plain.law == "cubic_spring") {
+    list.push_back(amplitude(plain, {0.0}, 0, at.force / (size * size * size), false));
+  } else if (plain.law == "dead_zone") {
+    for (const double share : {0.6, 0.9}) {
+      list.push_back(amplitude(plain, {at.size(share), 0.0}, 1, at.force / size, false));
+    }
+  } else if (plain.law == "backlash" && spring) {
+    const double stiffness = value_of(present, *spring, 0);
+    if (stiffness > 0.0) {
+      list.push_back(amplitude(plain, {0.0, stiffness}, 0, at.force / stiffness, true));
+    }
+  } else if (plain.law == "ripple" && at.range > kTurned) {
+    constexpr double kTurn = 2.0 * std::numbers::pi;
+    for (const double phase : {0.0, 0.5 * std::numbers::pi}) {
+      LawExtension law = amplitude(plain, {0.0, kTurn, phase}, 0, at.force, false);
+      law.fixed = {false, true, false};
+      list.push_back(std::move(law));
+    }
+  }
+}
+
+void PredictionHypotheses::extend_memory(const LawExtension& plain, const MotionAt& at,
+                                         std::vector<LawExtension>& list) const {
+  if (plain.law == "dahl") {
+    for (const double share : {0.3, 0.6}) {
+      if (!(at.size(share) > 0.0)) continue;
+      LawExtension law = amplitude(plain, {0.0, 0.0}, 1, at.force, true);
+      law.direction = {1.0 / at.size(share), 1.0};  // the stiffness that slips after that way
+      list.push_back(std::move(law));
+    }
+  } else if (plain.law == "play_and_slip" && !at.is_of_free_mass) {
+    for (const double gap : {0.05, 0.1, 0.2}) {
+      LawExtension law =
+          amplitude(plain, {0.0, 0.0, gap * at.largest, 0.0, 4.0}, 3, at.force, true);
+      law.direction = {10.0 / at.largest, 1.0 / at.largest, 0.0, 1.0, 0.0};
+      law.fixed = {false, false, false, false, true};
+      list.push_back(std::move(law));
+    }
+  }
+}
+
+void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present,
+                                        const MotionAt& at, std::vector<LawExtension>& list) const {
+  LawExtension plain;
+  plain.hypothesis = hypothesis;
+  plain.location = locations_[hypothesis];
+  plain.law = hypotheses_[hypothesis].law;
+  plain.complexity = complexity_of(plain.law, plain.location.kind);
+  if (part_at(present.model, plain.location, plain.law)) return;
+  if (plain.law == "inertia") {
+    Index mass = 0;
+    plain.location.output.cwiseAbs().maxCoeff(&mass);
+    // A mass that moves freely has an inertia among the model's own parameters.
+    if (present.model.imposed[static_cast<std::size_t>(mass)] &&
+        present.model.masses(mass) == 0.0) {
+      const double acceleration = at.rms_rate * at.rms_rate / at.largest;
+      list.push_back(amplitude(plain, {0.0}, 0, at.force / acceleration, false));
+    }
+    return;
+  }
+  MotionAt own = at;
+  Index coordinate = 0;
+  const bool is_single = (plain.location.output.array() != 0.0).count() == 1;
+  plain.location.output.cwiseAbs().maxCoeff(&coordinate);
+  own.is_of_free_mass = is_single && !present.model.imposed[static_cast<std::size_t>(coordinate)];
+  extend_friction(plain, present, at, list);
+  extend_spring(plain, present, at, list);
+  extend_memory(plain, own, list);
+}
+
+void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,
+                                         std::vector<LawExtension>& list) const {
+  LawExtension plain;
+  plain.hypothesis = hypothesis;
+  plain.location = locations_[hypothesis];
+  plain.law = hypotheses_[hypothesis].law;
+  plain.complexity = complexity_of(plain.law, plain.location.kind);
+  if (part_at(present.model, plain.location, plain.law)) return;
+  const auto channel = static_cast<std::size_t>(plain.location.channel);
+  const double sample_time = data_->sample_time();
+  const bool is_actuator = plain.location.kind == LocationKind::kActuator;
+  const double size =
+      is_actuator ? input_scales_[channel] : data_->output_scale()(static_cast<Index>(channel));
+  if (plain.law == "lag" || plain.law == "delay") {
+    list.push_back(amplitude(plain, {0.0}, 0, sample_time, true));
+  } else if (plain.law == "gain") {
+    list.push_back(amplitude(plain, {0.0}, 0, 1.0, false));
+  } else if (plain.law == "offset" || plain.law == "dead_zone") {
+    list.push_back(amplitude(plain, {0.0}, 0, size, plain.law == "dead_zone"));
+  } else if (plain.law == "saturation") {
+    for (const double share : {0.8, 0.5, 0.3}) {
+      const double limit = share * input_peaks_[channel];
+      LawExtension law = amplitude(plain, {limit, 0.0}, 0, 1.0, true);
+      law.direction = {0.0, 0.0};
+      law.fixed = {false, true};
+      law.is_secant = true;
+      list.push_back(std::move(law));
+    }
+  }
+}
+
+std::vector<LawExtension> PredictionHypotheses::extensions(const ExtendedLumpedModel& present,
+                                                           const Eigen::MatrixXd& motion) const {
+  std::vector<LawExtension> list;
+  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+    if (locations_[h].kind == LocationKind::kElement) {
+      extend_force(h, present, motion_at(locations_[h], motion), list);
+    } else {
+      extend_signal(h, present, list);
+    }
+  }
+  return list;
+}
+
+}  // namespace graybox

@@ -1,0 +1,56 @@
+// What may be missing from a lumped model that is seen in any motion: places and laws, and the
+// shapes in which a search starts them in the light of the present fit.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/prediction_error/extended_lumped_model.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+
+namespace graybox {
+
+class PredictionHypotheses {
+ public:
+  // `excluded`: laws that are not tried.
+  PredictionHypotheses(const LumpedModel& model, const PredictionData& data,
+                       const std::vector<std::string>& excluded);
+
+  [[nodiscard]] const std::vector<Hypothesis>& hypotheses() const { return hypotheses_; }
+  [[nodiscard]] const Location& location(std::size_t hypothesis) const {
+    return locations_[hypothesis];
+  }
+  // Every law in every start that the motion suggests. `motion`: q and q' of all coordinates
+  // (PredictionFitter::motion).
+  [[nodiscard]] std::vector<LawExtension> extensions(const ExtendedLumpedModel& present,
+                                                     const Eigen::MatrixXd& motion) const;
+
+ private:
+  struct MotionAt;
+  void add_place(const Location& place, const std::string& yaml);
+  void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
+  void add(const Location& place, const std::string& yaml, const std::string& law);
+  void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present, const MotionAt& at,
+                    std::vector<LawExtension>& list) const;
+  void extend_friction(const LawExtension& plain, const ExtendedLumpedModel& present,
+                       const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,
+                     const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_memory(const LawExtension& plain, const MotionAt& at,
+                     std::vector<LawExtension>& list) const;
+  void extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,
+                     std::vector<LawExtension>& list) const;
+  [[nodiscard]] MotionAt motion_at(const Location& place, const Eigen::MatrixXd& motion) const;
+
+  const PredictionData* data_;
+  std::vector<std::string> excluded_;
+  std::vector<Hypothesis> hypotheses_;
+  std::vector<Location> locations_;
+  std::vector<double> input_peaks_, input_scales_;
+  bool rotates_ = false;
+  bool has_known_scale_ = false;  // some parameter of the model is stated as known
+};
+
+}  // namespace graybox

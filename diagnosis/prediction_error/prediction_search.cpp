@@ -1,0 +1,362 @@
+#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "graybox/diagnosis/prediction_error/friction_energy.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kSearchFactor = 10.0;  // how far masses and springs may move
+constexpr int kFirstIterations = 40, kRungIterations = 15, kRefitIterations = 12,
+              kWeighIterations = 6, kPruneIterations = 8;
+constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
+constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
+constexpr Index kFewestWindows = 10, kFirstHorizon = 10;
+constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
+
+void forget_derivatives(PredictionFit& fit) {
+  fit.jacobian.resize(0, 0);
+  fit.residuals.resize(0);
+}
+
+// Of the last law.
+bool has_run_away(const PredictionFit& fit) {
+  const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    if (fit.free[i] >= first && fit.at_bound[i]) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool is_idle(const PredictionFit& without, const PredictionFit& with) {
+  if (!without.usable) return false;
+  const double gain = 1.0 - with.cost / without.cost, z = z_between(without, with);
+  return gain < kNoGain || z < 0.0 || (gain < kPruneGain && z < kPruneErrors);
+}
+
+bool forgets(const LumpedModel& model, double duration) {
+  std::vector<Index> free;
+  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
+    if (!model.imposed[i]) free.push_back(static_cast<Index>(i));
+  }
+  if (free.empty()) return true;
+  const auto n = static_cast<Index>(free.size());
+  const MatrixXd inverse = MatrixXd(model.mass(free, free)).inverse();
+  MatrixXd a = MatrixXd::Zero(2 * n, 2 * n);
+  a.topRightCorner(n, n).setIdentity();
+  a.bottomLeftCorner(n, n) = -inverse * model.stiffness(free, free);
+  a.bottomRightCorner(n, n) = -inverse * model.damping(free, free);
+  constexpr double kShare = 5.0;
+  return a.eigenvalues().real().maxCoeff() < -kShare / duration;
+}
+
+PredictionSearch::PredictionSearch(const PredictionData& data,
+                                   const PredictionHypotheses& hypotheses,
+                                   PredictionSearchOptions options)
+    : data_(&data), hypotheses_(&hypotheses), options_(std::move(options)) {
+  const double unit = data.force_scale() * std::sqrt(data.sample_time());
+  intensities_ = {0.03 * unit, 0.3 * unit, 3.0 * unit};
+}
+
+bool PredictionSearch::proceed(const std::string& step) {
+  if (!options_.proceed || options_.proceed(step)) return true;
+  findings_.stopped = true;
+  return false;
+}
+
+PredictionFitter PredictionSearch::fitter(const State& state) const {
+  return {*data_, state.task, findings_.intensity, options_.threads};
+}
+
+std::vector<Index> PredictionSearch::ladder(const LumpedModel& model) const {
+  const double duration = data_->sample_time() * static_cast<double>(data_->shortest());
+  if (forgets(model, duration)) return {0};
+  std::vector<Index> horizons;
+  for (Index decade = 10;; decade *= 10) {
+    for (const Index horizon : {decade, 3 * decade}) {
+      if (data_->window_count(horizon) < kFewestWindows) return horizons;
+      horizons.push_back(horizon);
+    }
+  }
+}
+
+// Weights: what the present model leaves.
+void PredictionSearch::weigh(State& state) const {
+  constexpr double kLeast = 1e-9;  // of the signal
+  const PredictionFitter fitter = this->fitter(state);
+  state.error = fitter.errors(state.fit, state.weights);
+  state.weights = state.error.cwiseMax(kLeast * data_->output_scale());
+  state.fit = fitter.fit(state.fit.model, state.weights, state.fit.initials, kWeighIterations);
+  state.error = fitter.errors(state.fit, state.weights);
+  state.by_noise = fitter.errors_by_noise(state.fit, state.weights);
+}
+
+// With the model's own parameters where the search began.
+ExtendedLumpedModel PredictionSearch::as_started(const ExtendedLumpedModel& model) const {
+  std::vector<double> values = model.values();
+  const std::size_t own = model.own_parameters();
+  for (std::size_t i = 0; i < own; ++i) values[i] = start_.model.parameters[i].value;
+  return with_values(model, values);
+}
+
+// The model on a rung, with the force noise that predicts best there. False: it can't be simulated.
+bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, State& state) {
+  state.task = data_->windows(horizon);
+  state.weights = 0.01 * data_->output_scale();
+  const bool is_first = findings_.rungs.empty();
+  const int iterations = is_first ? kFirstIterations : kRungIterations;
+  PredictionFit best;
+  double intensity = findings_.intensity;
+  // The first rung says which; later ones keep it.
+  std::vector<double> candidates{findings_.intensity};
+  if (horizon > 0 && !(findings_.intensity > 0.0)) candidates = intensities_;
+  const auto take = [&](PredictionFit fit, double candidate) {
+    if (!fit.usable || (best.usable && !(fit.cost < best.cost))) return;
+    best = std::move(fit);
+    intensity = candidate;
+  };
+  for (const double candidate : candidates) {
+    const PredictionFitter fitter(*data_, state.task, candidate, options_.threads);
+    PredictionFit fit =
+        fitter.fit(best.usable ? best.model : from, state.weights, best.initials, iterations);
+    // The gain was that of the model before.
+    if (is_first && fit.usable) {
+      fit = fitter.fit(fit.model, state.weights, fit.initials, iterations);
+    }
+    take(std::move(fit), candidate);
+  }
+  if (!is_first) {  // a short horizon may have led into another valley
+    const PredictionFitter fitter(*data_, state.task, intensity, options_.threads);
+    take(fitter.fit(as_started(from), state.weights, {}, iterations), intensity);
+  }
+  if (!best.usable) return false;
+  findings_.intensity = intensity;
+  state.fit = std::move(best);
+  weigh(state);
+  return state.fit.usable;
+}
+
+bool PredictionSearch::is_noise(const State& state) const {
+  return (state.error.array() < options_.at_noise * state.by_noise.array()).all();
+}
+
+// The model with all its masses, springs and dampers times the factor that predicts best.
+ExtendedLumpedModel PredictionSearch::scaled_start(const LumpedModel& model) {
+  constexpr int kDecades = 3, kPerDecade = 2;
+  constexpr double kMargin = 0.5;  // of the cost, for another factor than one
+  const PredictionTask task = data_->windows(kFirstHorizon);
+  const PredictionFitter fitter(*data_, task, intensities_[1], options_.threads);
+  const ExtendedLumpedModel stated = as_given(model, kSearchFactor);
+  ExtendedLumpedModel best = stated;
+  double least = std::numeric_limits<double>::infinity();
+  VectorXd residuals;
+  for (int i = 0; i <= 2 * kDecades * kPerDecade; ++i) {
+    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
+    const double factor = std::pow(10.0, static_cast<double>(step) / kPerDecade);
+    std::vector<double> values = stated.values();
+    for (const std::size_t p : stated.free_parameters()) {
+      if (stated.space[p].logarithmic) values[p] *= factor;
+    }
+    ExtendedLumpedModel scaled = as_given(with_parameters(model, values), kSearchFactor);
+    if (!fitter.residuals(scaled, data_->output_scale(), fitter.measured_initials(scaled.model), {},
+                          residuals)) {
+      continue;
+    }
+    const double cost = residuals.squaredNorm();
+    if (!(cost < (step == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
+    least = cost;
+    best = std::move(scaled);
+  }
+  return best;
+}
+
+PredictionFit PredictionSearch::refit(const State& state, const LawExtension& law,
+                                      double amplitude) const {
+  const PredictionFitter fitter = this->fitter(state);
+  ExtendedLumpedModel best_start;
+  double best = std::numeric_limits<double>::infinity();
+  VectorXd residuals;
+  for (const double share : {1.0, 0.3, 0.05}) {
+    ExtendedLumpedModel start = extended(state.fit.model, law, share * amplitude);
+    if (!fitter.residuals(start, state.weights, state.fit.initials, state.fit.gain, residuals)) {
+      continue;
+    }
+    const double cost = residuals.squaredNorm();
+    if (cost < best) {
+      best = cost;
+      best_start = std::move(start);
+    }
+    if (best < state.fit.cost || law.is_secant) break;
+  }
+  if (!std::isfinite(best)) return {};
+  return fitter.fit(best_start, state.weights, state.fit.initials, kRefitIterations);
+}
+
+std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
+                                                 const std::vector<LawExtension>& extensions,
+                                                 const std::vector<ExtensionScore>& list) const {
+  const double fed_before =
+      fed_in_share(state.fit.model.model, fitter(state).motion(state.fit), data_->sample_time());
+  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_before);
+  std::vector<TriedLaw> tried;
+  for (const ExtensionScore& score : list) {
+    const LawExtension& law = extensions[score.extension];
+    if (!law.is_secant && score.share < kHopeless * options_.least_gain) continue;
+    TriedLaw one;
+    one.hypothesis = law.hypothesis;
+    one.fit = refit(state, law, law.is_secant ? 1.0 : score.amplitude);
+    if (!one.fit.usable) continue;
+    one.z = z_between(state.fit, one.fit);
+    one.gain = 1.0 - one.fit.cost / state.fit.cost;
+    one.feeds_energy = fed_in_share(one.fit.model.model, fitter(state).motion(one.fit),
+                                    data_->sample_time()) > fed_limit;
+    one.ran_away = has_run_away(one.fit);
+    tried.push_back(std::move(one));
+  }
+  std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
+  return tried;
+}
+
+std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
+                                       const std::vector<LawExtension>& extensions,
+                                       const State& state) const {
+  // Near the noise of a sensor, which may be rounding and not white, more is asked for.
+  const bool is_near_noise =
+      (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
+  const double least_gain = is_near_noise ? options_.least_gain_near_noise : options_.least_gain;
+  const auto is_good = [&](const TriedLaw& law) {
+    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain;
+  };
+  const auto complexity = [&](const TriedLaw& law) {
+    return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;
+  };
+  std::size_t taken = tried.size();
+  std::size_t best = tried.size();
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    if (!is_good(tried[i])) continue;
+    if (best == tried.size()) {
+      taken = best = i;
+      continue;
+    }
+    const bool is_equal = z_between(tried[i].fit, tried[best].fit) < options_.equal_errors &&
+                          tried[i].fit.cost - tried[best].fit.cost <
+                              (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
+    if (is_equal && complexity(tried[i]) < complexity(tried[taken])) taken = i;
+  }
+  return taken;
+}
+
+void PredictionSearch::accept(std::vector<TriedLaw> tried, std::size_t taken, State& state) {
+  AcceptedLaw law{
+      tried[taken].hypothesis, state.task.horizon, tried[taken].z, tried[taken].gain, {}, {}};
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    TriedLaw& other = tried[i];
+    if (i == taken) continue;
+    other.behind = z_between(other.fit, tried[taken].fit);
+    const bool stands = other.is_possible() && other.z > options_.errors_of_gain &&
+                        other.gain > options_.least_gain && other.behind < options_.rival_errors;
+    forget_derivatives(other.fit);
+    (stands ? law.rivals : law.excluded).push_back(std::move(other));
+  }
+  state.fit = std::move(tried[taken].fit);
+  findings_.laws.push_back(std::move(law));
+}
+
+bool PredictionSearch::add_law(State& state) {
+  const PredictionFitter fitter = this->fitter(state);
+  const std::vector<LawExtension> extensions =
+      hypotheses_->extensions(state.fit.model, fitter.motion(state.fit));
+  const std::vector<ExtensionScore> scores =
+      extension_scores(fitter, state.fit, state.weights, extensions);
+  if (findings_.ranked.empty()) {
+    findings_.ranking = scores;
+    findings_.ranked = extensions;
+  }
+  std::vector<TriedLaw> tried =
+      try_laws(state, extensions,
+               shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
+  const std::size_t taken = plainest(tried, extensions, state);
+  if (taken == tried.size()) return false;
+  accept(std::move(tried), taken, state);
+  return true;
+}
+
+void PredictionSearch::prune(State& state) {
+  for (std::size_t l = 0; l < state.fit.model.laws.size();) {
+    const PlacedFinding law = state.fit.model.laws[l];
+    const PredictionFit without =
+        fitter(state).fit(without_part(state.fit.model, law.part), state.weights,
+                          state.fit.initials, kPruneIterations);
+    if (!is_idle(without, state.fit)) {
+      ++l;
+      continue;
+    }
+    state.fit = without;
+    l = 0;
+  }
+  // A law that contains another took its place.
+  std::erase_if(findings_.laws, [&](const AcceptedLaw& law) {
+    return std::ranges::none_of(state.fit.model.laws, [&](const PlacedFinding& placed) {
+      return placed.hypothesis == law.hypothesis;
+    });
+  });
+}
+
+void PredictionSearch::search_rung(State& state) {
+  while (state.fit.model.laws.size() < options_.most_laws) {
+    const std::string step = fmt::format("{} samples ahead, {} laws found: ranking and refitting",
+                                         state.task.horizon, state.fit.model.laws.size());
+    if (!proceed(step) || !add_law(state)) return;
+    prune(state);
+    weigh(state);
+    if (is_noise(state)) return;
+  }
+}
+
+PredictionFindings PredictionSearch::run(const LumpedModel& model) {
+  findings_ = {};
+  findings_.sample_time = data_->sample_time();
+  const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
+  findings_.found = moves ? scaled_start(model) : as_given(model, kSearchFactor);
+  start_ = findings_.as_given = findings_.found;
+  const std::vector<Index> horizons = ladder(model);
+  findings_.has_free_run = horizons.front() == 0;
+  State state;
+  if (findings_.has_free_run && moves) {  // a start for it
+    if (climb(kFirstHorizon, findings_.found, state)) findings_.found = state.fit.model;
+  }
+  for (const Index horizon : horizons) {
+    if (!proceed(fmt::format("{} samples ahead: fitting", horizon))) break;
+    if (!climb(horizon, findings_.found, state)) break;
+    if (!findings_.usable) {
+      findings_.as_given = state.fit.model;
+      findings_.usable = true;
+      findings_.first_horizon = horizon;
+    }
+    Rung rung{horizon, state.error, state.by_noise, false};
+    const bool has_skill =
+        (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
+    if (!has_skill && !findings_.rungs.empty()) break;
+    if (!is_noise(state)) {
+      search_rung(state);
+      rung.error = state.error;
+      rung.was_searched = true;
+    }
+    findings_.found = state.fit.model;
+    findings_.rungs.push_back(std::move(rung));
+  }
+  return std::move(findings_);
+}
+
+}  // namespace graybox

@@ -1,0 +1,140 @@
+// The search for missing physics by prediction errors.
+//
+// The ladder: horizons of 10, 30, 100, 300, ... samples, short ones first. Over a long horizon a
+// model that lacks friction predicts best by ignoring its own input; over a short one it can't. A
+// plant that forgets (springs and dampers on every coordinate), and imposed motion, are searched in
+// free run, from where a fit ten samples ahead led. On each rung:
+//
+//   1. fit the model of the rung before; skip the rung where its errors are what the sensors' noise
+//      leaves by itself, stop where they exceed 95 % of the signal
+//   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
+//   3. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 % and the frictions do
+//      not feed energy in (friction_energy.hpp); among those not told from the best, the plainest
+//   4. prune: drop every law found that is not missed (is_idle); again from 2
+//
+// Stated values may all be off by one factor, in the wrong unit or with a guessed gain: the factor
+// in 0.001 ... 1000 that predicts best comes first, and masses and springs move by 10 about that.
+//
+//   PredictionSearch search(data, hypotheses, options);
+//   const PredictionFindings findings = search.run(model);
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/prediction_error/extension_scores.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+
+namespace graybox {
+
+struct PredictionSearchOptions {
+  double errors_of_gain = 3.0;  // z
+  double least_gain = 0.03;     // of the cost
+  double equal_errors = 2.5;    // z within which another law is no better
+  double equal_gain = 0.85;     // share of the best one's gain
+  double rival_errors = 2.0;    // z within which a law is not excluded
+  double at_noise = 1.3;        // times the sensors' noise: nothing to see
+  double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
+  double least_gain_near_noise = 0.15;  // so much of the cost
+  double no_skill = 0.95;               // of the signal
+  double fed_in = 0.02;                 // of the energy, at a place
+  std::size_t shortlist = 5, whitened_shortlist = 3;
+  std::size_t most_laws = 8;
+  int threads = 1;
+  // Called with what is being done; false: stop with what has been found.
+  std::function<bool(const std::string&)> proceed;
+};
+
+// One law's fit against the others of its shortlist.
+struct TriedLaw {
+  std::size_t hypothesis = 0;
+  PredictionFit fit;
+  double z = 0.0;       // over the poorer model
+  double gain = 0.0;    // of its cost
+  double behind = 0.0;  // z of the law taken over this one
+  bool feeds_energy = false;
+  bool ran_away = false;  // a parameter of the law ended at a bound
+  [[nodiscard]] bool is_possible() const { return !feeds_energy && !ran_away; }
+};
+
+struct AcceptedLaw {
+  std::size_t hypothesis = 0;
+  Eigen::Index horizon = 0;
+  double z = 0.0, gain = 0.0;
+  std::vector<TriedLaw> rivals, excluded;  // fits without their derivatives
+};
+
+struct Rung {
+  Eigen::Index horizon = 0;
+  Eigen::VectorXd error;     // rms by output, of the model that left the rung
+  Eigen::VectorXd by_noise;  // what the sensors' noise alone would leave
+  bool was_searched = false;
+};
+
+// Whether a fit does as well without a law: the cost rises by less than 0.3 %, or by less than 3 %
+// without being told (z < 1.5), or other blocks are better predicted without it.
+[[nodiscard]] bool is_idle(const PredictionFit& without, const PredictionFit& with);
+
+struct PredictionFindings {
+  bool usable = false;
+  bool stopped = false;
+  ExtendedLumpedModel as_given, found;  // fitted
+  Eigen::Index first_horizon = 0;
+  std::vector<AcceptedLaw> laws;
+  std::vector<Rung> rungs;
+  double sample_time = 0.0;             // s, of the samples that horizons count
+  double intensity = 0.0;               // of the force noise, on the last rung
+  std::vector<ExtensionScore> ranking;  // of the first search, and what it ranked
+  std::vector<LawExtension> ranked;
+  bool has_free_run = false;  // whether it was searched in free run
+};
+
+class PredictionSearch {
+ public:
+  PredictionSearch(const PredictionData& data, const PredictionHypotheses& hypotheses,
+                   PredictionSearchOptions options);
+  [[nodiscard]] PredictionFindings run(const LumpedModel& model);
+
+ private:
+  struct State {  // on one rung
+    PredictionTask task;
+    Eigen::VectorXd weights;
+    PredictionFit fit;
+    Eigen::VectorXd error, by_noise;  // rms by output: what is left, and what noise alone leaves
+  };
+  [[nodiscard]] PredictionFitter fitter(const State& state) const;
+  [[nodiscard]] bool climb(Eigen::Index horizon, const ExtendedLumpedModel& from, State& state);
+  [[nodiscard]] ExtendedLumpedModel as_started(const ExtendedLumpedModel& model) const;
+  void weigh(State& state) const;
+  void search_rung(State& state);
+  [[nodiscard]] bool add_law(State& state);
+  [[nodiscard]] std::vector<TriedLaw> try_laws(const State& state,
+                                               const std::vector<LawExtension>& extensions,
+                                               const std::vector<ExtensionScore>& list) const;
+  [[nodiscard]] PredictionFit refit(const State& state, const LawExtension& law,
+                                    double amplitude) const;
+  [[nodiscard]] std::size_t plainest(const std::vector<TriedLaw>& good,
+                                     const std::vector<LawExtension>& extensions,
+                                     const State& state) const;
+  void accept(std::vector<TriedLaw> tried, std::size_t taken, State& state);
+  void prune(State& state);
+  [[nodiscard]] bool is_noise(const State& state) const;
+  [[nodiscard]] ExtendedLumpedModel scaled_start(const LumpedModel& model);
+  [[nodiscard]] bool proceed(const std::string& step);
+  [[nodiscard]] std::vector<Eigen::Index> ladder(const LumpedModel& model) const;
+
+  const PredictionData* data_;
+  const PredictionHypotheses* hypotheses_;
+  PredictionSearchOptions options_;
+  PredictionFindings findings_;
+  std::vector<double> intensities_;
+  ExtendedLumpedModel start_;
+};
+
+// Springs and dampers hold every free coordinate, and what happened is forgotten in a fifth of the
+// shortest recording; or no coordinate is free.
+[[nodiscard]] bool forgets(const LumpedModel& model, double duration);
+
+}  // namespace graybox

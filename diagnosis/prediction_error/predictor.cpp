@@ -1,0 +1,538 @@
+#include "graybox/diagnosis/prediction_error/predictor.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kOutOfBounds = 1e15;  // of a state: the motion has run away
+// Set-valued friction takes the catalogue's curve with a corner so sharp that it is none.
+constexpr double kSharp = 1e-12;
+constexpr double kBarelyMoving = 1e-6;  // of a velocity
+constexpr double kResolved = 0.5;
+
+double dot(const std::vector<std::pair<Index, double>>& b, const VectorXd& values) {
+  double sum = 0.0;
+  for (const auto& [at, coefficient] : b) sum += coefficient * values(at);
+  return sum;
+}
+
+std::vector<std::pair<Index, double>> sparse(const VectorXd& b) {
+  std::vector<std::pair<Index, double>> list;
+  for (Index i = 0; i < b.size(); ++i) {
+    if (b(i) != 0.0) list.emplace_back(i, b(i));
+  }
+  return list;
+}
+
+const LawEntry& entry_of(const Element& part) {
+  return *find_law(part.law_name, part.location.kind != LocationKind::kElement);
+}
+
+// The same friction with no transition at v = 0, where a velocity passes the one that is stated
+// within `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
+std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
+  const LawEntry& entry = entry_of(part);
+  const auto transition =
+      std::ranges::find(entry.parameters, "transition_velocity", &LawParameter::name);
+  if (transition == entry.parameters.end() || !entry.make) return nullptr;
+  std::vector<double> parameters = part.parameters;
+  double& velocity = parameters[static_cast<std::size_t>(transition - entry.parameters.begin())];
+  const double small = kBarelyMoving * velocity;
+  const double slope = part.law->force(0.0, small, {}) / small;
+  if (!(rate * slope > kResolved)) return nullptr;
+  velocity *= kSharp;
+  return entry.make(parameters);
+}
+
+bool is_linear_element(const Element& part) {
+  return part.law_name == "stiffness" || part.law_name == "viscous";
+}
+
+}  // namespace
+
+Predictor::Predictor(const LumpedModel& model, double sample_time, int steps_per_sample)
+    : sample_time_(sample_time),
+      step_(sample_time / steps_per_sample),
+      steps_(steps_per_sample),
+      mass_(model.mass),
+      damping_(model.damping),
+      stiffness_(model.stiffness),
+      inputs_(model.inputs),
+      outputs_(model.outputs) {
+  split_coordinates(model);
+  Eigen::MatrixXd mass(n_, n_);
+  for (Index i = 0; i < n_; ++i) {
+    for (Index j = 0; j < n_; ++j) {
+      mass(i, j) = mass_(free_[static_cast<std::size_t>(i)], free_[static_cast<std::size_t>(j)]);
+    }
+  }
+  inverse_mass_ = mass.inverse();
+  states_ = 2 * n_;
+  place_laws(model);
+  place_sensors(model);
+  allocate();
+}
+
+void Predictor::split_coordinates(const LumpedModel& model) {
+  imposed_ = model.imposed;
+  m_ = static_cast<Index>(imposed_.size());
+  slot_.assign(imposed_.size(), -1);
+  position_ = velocity_ = acceleration_ = slot_;
+  auto derived = static_cast<Index>(inputs_.size());
+  for (Index i = 0; i < m_; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    if (!imposed_[at]) {
+      slot_[at] = n_++;
+      free_.push_back(i);
+      continue;
+    }
+    for (std::size_t j = 0; j < inputs_.size(); ++j) {
+      if (inputs_[j].mass != i) continue;
+      const auto channel = static_cast<Index>(j);
+      if (inputs_[j].kind == LumpedInput::Kind::kPosition) position_[at] = channel;
+      if (inputs_[j].kind == LumpedInput::Kind::kVelocity) velocity_[at] = channel;
+      if (inputs_[j].kind == LumpedInput::Kind::kAcceleration) acceleration_[at] = channel;
+    }
+    if (velocity_[at] < 0) velocity_[at] = derived++;
+    if (acceleration_[at] < 0) acceleration_[at] = derived++;
+  }
+  no_inputs_.assign(static_cast<std::size_t>(derived), 0.0);
+}
+
+Predictor::Placed Predictor::placed(const Element& part) const {
+  Placed result;
+  result.law = part.law;
+  result.in = sparse(part.location.input);
+  result.out = sparse(part.location.output);
+  result.states = part.law ? part.law->state_count() : 0;
+  return result;
+}
+
+void Predictor::place_laws(const LumpedModel& model) {
+  for (const Element& part : model.parts) {
+    const bool is_force = part.location.kind == LocationKind::kElement && part.law;
+    if (!is_force || is_linear_element(part)) continue;  // those are in M, C and K
+    Placed law = placed(part);
+    law.first_state = states_;
+    states_ += static_cast<Index>(law.states);
+    VectorXd b = VectorXd::Zero(n_);
+    for (const auto& [at, coefficient] : law.out) {
+      if (slot_[static_cast<std::size_t>(at)] >= 0)
+        b(slot_[static_cast<std::size_t>(at)]) = coefficient;
+    }
+    law.velocity_by = inverse_mass_ * b;
+    law.mobility = b.dot(law.velocity_by);
+    if (auto sharp = without_transition(part, step_ * law.mobility); sharp && law.in == law.out) {
+      law.law = std::move(sharp);
+      law.is_set_valued = has_set_valued_ = true;
+    }
+    laws_.push_back(std::move(law));
+  }
+  measured_.resize(outputs_.size());
+  for (std::size_t j = 0; j < outputs_.size(); ++j) {
+    using enum LumpedOutput::Quantity;
+    needs_forces_ |= outputs_[j].quantity == kAcceleration || outputs_[j].quantity == kForce;
+    if (outputs_[j].quantity == kElementForce) measured_[j] = placed(model.parts[outputs_[j].part]);
+  }
+}
+
+void Predictor::place_sensors(const LumpedModel& model) {
+  sensors_.resize(outputs_.size());
+  late_.resize(outputs_.size());
+  for (const Element& part : model.parts) {
+    if (part.location.kind != LocationKind::kSensor) continue;
+    const auto output = static_cast<std::size_t>(part.location.channel);
+    if (part.use == LawUse::kDelay) {
+      late_[output].samples += part.parameters[0] / sample_time_;
+      continue;
+    }
+    Sensor sensor;
+    sensor.driver = part.location.driver;
+    if (part.law_name == "lag") {
+      sensor.time_constant = part.parameters[0];
+      sensor.state = states_++;
+    } else {
+      sensor.law = part.law;
+    }
+    sensors_[output].push_back(std::move(sensor));
+  }
+  for (Late& late : late_) {
+    if (late.samples <= 0.0) continue;
+    late.first = states_;
+    late.length = static_cast<Index>(late.samples) + 1;
+    states_ += late.length;
+  }
+}
+
+void Predictor::allocate() {
+  x_.setZero(states_);
+  k1_ = k2_ = k3_ = k4_ = trial_ = x_;
+  q_.setZero(m_);
+  v_ = a_ = force_ = q_;
+  y_.setZero(output_count());
+  kept_y_ = y_;
+  std::size_t lags = 0;
+  for (const auto& list : sensors_) {
+    lags += static_cast<std::size_t>(
+        std::ranges::count_if(list, [](const Sensor& sensor) { return !sensor.law; }));
+  }
+  followed_.reserve(lags);
+  followed_before_.reserve(lags);
+}
+
+void Predictor::spread(const double* x, const double* inputs) {
+  for (Index i = 0; i < m_; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    if (slot_[at] >= 0) {
+      q_(i) = x[slot_[at]];
+      v_(i) = x[n_ + slot_[at]];
+    } else if (linear_) {
+      q_(i) = v_(i) = a_(i) = 0.0;
+    } else {
+      q_(i) = inputs[position_[at]];
+      v_(i) = inputs[velocity_[at]];
+      a_(i) = inputs[acceleration_[at]];
+    }
+  }
+}
+
+void Predictor::add_forces(const double* x, double* dx) {
+  for (const Placed& law : laws_) {
+    const double z = dot(law.in, q_), rate = dot(law.in, v_);
+    const std::span<const double> state(x + law.first_state, law.states);
+    if (law.states > 0) law.law->state_rate(z, rate, state, {dx + law.first_state, law.states});
+    if (law.is_set_valued && law.mode != Placed::Mode::kSlides) continue;
+    const bool goes_on = !law.is_set_valued || law.direction * rate > 0.0;
+    const double force = law.law->force(z, goes_on ? rate : law.direction * kBarelyMoving, state);
+    for (const auto& [at, coefficient] : law.out) force_(at) -= coefficient * force;
+  }
+}
+
+// dx of the free coordinates and of the laws; force_ is left with what acts on each coordinate
+// beside its inertia.
+void Predictor::rates(const double* x, const double* inputs, double* dx) {
+  spread(x, inputs);
+  force_.noalias() = -(stiffness_.lazyProduct(q_)) - damping_.lazyProduct(v_);
+  std::fill(dx, dx + states_, 0.0);
+  if (!linear_) {
+    for (std::size_t j = 0; j < inputs_.size(); ++j) {
+      if (inputs_[j].kind == LumpedInput::Kind::kForce) force_(inputs_[j].mass) += inputs[j];
+    }
+    add_forces(x, dx);
+  }
+  for (Index i = 0; i < n_; ++i) {
+    double sum = 0.0;
+    for (Index j = 0; j < n_; ++j) {
+      const Index other = free_[static_cast<std::size_t>(j)];
+      double push = force_(other);
+      if (n_ < m_) {
+        for (Index k = 0; k < m_; ++k) {
+          if (imposed_[static_cast<std::size_t>(k)]) push -= mass_(other, k) * a_(k);
+        }
+      }
+      sum += inverse_mass_(i, j) * push;
+    }
+    dx[i] = x[n_ + i];
+    dx[n_ + i] = sum;
+    a_(free_[static_cast<std::size_t>(i)]) = sum;
+  }
+  if (has_set_valued_ && !linear_) hold_still(dx);
+}
+
+// Frictions that hold take what would move them.
+void Predictor::hold_still(double* dx) {
+  for (const Placed& law : laws_) {
+    if (!law.is_set_valued || law.mode != Placed::Mode::kHolds) continue;
+    const double along = dot(law.in, a_) / law.mobility;
+    for (Index i = 0; i < n_; ++i) {
+      dx[n_ + i] -= along * law.velocity_by(i);
+      a_(free_[static_cast<std::size_t>(i)]) -= along * law.velocity_by(i);
+    }
+  }
+}
+
+double Predictor::rate_of(const Placed& law) const {
+  double rate = 0.0;
+  for (const auto& [at, coefficient] : law.in) {
+    const Index slot = slot_[static_cast<std::size_t>(at)];
+    rate += coefficient * (slot >= 0 ? x_(n_ + slot) : v_(at));
+  }
+  return rate;
+}
+
+double Predictor::level_of(const Placed& law, double direction) const {
+  double z = 0.0;
+  for (const auto& [at, coefficient] : law.in) {
+    const Index slot = slot_[static_cast<std::size_t>(at)];
+    z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
+  }
+  const std::span<const double> state(x_.data() + law.first_state, law.states);
+  return law.mobility * std::abs(law.law->force(z, std::copysign(kBarelyMoving, direction), state));
+}
+
+void Predictor::push(const Placed& law, double change) {
+  x_.segment(n_, n_) += law.velocity_by * (change / law.mobility);
+}
+
+// What moves, slides on in its direction; what rests, holds where the other forces are below the
+// level, and else breaks away in theirs.
+void Predictor::choose_friction(const double* inputs) {
+  if (!has_set_valued_ || linear_) return;
+  bool any_rests = false;
+  for (Placed& law : laws_) {
+    if (!law.is_set_valued) continue;
+    law.rate = rate_of(law);
+    law.direction = law.rate > 0.0 ? 1.0 : -1.0;
+    law.mode = law.rate != 0.0 ? Placed::Mode::kSlides : Placed::Mode::kUndecided;
+    any_rests |= law.mode == Placed::Mode::kUndecided;
+  }
+  if (!any_rests) return;
+  rates(x_.data(), inputs, k1_.data());
+  for (Placed& law : laws_) {
+    if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
+    law.pull = dot(law.in, a_);  // acceleration without this friction
+    law.direction = law.pull > 0.0 ? 1.0 : -1.0;
+    const bool holds = std::abs(law.pull) <= level_of(law, law.direction);
+    law.mode = holds ? Placed::Mode::kHolds : Placed::Mode::kSlides;
+  }
+}
+
+// What came to rest within the step, or broke away in it: both where a velocity, or a force, that
+// is straight within the step passes zero, or the level. So the end of a step depends on everything
+// without jumps.
+void Predictor::settle_friction(double step, const double* inputs) {
+  if (!has_set_valued_ || linear_) return;
+  bool any_holds = false;
+  for (const Placed& law : laws_) {
+    if (!law.is_set_valued) continue;
+    any_holds |= law.mode == Placed::Mode::kHolds;
+    if (law.mode != Placed::Mode::kSlides) continue;
+    const double rate = rate_of(law);
+    if (law.direction * rate >= 0.0) continue;
+    const double crossed = law.rate / (law.rate - rate);  // share of the step
+    const double back = (rate - law.rate) / step + 2.0 * law.direction * level_of(law, rate);
+    const bool goes_back = law.direction * back < 0.0;
+    push(law, (goes_back ? (1.0 - crossed) * step * back : 0.0) - rate);
+  }
+  if (any_holds) break_away(step, inputs);
+}
+
+void Predictor::break_away(double step, const double* inputs) {
+  for (Placed& law : laws_) {
+    if (law.mode == Placed::Mode::kHolds) law.mode = Placed::Mode::kUndecided;
+  }
+  rates(x_.data(), inputs, k1_.data());
+  for (Placed& law : laws_) {
+    if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
+    const double pull = dot(law.in, a_);
+    const double beyond = std::abs(pull) - level_of(law, pull);
+    double change = -rate_of(law);  // rounding
+    if (beyond > 0.0) {
+      const double share = std::min(1.0, beyond / std::max(std::abs(pull - law.pull), 1e-300));
+      change += std::copysign(0.5 * share * step * beyond, pull);
+    }
+    push(law, change);
+  }
+}
+
+void Predictor::step(const NodeInputs& drive, Index step) {
+  const double* at_start = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step).data();
+  const double* at_middle = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 1).data();
+  const double* at_end = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 2).data();
+  const double h = step_;
+  choose_friction(at_start);
+  rates(x_.data(), at_start, k1_.data());
+  trial_ = x_ + 0.5 * h * k1_;
+  rates(trial_.data(), at_middle, k2_.data());
+  trial_ = x_ + 0.5 * h * k2_;
+  rates(trial_.data(), at_middle, k3_.data());
+  trial_ = x_ + h * k3_;
+  rates(trial_.data(), at_end, k4_.data());
+  x_ += h / 6.0 * (k1_ + 2.0 * (k2_ + k3_) + k4_);
+  settle_friction(h, at_end);
+}
+
+double Predictor::output_of(std::size_t output) const {
+  const LumpedOutput& what = outputs_[output];
+  using enum LumpedOutput::Quantity;
+  switch (what.quantity) {
+    case kPosition:
+      return q_(what.mass);
+    case kVelocity:
+      return v_(what.mass);
+    case kAcceleration:
+      return a_(what.mass);
+    case kForce:  // that the imposed motion takes
+      return mass_.row(what.mass).dot(a_) - force_(what.mass);
+    case kElementForce: {
+      const Placed& part = measured_[output];
+      return part.law->force(dot(part.in, q_), dot(part.in, v_), {});
+    }
+  }
+  return 0.0;
+}
+
+void Predictor::sense(const double* inputs, std::vector<double>& followed) {
+  if (needs_forces_) {
+    spread(x_.data(), inputs);
+    choose_friction(inputs);
+    rates(x_.data(), inputs, k1_.data());
+  } else {
+    spread(x_.data(), inputs);
+  }
+  followed.clear();
+  for (std::size_t j = 0; j < outputs_.size(); ++j) {
+    double y = output_of(j);
+    for (const Sensor& sensor : sensors_[j]) {
+      if (!sensor.law) {
+        followed.push_back(y);
+        y = x_(sensor.state);
+      } else if (!linear_) {
+        y += sensor.law->force(sensor.driver >= 0 ? inputs[sensor.driver] : y, 0.0, {});
+      }
+    }
+    y_(static_cast<Index>(j)) = y;
+  }
+}
+
+// Late sensors read their registers, straight between samples.
+void Predictor::delay() {
+  kept_y_ = y_;
+  for (std::size_t j = 0; j < late_.size(); ++j) {
+    const Late& late = late_[j];
+    if (late.length == 0) continue;
+    const auto whole = static_cast<Index>(late.samples);
+    const double part = late.samples - static_cast<double>(whole);
+    const auto back = [&](Index samples) {
+      return samples == 0 ? kept_y_(static_cast<Index>(j)) : x_(late.first + samples - 1);
+    };
+    y_(static_cast<Index>(j)) = (1.0 - part) * back(whole) + part * back(whole + 1);
+  }
+}
+
+void Predictor::shift_registers() {
+  for (std::size_t j = 0; j < late_.size(); ++j) {
+    const Late& late = late_[j];
+    for (Index k = late.length - 1; k > 0; --k) x_(late.first + k) = x_(late.first + k - 1);
+    if (late.length > 0) x_(late.first) = kept_y_(static_cast<Index>(j));
+  }
+}
+
+void Predictor::follow_lags() {
+  std::size_t next = 0;
+  for (const auto& list : sensors_) {
+    for (const Sensor& sensor : list) {
+      if (sensor.law) continue;
+      const double r = sample_time_ / std::max(sensor.time_constant, 1e-12 * sample_time_);
+      const double end = std::exp(-r), mean = (1.0 - end) / r;
+      x_(sensor.state) = end * x_(sensor.state) + (mean - end) * followed_before_[next] +
+                         (1.0 - mean) * followed_[next];
+      ++next;
+    }
+  }
+}
+
+// From the corrected state at a sample to the next one. x_, kept_y_ and followed_before_ are of
+// now.
+void Predictor::between_samples(const NodeInputs& drive, Index sample) {
+  for (Index s = 0; s < steps_; ++s) step(drive, sample * steps_ + s);
+  shift_registers();
+}
+
+void Predictor::start(const VectorXd& initial, const double* inputs) {
+  x_.setZero();
+  x_.head(2 * n_) = initial;
+  spread(x_.data(), inputs);
+  for (const Placed& law : laws_) {
+    if (law.states > 0) law.law->rest(dot(law.in, q_), {x_.data() + law.first_state, law.states});
+  }
+  // Lags and registers as if the first output had been there before: in order, since one may follow
+  // another.
+  for (std::size_t pass = 0; pass < 2; ++pass) {
+    sense(inputs, followed_before_);
+    std::size_t next = 0;
+    for (const auto& list : sensors_) {
+      for (const Sensor& sensor : list) {
+        if (!sensor.law) x_(sensor.state) = followed_before_[next++];
+      }
+    }
+  }
+  sense(inputs, followed_before_);
+  for (std::size_t j = 0; j < late_.size(); ++j) {
+    x_.segment(late_[j].first, late_[j].length).setConstant(y_(static_cast<Index>(j)));
+  }
+}
+
+void Predictor::correct(const Eigen::MatrixXd& gain, Index sample, const Eigen::MatrixXd& errors) {
+  for (Index j = 0; j < errors.cols(); ++j) {
+    const double error = errors(sample, j);
+    for (Index i = 0; i < states_; ++i) x_(i) += gain(i, j) * error;
+  }
+}
+
+void Predictor::store_states(Index sample, const double* inputs, Eigen::MatrixXd& states) {
+  spread(x_.data(), inputs);
+  states.row(sample).head(m_) = q_;
+  states.row(sample).tail(m_) = v_;
+}
+
+bool Predictor::run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
+                    std::span<const std::uint8_t> seen, const Eigen::MatrixXd& gain,
+                    const VectorXd& initial, Eigen::MatrixXd& errors, Eigen::MatrixXd* states) {
+  const Index samples = outputs.rows();
+  errors.resize(samples, output_count());
+  if (states != nullptr) states->resize(samples, 2 * m_);
+  start(initial, drive.samples.col(0).data());
+  for (Index k = 0; k < samples; ++k) {
+    const double* inputs = drive.samples.col(k).data();
+    sense(inputs, followed_);
+    if (k > 0) {
+      follow_lags();
+      sense(inputs, followed_before_);  // the lags' outputs
+    }
+    delay();
+    for (Index j = 0; j < output_count(); ++j) errors(k, j) = outputs(k, j) - y_(j);
+    if (!(errors.row(k).cwiseAbs().maxCoeff() < kOutOfBounds)) return false;
+    if (!seen.empty() && seen[static_cast<std::size_t>(k)] != 0 && gain.size() > 0) {
+      correct(gain, k, errors);
+    }
+    if (states != nullptr) store_states(k, inputs, *states);
+    if (k + 1 == samples) break;
+    sense(inputs, followed_before_);  // after the correction
+    kept_y_ = y_;
+    between_samples(drive, k);
+  }
+  return true;
+}
+
+void Predictor::linear_step(VectorXd& state) {
+  linear_ = true;
+  x_ = state;
+  sense(no_inputs_.data(), followed_before_);
+  kept_y_ = y_;
+  const NodeInputs none;
+  between_samples(none, 0);
+  sense(no_inputs_.data(), followed_);
+  follow_lags();
+  state = x_;
+  linear_ = false;
+}
+
+void Predictor::linear_outputs(const VectorXd& state, VectorXd& outputs) {
+  linear_ = true;
+  x_ = state;
+  sense(no_inputs_.data(), followed_);
+  delay();
+  outputs = y_;
+  linear_ = false;
+}
+
+}  // namespace graybox

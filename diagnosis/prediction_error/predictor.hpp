@@ -1,0 +1,138 @@
+// Predictor: what a lumped model says of the next measurements, sample by sample.
+//
+//   e_k = y_k - y(x_k),     x_k <- x_k + K e_k   where sample k is seen,   nothing where it is not,
+//
+// x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). K = 0 is the free
+// run (output error); a seen sample everywhere is the innovations form (Ljung, System
+// Identification, 2nd ed. 1999, ch. 4); cycles of seen and unseen samples predict so far ahead.
+//
+// Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
+// curve: at rest it holds with any force up to its level. What moves along b slides on with F(v)
+// against its direction; what rests and is pulled by less than F(0+) holds, exactly; what comes to
+// rest or breaks away within a step does so where its velocity, or the pull, straight in time,
+// passes zero, or the level. So predictions depend on parameters without jumps, and no transition
+// velocity makes the equations stiff. A transition that is wide enough to be seen, h F b' M^-1 b /
+// v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v is not the
+// model's to change. A lag of a sensor is exact for outputs that are straight between samples; a
+// late sensor reads what the state was then, and is corrected there, since earlier outputs are part
+// of the state.
+//
+//   Predictor predictor(model, sample_time, steps);
+//   predictor.run(drive, outputs, seen, gain, initial, errors);   // false: out of all bounds
+//
+// One object serves one thread; run() allocates nothing but the results. Cost: 4 (1 + laws) law
+// evaluations a step.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "graybox/diagnosis/output_error/node_inputs.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+
+namespace graybox {
+
+class Predictor {
+ public:
+  Predictor(const LumpedModel& model, double sample_time, int steps_per_sample);
+
+  [[nodiscard]] Eigen::Index state_count() const { return states_; }
+  [[nodiscard]] Eigen::Index free_count() const { return n_; }  // coordinates that are not imposed
+  [[nodiscard]] Eigen::Index output_count() const {
+    return static_cast<Eigen::Index>(outputs_.size());
+  }
+
+  // `outputs`: samples x outputs, measured. `seen`: of each sample; empty: none. `gain`: states x
+  // outputs, or empty. `initial`: q and q' of the free coordinates. `errors`: samples x outputs.
+  // `states`, if not null: samples x (q, q' of all coordinates), after each correction.
+  bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
+           std::span<const std::uint8_t> seen, const Eigen::MatrixXd& gain,
+           const Eigen::VectorXd& initial, Eigen::MatrixXd& errors,
+           Eigen::MatrixXd* states = nullptr);
+
+  // For the gain: one sample onward from `state` without inputs, linear elements and sensors alone;
+  // and what is measured in that state.
+  void linear_step(Eigen::VectorXd& state);
+  void linear_outputs(const Eigen::VectorXd& state, Eigen::VectorXd& outputs);
+
+ private:
+  using Coefficients = std::vector<std::pair<Eigen::Index, double>>;  // coordinate, coefficient
+  struct Placed {
+    std::shared_ptr<const Law> law;
+    Coefficients in, out;
+    Eigen::Index first_state = 0;
+    std::size_t states = 0;
+    bool is_set_valued = false;
+    // Of set-valued friction, within a step.
+    enum class Mode : std::int8_t { kUndecided, kSlides, kHolds };
+    Mode mode = Mode::kUndecided;
+    double rate = 0.0, direction = 1.0, pull = 0.0;  // at its start
+    double mobility = 0.0;                           // b' M^-1 b
+    Eigen::VectorXd velocity_by;                     // M^-1 b, of the free coordinates
+  };
+  struct Sensor {
+    std::shared_ptr<const Law> law;  // null: a lag
+    Eigen::Index driver = -1;
+    double time_constant = 0.0;
+    Eigen::Index state = 0;
+  };
+  struct Late {
+    double samples = 0.0;
+    Eigen::Index first = 0, length = 0;  // of the earlier outputs among the states
+  };
+
+  void split_coordinates(const LumpedModel& model);
+  void place_laws(const LumpedModel& model);
+  void place_sensors(const LumpedModel& model);
+  [[nodiscard]] Placed placed(const Element& part) const;
+  void allocate();
+  void start(const Eigen::VectorXd& initial, const double* inputs);
+  void spread(const double* x, const double* inputs);
+  void rates(const double* x, const double* inputs, double* dx);
+  void hold_still(double* dx);
+  void add_forces(const double* x, double* dx);
+  // Velocity at the place of a set-valued friction, and its level as an acceleration there, now.
+  [[nodiscard]] double rate_of(const Placed& law) const;
+  [[nodiscard]] double level_of(const Placed& law, double direction) const;
+  void push(const Placed& law, double change);  // of its velocity
+  void choose_friction(const double* inputs);
+  void settle_friction(double step, const double* inputs);
+  void break_away(double step, const double* inputs);
+  void step(const NodeInputs& drive, Eigen::Index step);
+  void between_samples(const NodeInputs& drive, Eigen::Index sample);
+  [[nodiscard]] double output_of(std::size_t output) const;
+  // Through the laws of the sensors up to their delays; what lags follow goes to `followed`.
+  void sense(const double* inputs, std::vector<double>& followed);
+  void delay();
+  void correct(const Eigen::MatrixXd& gain, Eigen::Index sample, const Eigen::MatrixXd& errors);
+  void shift_registers();
+  void follow_lags();
+  void store_states(Eigen::Index sample, const double* inputs, Eigen::MatrixXd& states);
+
+  double sample_time_, step_;
+  int steps_;
+  bool linear_ = false;  // for the gain
+  bool has_set_valued_ = false;
+  Eigen::Index n_ = 0, m_ = 0, states_ = 0;
+  std::vector<Eigen::Index> free_, slot_, position_, velocity_, acceleration_;
+  std::vector<bool> imposed_;
+  Eigen::MatrixXd mass_, damping_, stiffness_, inverse_mass_;
+  std::vector<LumpedInput> inputs_;
+  std::vector<LumpedOutput> outputs_;
+  bool needs_forces_ = false;  // an output is an acceleration or a force
+  std::vector<Placed> laws_;
+  std::vector<Placed> measured_;              // of outputs that are an element's force
+  std::vector<std::vector<Sensor>> sensors_;  // by output
+  std::vector<Late> late_;
+
+  Eigen::VectorXd x_, k1_, k2_, k3_, k4_, trial_;
+  Eigen::VectorXd q_, v_, a_, force_;  // of all coordinates
+  Eigen::VectorXd y_, kept_y_;
+  std::vector<double> followed_before_, followed_;
+  std::vector<double> no_inputs_;
+};
+
+}  // namespace graybox

@@ -1,0 +1,39 @@
+// The stationary Kalman gain of a predictor (predictor.hpp), its model taken linear: white force
+// noise of intensity q at every free mass, white sensor noise.
+//
+//   P = A (P - P C' (C P C' + R)^-1 C P) A' + Q,     K = P C' (C P C' + R)^-1,
+//
+// by structured doubling (Chu, Fan, Lin and Wang, International Journal of Control 77, 2004):
+// quadratic convergence, a few products of small matrices. Friction and all other laws that are not
+// linear are left out; lags and delays of sensors are in.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "graybox/diagnosis/prediction_error/predictor.hpp"
+
+namespace graybox {
+
+// P of A, C, Q and R (all positive semidefinite, R positive definite and diagonal: its variances).
+// Directions that are neither seen nor die away are held bounded by scaling A by 1 - 1e-6.
+[[nodiscard]] Eigen::MatrixXd stationary_covariance(const Eigen::MatrixXd& a,
+                                                    const Eigen::MatrixXd& c,
+                                                    const Eigen::MatrixXd& q,
+                                                    const Eigen::VectorXd& r);
+
+// `intensity`: N s^0.5 (or N m s^0.5), `noise`: standard deviations of the outputs, above zero.
+// States x outputs; zero where no gain is found.
+[[nodiscard]] Eigen::MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model,
+                                              double sample_time, double intensity,
+                                              const Eigen::VectorXd& noise);
+
+// What sensor noise alone does to predictions: rms of each output's error over the samples 1 ... h
+// after the last one seen, for an estimate that has seen samples with this gain for long,
+//
+//   S = (I - K C) A S A' (I - K C)' + K R K',     var_i = C A^i S A'^i C' + R.
+//
+// An error near that has nothing left to explain. `horizon` 0: the noise itself.
+[[nodiscard]] Eigen::VectorXd error_by_noise(Predictor& predictor, const Eigen::MatrixXd& gain,
+                                             const Eigen::VectorXd& noise, Eigen::Index horizon);
+
+}  // namespace graybox
