@@ -11,6 +11,7 @@
 #include <numbers>
 #include <utility>
 
+#include "graybox/problems/environment_text.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/mechanics/urdf_chain.hpp"
 #include "graybox/problems/yaml_field.hpp"
@@ -257,7 +258,7 @@ RobotModel load_robot_without_elements(const std::filesystem::path& file) {
                    "transmission", "controller", "noise", "parameters", "excitation", "laws",
                    "elements"});
 
-  const std::string urdf_name = root.at("urdf").text();
+  const std::string urdf_name = with_environment(root.at("urdf"));
   const std::vector<ChainRotation> urdf = read_urdf_chain(
       file.parent_path() / urdf_name, root.at("base").text(), root.at("tip").text());
   const std::size_t count = urdf.size();

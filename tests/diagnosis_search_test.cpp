@@ -87,6 +87,9 @@ class RegressionProblem : public MismatchProblem {
     further_information_[index_of(law)] = information;
   }
 
+  void rank_last(const std::string& law) {
+    for (Hypothesis& hypothesis : hypotheses_) hypothesis.rank = hypothesis.law == law ? 1 : 0;
+  }
   void describe(const std::string& law, Characteristic characteristic) {
     hypotheses_[index_of(law)].characteristic = characteristic;
   }
@@ -362,6 +365,19 @@ TEST(DiagnosisSearch, GivesUpWhereNoLawExplainsEnough) {
     ASSERT_EQ(diagnosis.effects.size(), 1U);
     EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of("harmonic_4"));
     EXPECT_FALSE(diagnosis.effects[0].excluded.empty());
+  }
+}
+
+// Two laws that are nearly one: the same recordings name whichever comes first.
+TEST(DiagnosisSearch, TakesLawsOfALowerRankFirst) {
+  RegressionProblem problem;
+  const Eigen::VectorXd effect = scaled_effect(problem, "step", 30.0);
+  for (const auto& [first, last] :
+       {std::pair("step", "slanted_step"), std::pair("slanted_step", "step")}) {
+    problem.rank_last(last);
+    const Diagnosis diagnosis = diagnose_effect(problem, effect, 79);
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    EXPECT_EQ(diagnosis.effects[0].law.hypothesis, problem.index_of(first));
   }
 }
 

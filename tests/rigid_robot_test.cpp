@@ -475,6 +475,49 @@ TEST_F(RigidRobot, KnownPartsAreTakenAway) {
   EXPECT_NEAR(mass.parameters[0].value, 4.0, 1e-9);
 }
 
+// Recorded torques in units of the drives' own: what is recorded is the torque over the gain.
+const std::string kUnknownGains =
+    "channels: {torque: [u_1, u_2], torque_of: arm, drive_gains: unknown, position: [q_1, q_2], "
+    "position_of: arm}\n";
+
+void over_gains(Motion& motion, double first, double second) {
+  motion.torque.col(0) /= first;
+  motion.torque.col(1) /= second;
+}
+
+TEST_F(RigidRobot, GainsOfDrivesFollowFromKnownBodies) {
+  Random random(22);
+  std::string known = kArm;
+  known.replace(known.find("rotor_inertia: unknown"), 22,
+                "rotor_inertia: 3e-4, body: " + body_text(random));
+  known.replace(known.find("rotor_inertia: 2e-4"), 19,
+                "rotor_inertia: 2e-4, body: " + body_text(random));
+  Motion motion = multisine_motion(2, 200, 4.0);
+  set_torque(motion, torques(model(known), motion, VectorXd(0)));
+  over_gains(motion, 8.0, 0.25);
+  motion.torque.col(0) += 0.3 * motion.velocity.col(0);  // friction in the unit of its drive
+  const std::string friction = kFriction.substr(0, kFriction.find("  - {name: dry_2"));
+  const InverseDynamicsFit fit = fit_inverse_dynamics(
+      model(known + friction + kUnknownGains), {{"run", ExperimentRole::kEstimation, {motion}}});
+  ASSERT_EQ(fit.parameters.size(), 3U);
+  EXPECT_EQ(fit.parameters[0].name, "1/gain_1");
+  EXPECT_NEAR(fit.parameters[0].value, 0.125, 1e-9);
+  EXPECT_NEAR(fit.parameters[1].value, 4.0, 1e-8);
+  EXPECT_EQ(fit.parameters[2].name, "friction_1.damping");
+  EXPECT_NEAR(fit.parameters[2].value, 0.3, 1e-9);
+}
+
+TEST_F(RigidRobot, GainsOfDrivesDoNotTieUnknownBodies) {
+  Motion motion = multisine_motion(2, 400, 4.0);
+  const RigidRobotModel one_unit = model(kArm);
+  set_torque(motion, torques(one_unit, motion, kArmTruth.head(6)));
+  over_gains(motion, 8.0, 0.25);
+  const std::vector<MotionRecord> records{{"run", ExperimentRole::kEstimation, {motion}}};
+  EXPECT_GT(fit_inverse_dynamics(one_unit, records).records[0].total.relative, 5.0);
+  const InverseDynamicsFit fit = fit_inverse_dynamics(model(kArm + kUnknownGains), records);
+  EXPECT_LT(fit.records[0].total.relative, 1e-8);
+}
+
 TEST_F(RigidRobot, RefusesWrongModelFiles) {
   const auto changed = [](std::string text, const std::string& from, const std::string& to) {
     text.replace(text.find(from), from.size(), to);
@@ -514,7 +557,8 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
            {"known: [dry_2]", "must be written as element.parameter"},
            {"transmission: [[50, 0], [0, 30]]", "replaces the gear ratios"},
            {"channels: {torque: [u], torque_of: arm, position: [q], position_of: arm}",
-            "must name 2 channels"}}) {
+            "must name 2 channels"},
+           {"transmission: [[50, 0], [0, 30]]\n" + kUnknownGains, "replaces the gear ratios"}}) {
     testing::expect_refused([&] { (void)model(good + lines + "\n"); }, message);
   }
   const std::string mode = R"(elements:
@@ -523,6 +567,12 @@ TEST_F(RigidRobot, RefusesWrongModelFiles) {
                   damping_ratio: {value: 0.1, unit: "1"}}}
 )";
   testing::expect_refused([&] { (void)model(kArm + mode); }, "a motion of its own");
+  const std::string coupling = R"(elements:
+  - {name: tie, location: {kind: element, deflection: {shoulder: 1, elbow: 1}}, law: viscous,
+     parameters: {damping: {value: 0, unit: N m s/rad}}}
+)";
+  testing::expect_refused([&] { (void)model(kArm + coupling + kUnknownGains); },
+                          "'tie' acts on more than one joint");
 }
 
 // The same robot from a URDF, its bodies known or, for one link, not.

@@ -180,6 +180,16 @@ void add_flange(std::vector<CandidatePlace>& places) {
   places.push_back(std::move(place));
 }
 
+void refuse_shared_places(const std::filesystem::path& file,
+                          const std::vector<CandidatePlace>& places) {
+  for (const CandidatePlace& place : places) {
+    if ((place.location.output.array() != 0.0).count() == 1) continue;
+    throw InputError(fmt::format("{}: place {} acts on two joints, whose drives report torques in "
+                                 "units of their own (drive_gains: unknown); state the gains",
+                                 file.string(), place.location.name));
+  }
+}
+
 }  // namespace
 
 ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
@@ -214,10 +224,13 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   data.position_is_recorded = !robot.channels.position.empty();
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
-  add_neighbours(robot, data.places);
-  if (robot.size() > 1) add_flange(data.places);  // on one axis a payload is an inertia
+  if (!robot.channels.unknown_drive_gains) {  // else a force on two joints is two parameters
+    add_neighbours(robot, data.places);
+    if (robot.size() > 1) add_flange(data.places);  // on one axis a payload is an inertia
+  }
   for (const std::filesystem::path& file : place_files) {
     add_places(file, *rigid_robot_places(robot), data.places);
+    if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
   }
   return data;
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
@@ -56,6 +57,13 @@ double centred_square(const Eigen::MatrixXd& values) {
 struct Column {
   std::size_t law = 0, parameter = 0;
 };
+
+// Every joint has friction and most sensors an offset; then come loads and coupled joints.
+int rank_of(std::string_view law, const CandidatePlace& place) {
+  const bool is_plain = law == "viscous" || law == "coulomb" || law == "offset";
+  if (is_plain) return place.is_compound ? 1 : 0;
+  return law == "payload" || law == "inertia" ? 1 : 2;
+}
 
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
@@ -262,7 +270,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                .special_cases = special_cases_of(*entry, false),
                                .is_compound = place.is_compound,
                                .repeatable = entry->name == "ripple",
-                               .characteristic = characteristic_of(*entry, place)});
+                               .characteristic = characteristic_of(*entry, place),
+                               .rank = rank_of(entry->name, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
       }

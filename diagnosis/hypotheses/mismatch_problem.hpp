@@ -46,6 +46,9 @@ struct Hypothesis {
   bool only_named = false;
   // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
   Characteristic characteristic = Characteristic::kNone;
+  // Laws of a lower rank are taken first, as many as are there: what every machine has before what
+  // few have.
+  int rank = 0;
 };
 
 struct LawParameterEstimate {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
@@ -39,6 +40,10 @@ std::shared_ptr<const Law> unit_law(const Element& element, std::size_t paramete
   return entry.make(values);
 }
 
+std::string over_gain(bool unknown_gains, Index joint) {
+  return unknown_gains ? fmt::format("/gain_{}", joint + 1) : "";
+}
+
 }  // namespace
 
 std::string name_of(const RigidRobotModel& robot, const ElementParameter& place) {
@@ -57,9 +62,11 @@ void set_parameter(RigidRobotModel& robot, const ElementParameter& place, double
   if (element.law) element.law = entry_of(element).make(element.parameters);
 }
 
-TorqueColumns::TorqueColumns(const RigidRobotModel& robot) : regressor_(robot) {
+TorqueColumns::TorqueColumns(const RigidRobotModel& robot)
+    : regressor_(robot), unknown_gains_(robot.channels.unknown_drive_gains) {
   add_links(robot);
   add_rotors(robot);
+  if (unknown_gains_) add_gains(robot);
   for (std::size_t k = 0; k < robot.elements.size(); ++k) add_element(robot, k);
   matrix_ = Eigen::MatrixXd::Zero(robot.size(), size());
   known_ = Eigen::VectorXd::Zero(robot.size());
@@ -78,11 +85,17 @@ void TorqueColumns::add_links(const RigidRobotModel& robot) {
       bodies_.push_back({j, standard_parameters(*joint.body)});
       continue;
     }
-    unknown_links_.push_back(j);
+    add_unknown_link(j);
+  }
+}
+
+void TorqueColumns::add_unknown_link(Index link) {
+  for (Index joint = unknown_gains_ ? 0 : link; joint <= link; ++joint) {
+    links_.push_back({link, size(), unknown_gains_ ? joint : -1});
     for (Index k = 0; k < kStandardParameters; ++k) {
-      (void)add_column(
-          fmt::format("{}{}", kStandardParameterNames[static_cast<std::size_t>(k)], j + 1),
-          unit_of_standard_parameter(k));
+      (void)add_column(fmt::format("{}{}{}", kStandardParameterNames[static_cast<std::size_t>(k)],
+                                   link + 1, over_gain(unknown_gains_, joint)),
+                       unit_of_standard_parameter(k));
     }
   }
 }
@@ -97,9 +110,21 @@ void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
       force.factor = *joint.rotor_inertia;
     } else {
       force.column =
-          add_column(fmt::format("rotor_inertia_{}", j + 1), joint.is_prismatic ? "kg" : "kg m^2");
+          add_column(fmt::format("rotor_inertia_{}{}", j + 1, over_gain(unknown_gains_, j)),
+                     joint.is_prismatic ? "kg" : "kg m^2");
     }
-    forces_.push_back(std::move(force));
+    rotors_.push_back(std::move(force));
+  }
+}
+
+// Of the joints that carry something known: a body from there on, or their own rotor.
+void TorqueColumns::add_gains(const RigidRobotModel& robot) {
+  Index last = -1;
+  for (const Body& body : bodies_) last = std::max(last, body.link);
+  for (Index j = 0; j < robot.size(); ++j) {
+    const auto& rotor = robot.joints[static_cast<std::size_t>(j)].rotor_inertia;
+    const bool is_told = j <= last || (rotor && *rotor != 0.0);
+    gains_.push_back(is_told ? add_column(fmt::format("1/gain_{}", j + 1), "1") : -1);
   }
 }
 
@@ -164,29 +189,44 @@ std::vector<TorqueColumns::FilteredColumn> TorqueColumns::filtered_columns(
 void TorqueColumns::evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
                              const Eigen::Ref<const Eigen::VectorXd>& velocity,
                              const Eigen::Ref<const Eigen::VectorXd>& acceleration) {
-  const Eigen::MatrixXd& bodies = regressor_.evaluate(q, velocity, acceleration);
+  matrix_.setZero();
+  known_.setZero();
+  evaluate_links(regressor_.evaluate(q, velocity, acceleration));
+  for (const Force& rotor : rotors_) add(rotor, rotor.input.dot(acceleration));
+  for (std::size_t j = 0; j < gains_.size(); ++j) {
+    if (gains_[j] < 0) continue;
+    const auto row = static_cast<Index>(j);
+    matrix_(row, gains_[j]) = std::exchange(known_(row), 0.0);
+  }
+  for (const Force& force : forces_) {
+    add(force, force.law ? force.law->force(force.input.dot(q), force.input.dot(velocity), {})
+                         : force.input.dot(acceleration));
+  }
+}
+
+void TorqueColumns::evaluate_links(const Eigen::MatrixXd& bodies) {
   const auto of_link = [&](Index link) {
     return bodies.middleCols<kStandardParameters>(kStandardParameters * link);
   };
-  matrix_.setZero();
-  known_.setZero();
-  for (std::size_t k = 0; k < unknown_links_.size(); ++k) {
-    matrix_.middleCols<kStandardParameters>(kStandardParameters * static_cast<Index>(k)) =
-        of_link(unknown_links_[k]);
+  for (const Link& link : links_) {
+    auto columns = matrix_.middleCols<kStandardParameters>(link.first);
+    if (link.joint < 0) {
+      columns = of_link(link.link);
+    } else {
+      columns.row(link.joint) = of_link(link.link).row(link.joint);
+    }
   }
   for (const Body& body : bodies_) {
     auto target = body.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
                                   : Eigen::Ref<Eigen::VectorXd>(matrix_.col(body.column));
     target.noalias() += of_link(body.link) * body.direction;
   }
-  for (const Force& force : forces_) {
-    const double value = force.law
-                             ? force.law->force(force.input.dot(q), force.input.dot(velocity), {})
-                             : force.input.dot(acceleration);
-    auto target = force.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
-                                   : Eigen::Ref<Eigen::VectorXd>(matrix_.col(force.column));
-    target += force.factor * value * force.output;
-  }
+}
+
+void TorqueColumns::add(const Force& force, double value) {
+  auto target = force.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
+                                 : Eigen::Ref<Eigen::VectorXd>(matrix_.col(force.column));
+  target += force.factor * value * force.output;
 }
 
 }  // namespace graybox

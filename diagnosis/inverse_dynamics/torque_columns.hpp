@@ -13,6 +13,11 @@
 //   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()
 //   columns.remembered(piece);                           // samples x n
 //
+// Where the drives' gains are unknown, u_j = g_j e_j with e_j what is recorded, each joint has
+// columns of its own for the bodies and rotors: 1/g_j where these are known ("1/gain_2"), the
+// inertial parameters over g_j where not ("XX2/gain_1"). Links shared by several joints are not
+// tied to each other, so the fit stays linear. Elements are in the unit of their joint's drive.
+//
 // Cost O(n^2) for the bodies and O(n) for each element.
 #pragma once
 
@@ -69,14 +74,27 @@ class TorqueColumns {
   };
 
   [[nodiscard]] static Eigen::VectorXd change_by_filters(const Force& force, const Motion& piece);
+  // Ten columns of a link whose body is unknown, in the row of one joint or in all rows.
+  struct Link {
+    Eigen::Index link, first;
+    Eigen::Index joint = -1;  // -1: all
+  };
+
   Eigen::Index add_column(std::string name, std::string unit);
   void add_links(const RigidRobotModel& robot);
+  void add_unknown_link(Eigen::Index link);
   void add_rotors(const RigidRobotModel& robot);
+  void add_gains(const RigidRobotModel& robot);
+  void evaluate_links(const Eigen::MatrixXd& bodies);
+  void add(const Force& force, double value);
   void add_element(const RigidRobotModel& robot, std::size_t index);
 
   RigidBodyRegressor regressor_;
-  std::vector<Eigen::Index> unknown_links_;  // whose columns come first, in this order
+  bool unknown_gains_;
+  std::vector<Link> links_;  // whose columns come first, in this order
   std::vector<Body> bodies_;
+  std::vector<Force> rotors_;
+  std::vector<Eigen::Index> gains_;  // columns by joint, -1: none; empty where gains are known
   std::vector<Force> forces_;
   std::vector<Force> with_memory_;
   std::vector<std::string> names_, units_;

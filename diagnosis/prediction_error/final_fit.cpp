@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
 
@@ -19,6 +20,7 @@ constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
 constexpr int kIterations = 25;
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
+constexpr double kMissed = 2.5;      // z of a law that stays
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
@@ -54,8 +56,10 @@ MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
 
 }  // namespace
 
-FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& findings, int threads)
+FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypotheses,
+                   const PredictionFindings& findings, int threads)
     : data_(&data),
+      hypotheses_(&hypotheses),
       findings_(&findings),
       threads_(threads),
       task_(data.windows(0)),
@@ -73,6 +77,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionFindings& finding
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
   drop_idle_laws();
+  take_plainer_laws();
   estimate_deviations(found_);
   judge_held_out(found_);
   as_given_ = judged(findings.as_given, kIterations);
@@ -128,18 +133,68 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
 }
 
-// What the search found on one rung and the whole does not bear out.
+// What the search found on one rung and the whole does not bear out, the least missed first: what
+// it stood in for may then fall to the others.
 void FinalFit::drop_idle_laws() {
+  while (!found_.fit.model.laws.empty()) {
+    std::optional<JudgedModel> poorest;
+    double least = kMissed;
+    for (const PlacedFinding& law : found_.fit.model.laws) {
+      JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
+      if (!poorer.fit.usable) continue;
+      const double z = is_idle(poorer.fit, found_.fit) ? -kMissed : z_over(poorer);
+      if (z >= least) continue;
+      least = z;
+      poorest = std::move(poorer);
+    }
+    if (!poorest) return;
+    found_ = std::move(*poorest);
+  }
+}
+
+// Friction of two levels where one does as well, and the like.
+void FinalFit::take_plainer_laws() {
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
-    JudgedModel poorer =
-        judged(without_part(found_.fit.model, found_.fit.model.laws[l].part), kIterations);
-    if (!is_idle(poorer.fit, found_.fit)) {
-      ++l;
+    l = take_plainer_law(l) ? 0 : l + 1;
+  }
+}
+
+bool FinalFit::take_plainer_law(std::size_t law) {
+  const PlacedFinding placed = found_.fit.model.laws[law];
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const Hypothesis& rich = all[placed.hypothesis];
+  if (rich.special_cases.empty()) return false;
+  const JudgedModel without = judged(without_part(found_.fit.model, placed.part), kIterations);
+  if (!without.fit.usable) return false;
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    if (all[h].place != rich.place || std::ranges::count(rich.special_cases, all[h].law) == 0) {
       continue;
     }
-    found_ = std::move(poorer);
-    l = 0;
+    JudgedModel plainer = with_law(without, h);
+    if (!plainer.fit.usable || z_over(plainer) >= kMissed) continue;
+    accepted_as_[h] = accepted_as(placed.hypothesis);
+    found_ = std::move(plainer);
+    return true;
   }
+  return false;
+}
+
+// The best of its starts.
+JudgedModel FinalFit::with_law(const JudgedModel& poorer, std::size_t hypothesis) const {
+  constexpr double kStart = 0.1;  // of what acts at all
+  JudgedModel best;
+  for (const LawExtension& start : hypotheses_->extensions(poorer.fit.model, motion())) {
+    if (start.hypothesis != hypothesis || start.replaces) continue;
+    JudgedModel each = judged(extended(poorer.fit.model, start, kStart * start.unit), kIterations);
+    if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
+    best = std::move(each);
+  }
+  return best;
+}
+
+std::size_t FinalFit::accepted_as(std::size_t hypothesis) const {
+  const auto found = accepted_as_.find(hypothesis);
+  return found == accepted_as_.end() ? hypothesis : found->second;
 }
 
 JudgedModel FinalFit::exchanged(std::size_t law, const ExtendedLumpedModel& rival) const {

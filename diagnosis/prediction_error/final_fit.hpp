@@ -10,10 +10,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <optional>
 #include <vector>
 
 #include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "graybox/diagnosis/prediction_error/prediction_search.hpp"
 
 namespace graybox {
@@ -31,7 +33,8 @@ struct JudgedModel {
 class FinalFit {
  public:
   // References are kept.
-  FinalFit(const PredictionData& data, const PredictionFindings& findings, int threads);
+  FinalFit(const PredictionData& data, const PredictionHypotheses& hypotheses,
+           const PredictionFindings& findings, int threads);
 
   // Free run, or the longest rung, whichever `found` has skill in.
   [[nodiscard]] Eigen::Index horizon() const { return task_.horizon; }
@@ -44,20 +47,27 @@ class FinalFit {
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
+  // The law that the search accepted where this one stands: itself, or one that contains it.
+  [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
+  void take_plainer_laws();
+  [[nodiscard]] bool take_plainer_law(std::size_t law);
+  [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   void judge_held_out(JudgedModel& model) const;
   void estimate_deviations(JudgedModel& model) const;
 
   const PredictionData* data_;
+  const PredictionHypotheses* hypotheses_;
   const PredictionFindings* findings_;
   int threads_;
   PredictionTask task_;
   Eigen::VectorXd weights_;
   JudgedModel found_, as_given_;
+  std::map<std::size_t, std::size_t> accepted_as_;  // plainer laws: what they were accepted as
 };
 
 }  // namespace graybox

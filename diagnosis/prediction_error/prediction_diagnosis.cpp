@@ -169,7 +169,8 @@ class DiagnosisBuilder {
         effect.held_out = effect_of(without);
       }
       const auto accepted =
-          std::ranges::find(findings_->laws, model.laws[l].hypothesis, &AcceptedLaw::hypothesis);
+          std::ranges::find(findings_->laws, final_->accepted_as(model.laws[l].hypothesis),
+                            &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
       result_.effects.push_back(std::move(effect));
     }
@@ -457,7 +458,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   try {
     const PredictionFindings findings = search.run(stated);
     if (findings.usable) {
-      const FinalFit final(data, findings, threads);
+      const FinalFit final(data, hypotheses, findings, threads);
       if (final.found().fit.usable) {
         result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
         return result;

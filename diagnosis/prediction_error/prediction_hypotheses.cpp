@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+
 namespace graybox {
 namespace {
 
@@ -156,6 +158,8 @@ void PredictionHypotheses::add(const Location& place, const std::string& yaml,
   hypothesis.place = place.name;
   hypothesis.location = yaml;
   hypothesis.law = law;
+  const bool is_signal = place.kind != LocationKind::kElement;
+  if (!is_signal) hypothesis.special_cases = special_cases_of(*find_law(law, false), false);
   hypotheses_.push_back(std::move(hypothesis));
   locations_.push_back(place);
 }

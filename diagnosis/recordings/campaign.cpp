@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <set>
 #include <string_view>
 
 #include "graybox/diagnosis/recordings/preprocess_fields.hpp"
+#include "graybox/problems/environment_text.hpp"
 #include "graybox/problems/formats/file_kind.hpp"
 #include "graybox/problems/units.hpp"
 #include "graybox/problems/yaml_field.hpp"
@@ -107,27 +107,8 @@ void read_noise(const YamlField& field, std::vector<Channel>& channels) {
 
 // ---- experiments --------------------------------------------------------------------------------
 
-// "${NAME}/x" with the environment's value of NAME.
-std::string expanded(const YamlField& field) {
-  std::string text = field.text();
-  for (std::size_t begin = 0; (begin = text.find("${")) != std::string::npos;) {
-    const std::size_t end = text.find('}', begin);
-    if (end == std::string::npos) field.fail("'${' without '}'");
-    const std::string name = text.substr(begin + 2, end - begin - 2);
-    const char* value = std::getenv(name.c_str());
-    if (value == nullptr || *value == '\0') {
-      field.fail(
-          fmt::format("the environment variable {} is not set; set it to the folder of the "
-                      "recordings",
-                      name));
-    }
-    text.replace(begin, end + 1 - begin, value);
-  }
-  return text;
-}
-
 fs::path data_file(const YamlField& field, const fs::path& folder) {
-  const fs::path path = folder / expanded(field);  // an absolute path stays what it is
+  const fs::path path = folder / with_environment(field);  // an absolute path stays what it is
   if (!is_file(path)) {
     field.fail(fmt::format("there is no file {}; correct the name or remove the experiment",
                            path.string()));

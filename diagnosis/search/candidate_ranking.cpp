@@ -23,7 +23,8 @@ constexpr double kOptimism = 3.0;
 constexpr int kMoreGeneral = 2;
 
 bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
-  return hypothesis.is_compound && !state.compounds_are_open;
+  return hypothesis.rank > state.highest_rank ||
+         (hypothesis.is_compound && !state.compounds_are_open);
 }
 
 // Recordings kept out have spoken against it (law_rejection.hpp).

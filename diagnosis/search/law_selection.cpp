@@ -1,7 +1,9 @@
 #include "graybox/diagnosis/search/law_selection.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
@@ -158,11 +160,26 @@ void add_laws(SearchState& state) {
   }
 }
 
+std::set<int> ranks(const SearchState& state) {
+  std::set<int> found;
+  for (const Hypothesis& hypothesis : state.problem->hypotheses()) found.insert(hypothesis.rank);
+  return found;
+}
+
 }  // namespace
 
 void add_missing_laws(SearchState& state) {
-  state.compounds_are_open = !state.result.after.laws.empty();
-  add_laws(state);
+  if (state.result.after.laws.empty()) {
+    for (const int rank : ranks(state)) {
+      state.highest_rank = rank;
+      state.compounds_are_open = false;
+      add_laws(state);
+    }
+    state.highest_rank = std::numeric_limits<int>::max();
+  } else {
+    state.compounds_are_open = true;
+    add_laws(state);
+  }
   state.compounds_are_open = true;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -52,6 +53,8 @@ struct SearchState {
   CandidateRefits refits;
   // Compound places are looked at when single ones explain no more.
   bool compounds_are_open = true;
+  // Hypotheses of a higher rank come when those up to this one explain no more.
+  int highest_rank = std::numeric_limits<int>::max();
 
   int first_fits = 0;           // after the first (first_fit.hpp)
   bool tried_to_renew = false;  // with laws (renewal.hpp)

@@ -6,6 +6,7 @@
 
 #include "graybox/problems/elements/lumped_model.hpp"
 #include "graybox/problems/elements/robot_elements.hpp"
+#include "graybox/problems/environment_text.hpp"
 #include "graybox/problems/yaml_field.hpp"
 
 namespace graybox {
@@ -26,7 +27,7 @@ SimulatedSystem robot_system(const fs::path& file, const std::optional<fs::path>
   const auto extended = std::make_shared<const ExtendedRobot>(load_extended_robot(file, physics));
   const RobotModel& robot = extended->robot;
   SimulatedSystem system;
-  system.files = {file, file.parent_path() / YamlField::load(file).at("urdf").text()};
+  system.files = {file, file.parent_path() / with_environment(YamlField::load(file).at("urdf"))};
   system.sample_time = robot.sample_time;
   system.references = numbered("r", "rad/s", robot.motor_count());
   system.inputs = numbered("u", "N m", robot.motor_count());

@@ -123,7 +123,7 @@ void redirect(YAML::Node root, const char* key, const std::filesystem::path& mod
               const std::filesystem::path& target) {
   if (!root[key]) return;
   const std::filesystem::path named = root[key].as<std::string>();
-  if (named.is_absolute()) return;
+  if (named.is_absolute() || named.string().starts_with("${")) return;
   const auto folder = [](const std::filesystem::path& file) {
     return std::filesystem::absolute(file).parent_path();
   };

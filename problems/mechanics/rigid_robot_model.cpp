@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 
+#include "graybox/problems/environment_text.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/mechanics/urdf_chain.hpp"
 
@@ -127,7 +128,7 @@ void read_rows(const YamlField& list, bool is_modified, bool has_transmission,
 
 void read_urdf(const YamlField& root, const std::filesystem::path& folder, bool has_transmission,
                RigidRobotModel& model) {
-  const std::string urdf = root.at("urdf").text();
+  const std::string urdf = with_environment(root.at("urdf"));
   const UrdfChain urdf_chain =
       read_urdf_joints(folder / urdf, root.at("base").text(), root.at("tip").text());
   const std::vector<ChainRotation>& chain = urdf_chain.joints;
@@ -341,7 +342,8 @@ std::vector<std::string> read_names(const YamlField& field, std::size_t size) {
 }
 
 RobotChannels read_channels(const YamlField& field, std::size_t size) {
-  field.allow_keys({"torque", "torque_of", "position", "position_of", "velocity", "acceleration"});
+  field.allow_keys({"torque", "torque_of", "drive_gains", "position", "position_of", "velocity",
+                    "acceleration"});
   RobotChannels channels;
   channels.torque = read_names(field.at("torque"), size);
   if (field.has("position") || !field.has("velocity")) {
@@ -354,7 +356,30 @@ RobotChannels read_channels(const YamlField& field, std::size_t size) {
   }
   channels.motor_torque = field.at("torque_of").choice({"motors", "arm"}) == "motors";
   channels.motor_position = field.at("position_of").choice({"motors", "arm"}) == "motors";
+  channels.unknown_drive_gains =
+      field.has("drive_gains") && field.at("drive_gains").choice({"known", "unknown"}) == "unknown";
   return channels;
+}
+
+// With unknown gains a force on two joints would be two parameters.
+void check_drive_gains(const YamlField& field, const RigidRobotModel& model) {
+  if (!model.channels.unknown_drive_gains) return;
+  const YamlField gains = field.at("drive_gains");
+  if (!model.transmission.isDiagonal(0.0)) {
+    gains.fail(
+        "unknown: needs motors that act on one joint each (gear_ratio in place of "
+        "transmission)");
+  }
+  for (const Element& element : model.elements) {
+    const bool is_single =
+        element.use != LawUse::kPayload && (element.location.output.array() != 0.0).count() == 1;
+    if (!is_single) {
+      gains.fail(
+          fmt::format("unknown: element '{}' acts on more than one joint, whose drives "
+                      "report torques in different units; leave it out or state the gains",
+                      element.name));
+    }
+  }
 }
 
 }  // namespace
@@ -407,6 +432,7 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   for (const std::string& text : refine) add_refined("--refine", text, model);
   if (root.has("channels")) {
     model.channels = read_channels(root.at("channels"), model.joints.size());
+    check_drive_gains(root.at("channels"), model);
   }
   return model;
 }

@@ -63,6 +63,9 @@ struct RobotChannels {
   std::vector<std::string> torque, position, velocity, acceleration;
   bool motor_torque = false;    // u and not N^T u
   bool motor_position = false;  // q_m and not q; so are velocity and acceleration
+  // Each drive reports its torque in a unit of its own: u_j = gain_j times what is recorded. Then N
+  // is diagonal, and no element acts on two joints.
+  bool unknown_drive_gains = false;
 };
 
 struct RigidRobotModel {
