@@ -237,7 +237,7 @@ int execute(Arguments& arguments) {
   progress.show("");
   const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
-  if (method.name == "prediction_error") verdict["method"] = method.name;
+  verdict["method"] = method.name;
   if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
   if (arguments.json) {
     fmt::print("{}\n", verdict.dump());

@@ -164,8 +164,9 @@ TEST_F(LogReading, ResamplesUnevenTimesAndStatesTheError) {
   }
   EXPECT_LT(worst, 1e-4);
   EXPECT_TRUE(std::ranges::any_of(run.findings, [](const Finding& finding) {
-    return finding.message.find("v was resampled: what interpolation is wrong by") !=
-           std::string::npos;
+    return finding.message.find("was resampled: what interpolation is wrong by") !=
+               std::string::npos &&
+           finding.message.find(", v ") != std::string::npos;
   }));
   testing::expect_refused([&] { (void)read("[{kind: resample, sample_time: 0.01}]", "irregular"); },
                           "would fold");

@@ -190,6 +190,14 @@ void refuse_shared_places(const std::filesystem::path& file,
   }
 }
 
+void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows& rows) {
+  for (FilteredMotion& piece : rows.filtered) {
+    for (const CandidatePlace& place : places) {
+      if (!place.location.is_flange) piece.prepare(place.location.input);
+    }
+  }
+}
+
 }  // namespace
 
 ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
@@ -232,6 +240,8 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
     add_places(file, *rigid_robot_places(robot), data.places);
     if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
   }
+  prepare_places(data.places, data.estimation);
+  prepare_places(data.places, data.validation);
   return data;
 }
 

@@ -58,11 +58,22 @@ struct Column {
   std::size_t law = 0, parameter = 0;
 };
 
-// Every joint has friction and most sensors an offset; then come loads and coupled joints.
+// Every joint has friction; then come loads; then what may stand in for a load, offsets and coupled
+// joints.
 int rank_of(std::string_view law, const CandidatePlace& place) {
-  const bool is_plain = law == "viscous" || law == "coulomb" || law == "offset";
-  if (is_plain) return place.is_compound ? 1 : 0;
-  return law == "payload" || law == "inertia" ? 1 : 2;
+  const bool is_friction = law == "viscous" || law == "coulomb";
+  if (is_friction) return place.is_compound ? 2 : 0;
+  if (law == "payload" || law == "inertia") return 1;
+  return law == "offset" ? 2 : kRareRank;
+}
+
+// None for a payload, which all joints carry.
+std::vector<std::size_t> coordinates_of(const CandidatePlace& place) {
+  std::vector<std::size_t> coordinates;
+  for (Index j = 0; j < place.location.output.size(); ++j) {
+    if (place.location.output(j) != 0.0) coordinates.push_back(static_cast<std::size_t>(j));
+  }
+  return coordinates;
 }
 
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
@@ -250,7 +261,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else if (!slides(laws)) {
       result.trouble = "a friction never slides: it is a damper here";
     } else if (!comes_back(laws)) {
-      result.trouble = "less than half a wave of a ripple was recorded: it is a spring here";
+      result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
+    } else if (!has_possible_forces(laws)) {
+      result.trouble = "a force of a law is far beyond what was ever measured there";
     } else {
       result.usable = true;
       describe(starts, laws, fitted, result);
@@ -271,6 +284,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                .is_compound = place.is_compound,
                                .repeatable = entry->name == "ripple",
                                .characteristic = characteristic_of(*entry, place),
+                               .acts_on = coordinates_of(place),
                                .rank = rank_of(entry->name, place)});
         entries_.push_back(entry);
         place_of_.push_back(scales_.size() - 1);
@@ -312,14 +326,35 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return true;
   }
 
-  // As the waves that are tried (law_shapes.cpp).
+  // A level of which the recorded motion shows but the foot makes another curve of the law.
+  [[nodiscard]] bool has_possible_forces(const std::vector<PlacedLaw>& laws) const {
+    constexpr double kLargest = 3.0;
+    for (const PlacedLaw& law : laws) {
+      const Eigen::VectorXd& output = law.place->location.output;
+      double measured = 0.0;
+      for (Index j = 0; j < output.size(); ++j) {
+        if (output(j) == 0.0) continue;
+        measured = std::max(
+            measured, data_.estimation.measured.col(j).cwiseAbs().maxCoeff() / std::abs(output(j)));
+      }
+      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+        const bool is_force = law.entry->parameters[i].unit == "F";
+        if (is_force && measured > 0.0 && std::abs(law.parameters[i]) > kLargest * measured) {
+          return false;
+        }
+      }
+    }
+    return true;
+  }
+
+  // A wave that was not recorded as a whole is a guess.
   [[nodiscard]] bool comes_back(const std::vector<PlacedLaw>& laws) const {
     for (const PlacedLaw& law : laws) {
       const auto place = static_cast<std::size_t>(law.place - data_.places.data());
       for (std::size_t i = 0; i < law.parameters.size(); ++i) {
         const bool is_wave =
             law.entry->name == "ripple" && law.entry->parameters[i].name == "period";
-        if (is_wave && law.parameters[i] > 2.0 * scales_[place].range) return false;
+        if (is_wave && law.parameters[i] > scales_[place].range) return false;
       }
     }
     return true;

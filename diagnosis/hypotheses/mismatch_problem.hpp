@@ -27,6 +27,9 @@
 
 namespace graybox {
 
+// Rank of laws that few machines have: they must gain more to be believed.
+inline constexpr int kRareRank = 3;
+
 struct Hypothesis {
   std::string place;     // "joint_2.gearbox", as Location::name
   std::string location;  // the value of `location` in physics.yaml, in YAML's flow style
@@ -46,6 +49,9 @@ struct Hypothesis {
   bool only_named = false;
   // Two laws of one characteristic at one place are as likely one that the catalogue lacks.
   Characteristic characteristic = Characteristic::kNone;
+  // Coordinates on which its force acts, where those are measured one by one: a law elsewhere is no
+  // rival. Empty: all.
+  std::vector<std::size_t> acts_on{};
   // Laws of a lower rank are taken first, as many as are there: what every machine has before what
   // few have.
   int rank = 0;

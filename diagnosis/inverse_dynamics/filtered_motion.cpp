@@ -54,23 +54,39 @@ FilteredMotion::FilteredMotion(const Motion& piece) {
   motion_.time = VectorXd::LinSpaced(last * steps_ + 1, piece.time(0), piece.time(last));
 }
 
+FilteredMotion::Prepared FilteredMotion::prepared(const VectorXd& input) const {
+  Prepared place{input,
+                 {motion_.time, motion_.position * input, motion_.velocity * input,
+                  motion_.acceleration * input},
+                 {},
+                 {}};
+  if (filters_.empty()) return place;
+  place.linear.resize(motion_.time.size(), 3);
+  place.linear << place.motion.deflection, place.motion.rate, place.motion.acceleration;
+  place.linear.array().rowwise() /= place.linear.colwise().norm().cwiseMax(1e-300).array().eval();
+  const MatrixXd gram = place.linear.transpose() * place.linear;
+  place.inverse = gram.completeOrthogonalDecomposition().pseudoInverse();
+  return place;
+}
+
+void FilteredMotion::prepare(const VectorXd& input) { prepared_.push_back(prepared(input)); }
+
 VectorXd FilteredMotion::force(const Law& law, const VectorXd& input) const {
-  const RecordedPlaceMotion motion{motion_.time, motion_.position * input, motion_.velocity * input,
-                                   motion_.acceleration * input};
-  const VectorXd force = law_force(law, motion);
+  const auto found = std::ranges::find_if(
+      prepared_, [&input](const Prepared& place) { return place.input == input; });
+  return found != prepared_.end() ? force(law, *found) : force(law, prepared(input));
+}
+
+VectorXd FilteredMotion::force(const Law& law, const Prepared& place) const {
+  const VectorXd force = law_force(law, place.motion);
   if (filters_.empty() || !force.allFinite()) {
     return force(Eigen::seq(Index{0}, Eigen::last, steps_));
   }
-  return filtered(force, motion)(Eigen::seq(Index{0}, Eigen::last, steps_));
+  return filtered(force, place)(Eigen::seq(Index{0}, Eigen::last, steps_));
 }
 
-VectorXd FilteredMotion::filtered(const VectorXd& force, const RecordedPlaceMotion& motion) const {
-  MatrixXd linear(force.size(), 3);
-  linear << motion.deflection, motion.rate, motion.acceleration;
-  linear.array().rowwise() /= linear.colwise().norm().cwiseMax(1e-300).array().eval();
-  const MatrixXd gram = linear.transpose() * linear;
-  const VectorXd followed =
-      linear * gram.completeOrthogonalDecomposition().solve(linear.transpose() * force);
+VectorXd FilteredMotion::filtered(const VectorXd& force, const Prepared& place) const {
+  const VectorXd followed = place.linear * (place.inverse * (place.linear.transpose() * force));
   VectorXd rest = force - followed;
   for (const FilterPass& filter : filters_) {
     rest = zero_phase_low_pass(rest, filter.frequency * step_, filter.order);

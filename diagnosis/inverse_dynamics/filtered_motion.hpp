@@ -24,11 +24,21 @@ class FilteredMotion {
   [[nodiscard]] bool is_filtered() const { return !filters_.empty(); }
   // At every sample of the piece, for z = input^T q.
   [[nodiscard]] Eigen::VectorXd force(const Law& law, const Eigen::VectorXd& input) const;
+  // What force() needs of the motion there is kept for later calls.
+  void prepare(const Eigen::VectorXd& input);
 
  private:
-  [[nodiscard]] Eigen::VectorXd filtered(const Eigen::VectorXd& force,
-                                         const RecordedPlaceMotion& motion) const;
+  struct Prepared {
+    Eigen::VectorXd input;
+    RecordedPlaceMotion motion;
+    Eigen::MatrixXd linear;   // z, z', z'', each of length one
+    Eigen::MatrixXd inverse;  // of their Gram matrix
+  };
+  [[nodiscard]] Prepared prepared(const Eigen::VectorXd& input) const;
+  [[nodiscard]] Eigen::VectorXd force(const Law& law, const Prepared& place) const;
+  [[nodiscard]] Eigen::VectorXd filtered(const Eigen::VectorXd& force, const Prepared& place) const;
 
+  std::vector<Prepared> prepared_;
   std::vector<FilterPass> filters_;
   Motion motion_;           // interpolated
   Eigen::Index steps_ = 1;  // of it in a sample

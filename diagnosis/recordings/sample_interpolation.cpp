@@ -137,11 +137,13 @@ void resample(const PreprocessData& context, const Resample& step) {
     context.fail(fmt::format("resample: no {} samples without a step above {:.4g} s",
                              kShortestPiece, kLongStep * median));
   }
+  std::string errors;
   for (std::size_t k = 0; k < data.signals.size(); ++k) {
-    data.remarks.push_back(
-        fmt::format("{} was resampled: what interpolation is wrong by is about {} of its deviation",
-                    data.signals[k].name, error_words(data.pieces, static_cast<Index>(k))));
+    errors += fmt::format("{}{} {}", errors.empty() ? "" : ", ", data.signals[k].name,
+                          error_words(data.pieces, static_cast<Index>(k)));
   }
+  data.remarks.push_back(
+      "was resampled: what interpolation is wrong by, of each channel's deviation: " + errors);
   data.pieces = std::move(even);
   data.sample_time = step.sample_time;
 }

@@ -46,6 +46,13 @@ bool is_special_case(const Hypothesis& plain, const Hypothesis& richer) {
          std::count(richer.special_cases.begin(), richer.special_cases.end(), plain.law) > 0;
 }
 
+bool may_stand_in(const Hypothesis& rival, const Hypothesis& found) {
+  if (rival.acts_on.empty() || found.acts_on.empty()) return true;
+  return std::ranges::any_of(rival.acts_on, [&](std::size_t coordinate) {
+    return std::ranges::count(found.acts_on, coordinate) > 0;
+  });
+}
+
 std::vector<std::size_t> open_hypotheses(const SearchState& state, const ExtendedFit& fit) {
   std::vector<std::size_t> open;
   for (std::size_t i = 0; i < state.problem->hypotheses().size(); ++i) {

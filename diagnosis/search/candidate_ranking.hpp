@@ -12,6 +12,9 @@ namespace graybox {
 // Whether `richer` is `plain` for some of its parameters, at the same place.
 [[nodiscard]] bool is_special_case(const Hypothesis& plain, const Hypothesis& richer);
 
+// Whether both act on a coordinate that is measured by itself, or on all.
+[[nodiscard]] bool may_stand_in(const Hypothesis& rival, const Hypothesis& found);
+
 // Taken out of the catalogue.
 [[nodiscard]] bool is_excluded(const SearchState& state, const Hypothesis& hypothesis);
 

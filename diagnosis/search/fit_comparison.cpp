@@ -105,7 +105,18 @@ bool FitComparison::every_law_stands(const ExtendedFit& fit) const {
 bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFit& with,
                                     double errors) const {
   const HeldOutGain gain = held_out_gain(without, with);
-  return gain.mean >= options_->held_out_gain && gain.mean > errors * gain.standard_error;
+  return gain.mean >= least_gain(without, with) && gain.mean > errors * gain.standard_error;
+}
+
+double FitComparison::least_gain(const ExtendedFit& without, const ExtendedFit& with) const {
+  const auto all = problem_->hypotheses();
+  const bool is_rare = std::ranges::any_of(with.laws, [&](const FittedLaw& law) {
+    const auto count = [&law](const ExtendedFit& fit) {
+      return std::ranges::count(fit.laws, law.hypothesis, &FittedLaw::hypothesis);
+    };
+    return all[law.hypothesis].rank >= kRareRank && count(with) > count(without);
+  });
+  return is_rare ? options_->rare_gain : options_->held_out_gain;
 }
 
 double FitComparison::disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {

@@ -63,7 +63,8 @@ class FitComparison {
                                       std::size_t law) const;
   // Laws that make up for each other have amplitudes that the data do not determine.
   [[nodiscard]] bool every_law_stands(const ExtendedFit& fit) const;
-  // Where the noise is not known.
+  // Where the noise is not known. A rare law that only `with` has must gain more
+  // (SearchOptions::rare_gain).
   [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with,
                                      double errors) const;
 
@@ -79,6 +80,8 @@ class FitComparison {
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const;
   // Whether `reference` excludes `fit`.
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const;
+  // The gain on blocks kept out that the laws of `with` owe over `without`.
+  [[nodiscard]] double least_gain(const ExtendedFit& without, const ExtendedFit& with) const;
 
   // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters
   // do there.

@@ -16,7 +16,10 @@ bool exchange_one_law(SearchState& state) {
     }
     std::vector<LawStart> candidates;
     for (const LawStart& start : shortlist(state, rank_hypotheses(state, without, 0))) {
-      if (start.hypothesis != state.result.after.laws[law].hypothesis) candidates.push_back(start);
+      const std::size_t found = state.result.after.laws[law].hypothesis;
+      if (start.hypothesis == found) continue;
+      if (!may_stand_in(state.hypothesis(start.hypothesis), state.hypothesis(found))) continue;
+      candidates.push_back(start);
     }
     const std::vector<Trial> trials =
         state.refits.refit_each(starts_of(without), candidates, without);

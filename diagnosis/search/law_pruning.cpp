@@ -75,7 +75,7 @@ bool give_way_to_special_case(SearchState& state, std::size_t law, const Extende
     }
   }
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
-  if (trials.empty() || trials.front().fit.parameter_count >= state.result.after.parameter_count ||
+  if (trials.empty() || trials.front().fit.parameter_count > state.result.after.parameter_count ||
       state.compare.excludes(state.result.after, trials.front().fit)) {
     return false;
   }
@@ -86,7 +86,7 @@ bool give_way_to_special_case(SearchState& state, std::size_t law, const Extende
 bool give_way_to_sum(SearchState& state, std::size_t law, const ExtendedFit& without) {
   if (state.result.after.laws.size() >= state.effect_limit()) return false;
   const std::vector<ExtendedFit> sums = sums_of_plainer_laws(state, law, without);
-  if (sums.empty() || !is_preferred(state, sums.front())) return false;
+  if (sums.empty() || !is_preferred(state, law, sums.front())) return false;
   state.result.after = sums.front();
   return true;
 }

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -28,6 +30,23 @@ bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
 
 bool has_size(const FittedLaw& law) { return std::ranges::any_of(law.parameters, sets_size); }
 
+// The share of the squared error kept out that a law takes, in the channels on which it acts. None
+// where channels are not told apart.
+std::optional<double> gain_where_it_acts(const SearchState& state, std::size_t hypothesis,
+                                         const ExtendedFit& without) {
+  const std::vector<std::size_t>& acts_on = state.hypothesis(hypothesis).acts_on;
+  if (acts_on.empty()) return {};
+  const std::vector<ChannelRest> before = state.problem->channel_rests(without),
+                                 after = state.problem->channel_rests(state.result.after);
+  double with_law = 0.0, without_law = 0.0;
+  for (const std::size_t channel : acts_on) {
+    if (!before.at(channel).held_out_nrmse || !after.at(channel).held_out_nrmse) return {};
+    without_law += std::pow(*before[channel].held_out_nrmse, 2);
+    with_law += std::pow(*after[channel].held_out_nrmse, 2);
+  }
+  return without_law > 0.0 ? 1.0 - with_law / without_law : 0.0;
+}
+
 // Of a law of the last fit; none: it stays.
 std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                                         const ExtendedFit& without) {
@@ -43,6 +62,16 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
         fmt::format("it takes less than {:.0f} % from the squared error of recordings kept out",
                     100.0 * kLeastGain);
     return rejected;
+  }
+  if (state.hypothesis(fitted.hypothesis).rank >= kRareRank) {
+    const std::optional<double> gain = gain_where_it_acts(state, fitted.hypothesis, without);
+    if (gain.value_or(1.0) < state.options.rare_gain) {
+      rejected.reason = fmt::format(
+          "few machines have it, and it takes less than {:.0f} % from the squared error of "
+          "recordings kept out where it acts",
+          100.0 * state.options.rare_gain);
+      return rejected;
+    }
   }
   if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
     rejected.reason = "its size is not determined";
@@ -77,16 +106,42 @@ bool reject_worst(SearchState& state) {
   return true;
 }
 
-// As large an error as with no model at all: nothing is found then.
-bool reject_all(SearchState& state) {
-  const std::optional<Assessment> held_out = state.problem->validate(state.result.after);
-  const double error = held_out.value_or(state.result.after.estimation).nrmse;
-  if (state.result.after.laws.empty() || error <= kSignal) return false;
-  for (const FittedLaw& law : state.result.after.laws) {
-    state.result.rejected.push_back(
-        {law, fmt::format("with all laws the error still is {:.3g} % of the signal", error), {}});
+// The error kept out, in % of the signal, of the channel that is predicted best among those on which
+// the law acts; of all together where channels are not told apart.
+double error_where_it_acts(const std::vector<ChannelRest>& channels, const Hypothesis& hypothesis,
+                           double pooled) {
+  if (channels.empty() || hypothesis.acts_on.empty()) return pooled;
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::size_t channel : hypothesis.acts_on) {
+    least = std::min(least, channels[channel].held_out_nrmse.value_or(channels[channel].nrmse));
   }
-  state.result.after = state.result.before;
+  return least;
+}
+
+// As large an error as with no model at all: nothing is found there then.
+bool reject_hopeless(SearchState& state) {
+  const ExtendedFit& after = state.result.after;
+  if (after.laws.empty()) return false;
+  const std::optional<Assessment> held_out = state.problem->validate(after);
+  const double pooled = held_out.value_or(after.estimation).nrmse;
+  const std::vector<ChannelRest> channels = state.problem->channel_rests(after);
+  std::vector<LawStart> kept = starts_of(after);
+  std::vector<RejectedLaw> rejected;
+  for (std::size_t law = after.laws.size(); law-- > 0;) {
+    const double error =
+        error_where_it_acts(channels, state.hypothesis(after.laws[law].hypothesis), pooled);
+    if (error <= kSignal) continue;
+    kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(law));
+    rejected.push_back(
+        {after.laws[law],
+         fmt::format("with all laws the error where it acts still is {:.3g} % of the signal",
+                     error),
+         {}});
+  }
+  if (rejected.empty()) return false;
+  ExtendedFit left = kept.empty() ? state.result.before : state.refits.refit(kept, after);
+  state.result.after = left.usable ? std::move(left) : state.result.before;
+  state.result.rejected.insert(state.result.rejected.end(), rejected.rbegin(), rejected.rend());
   return true;
 }
 
@@ -110,7 +165,7 @@ Rejection reject_laws(SearchState& state) {
     if (outcome == Rejection::kNone) outcome = Rejection::kLittle;
     if (was_in_the_way(state.result.rejected.back())) outcome = Rejection::kSome;
   }
-  return reject_all(state) ? Rejection::kAll : outcome;
+  return reject_hopeless(state) ? Rejection::kAll : outcome;
 }
 
 void note_held_out_effects(SearchState& state) {

@@ -1,6 +1,7 @@
 // What is not found although it lowers the error of the fit: laws that raise the error of
-// recordings kept out, or lower its square by less than 3 % where the noise is not known, laws
-// whose size is not determined, and all laws where the error is as large as the signal. Recordings
+// recordings kept out, or lower its square by less than 3 % where the noise is not known (a law that
+// few machines have, kRareRank: by less than 10 % in the channels on which it acts), laws
+// whose size is not determined, and laws where the error is as large as the signal. Recordings
 // kept out are asked for each law with the others refitted without it (law_pruning.hpp). Where none
 // were kept out nothing is rejected for what it predicts.
 //
@@ -24,7 +25,7 @@ enum class Rejection : std::int8_t {
   kNone,
   kLittle,  // laws that add next to nothing
   kSome,    // others: with them out of the way the right ones may be found
-  kAll,     // the error is as large as the signal
+  kAll,     // where laws act the error is as large as the signal
 };
 
 // Takes laws out of the model, worst first, into Diagnosis::rejected.

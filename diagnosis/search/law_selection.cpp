@@ -105,8 +105,8 @@ bool each_is_missed(SearchState& state, const ExtendedFit& with, std::size_t fir
 std::optional<ExtendedFit> group_of_laws(SearchState& state, std::vector<Trial> trials) {
   ExtendedFit with = state.result.after;
   for (std::size_t size = 1; size <= kGroup && with.laws.size() < state.effect_limit(); ++size) {
-    if (trials.empty() ||
-        held_out_gain(with, trials.front().fit).mean < state.options.held_out_gain) {
+    if (trials.empty() || held_out_gain(with, trials.front().fit).mean <
+                              state.compare.least_gain(with, trials.front().fit)) {
       return {};
     }
     with = std::move(trials.front().fit);

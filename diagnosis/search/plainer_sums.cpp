@@ -93,8 +93,13 @@ std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t la
   return sums;
 }
 
-bool is_preferred(const SearchState& state, const ExtendedFit& sum) {
+bool is_preferred(const SearchState& state, std::size_t law, const ExtendedFit& sum) {
   if (state.compare.excludes(state.result.after, sum)) return false;
+  const int rank = state.hypothesis(state.result.after.laws[law].hypothesis).rank;
+  const bool is_of_lower_rank = std::ranges::all_of(
+      std::span(sum.laws).last(2),
+      [&](const FittedLaw& part) { return state.hypothesis(part.hypothesis).rank < rank; });
+  if (is_of_lower_rank) return true;
   return sum.parameter_count < state.result.after.parameter_count ||
          held_out_gain(state.result.after, sum).mean > 0.0;
 }

@@ -22,8 +22,9 @@ namespace graybox {
 [[nodiscard]] std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t law,
                                                             const ExtendedFit& without);
 
-// Whether a sum takes the law's place: it predicts as well with fewer parameters, or better.
-[[nodiscard]] bool is_preferred(const SearchState& state, const ExtendedFit& sum);
+// Whether a sum takes the law's place: it is of laws of a lower rank and not excluded, or predicts
+// as well with fewer parameters, or better.
+[[nodiscard]] bool is_preferred(const SearchState& state, std::size_t law, const ExtendedFit& sum);
 
 // Sums that the law found does not exclude become its rivals; else the best is named as excluded.
 void add_rival_sums(const SearchState& state, FoundEffect& effect,

@@ -86,6 +86,7 @@ std::vector<Trial> rivals_of(SearchState& state, std::size_t law, const Extended
   for (const LawStart& start : candidates_for(state, found, table)) {
     if (start.hypothesis == found) pace = start;
     if (others.empty() && was_far_behind(state, start.hypothesis, found, outpaced)) continue;
+    if (!may_stand_in(state.hypothesis(start.hypothesis), state.hypothesis(found))) continue;
     const bool is_there =
         std::ranges::find(others, start.hypothesis, &LawStart::hypothesis) != others.end();
     if (start.hypothesis != found && (!is_there || is_repeatable(state, start.hypothesis))) {

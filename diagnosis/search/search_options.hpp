@@ -19,6 +19,7 @@ struct SearchOptions {
   std::size_t shortlist = 8;       // refits an effect
   std::size_t effect_limit = 0;    // 0: 4, or 24 where the noise is not known
   double held_out_gain = 0.01;     // logarithmic, of the squared error
+  double rare_gain = 0.1;          // likewise, of a law of kRareRank
   double held_out_errors = 3.0;    // standard errors of that gain
   double generalisation = 1.5;
   double structure_tolerance = 0.1;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "graybox/diagnosis/plausibility/plausibility_words.hpp"
+#include "graybox/diagnosis/verdict/friction_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
 #include "graybox/diagnosis/verdict/reason_words.hpp"
 #include "graybox/diagnosis/verdict/verdict_file.hpp"
@@ -186,8 +187,24 @@ std::string sum_parameters_words(const Rival& rival) {
   return words;
 }
 
-void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
-                bool noise_is_known, std::vector<std::string>& lines) {
+// Where the noise is not known many stand; their sizes are in verdict.json.
+std::string names_of_rivals(const std::vector<Rival>& rivals,
+                            std::span<const Hypothesis> hypotheses) {
+  std::string names;
+  for (const Rival& rival : rivals) {
+    names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", sum_words(rival, hypotheses),
+                         evidence_words(rival, false));
+  }
+  return names;
+}
+
+void add_standing_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                         bool noise_is_known, std::vector<std::string>& lines) {
+  if (!noise_is_known && !effect.rivals.empty()) {
+    lines.push_back(
+        fmt::format("Not excluded in its place: {}.", names_of_rivals(effect.rivals, hypotheses)));
+    return;
+  }
   for (const Rival& rival : effect.rivals) {
     if (rival.law.parameters.empty()) {
       lines.push_back(fmt::format("Not excluded in its place: {}, the same in such recordings.",
@@ -200,6 +217,11 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
     add_same_places(rival.same_at, hypotheses, lines);
     if (rival.next) lines.push_back(next_words(*rival.next));
   }
+}
+
+void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
+                bool noise_is_known, std::vector<std::string>& lines) {
+  add_standing_rivals(effect, hypotheses, noise_is_known, lines);
   add_generalisations(effect, hypotheses, noise_is_known, lines);
   constexpr std::size_t kNamed = 3;
   std::string excluded;
@@ -391,6 +413,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
+  add(friction_lines(diagnosis, hypotheses));
   add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {
     lines.push_back(departure_words(departure, hypotheses));

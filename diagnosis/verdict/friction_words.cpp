@@ -1,0 +1,117 @@
+#include "graybox/diagnosis/verdict/friction_words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string_view>
+
+#include "graybox/diagnosis/verdict/law_words.hpp"
+#include "graybox/problems/elements/law_catalogue.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kSameInBothDirections = 0.05;
+constexpr std::array<double, 3> kSpeeds{0.01, 0.1, 1.0};  // of the highest
+constexpr std::array<std::string_view, 5> kDry{"coulomb", "asymmetric_coulomb", "stribeck",
+                                               "sublinear_friction", "dahl"};
+constexpr std::array<std::string_view, 3> kSmooth{"viscous", "asymmetric_viscous",
+                                                  "quadratic_drag"};
+constexpr std::array<std::string_view, 3> kWithMemory{"lugre", "bouc_wen", "play_and_slip"};
+
+template <std::size_t size>
+bool is_among(const std::array<std::string_view, size>& laws, const std::string& law) {
+  return std::ranges::find(laws, law) != laws.end();
+}
+
+struct Place {
+  std::string name;
+  std::vector<const FittedLaw*> laws;
+  bool is_dry = false, has_memory = false;
+};
+
+std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
+                                        std::span<const Hypothesis> hypotheses) {
+  std::vector<Place> places;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
+    const bool is_dry = is_among(kDry, hypothesis.law),
+               has_memory = is_among(kWithMemory, hypothesis.law);
+    if (!is_dry && !has_memory && !is_among(kSmooth, hypothesis.law)) continue;
+    auto place = std::ranges::find(places, hypothesis.place, &Place::name);
+    if (place == places.end()) place = places.insert(places.end(), {hypothesis.place, {}});
+    place->laws.push_back(&effect.law);
+    place->is_dry = place->is_dry || is_dry;
+    place->has_memory = place->has_memory || has_memory;
+  }
+  return places;
+}
+
+// While it slides.
+double force_of(const FittedLaw& law, const std::string& name, double speed) {
+  std::vector<double> values;
+  for (const LawParameterEstimate& parameter : law.parameters) values.push_back(parameter.value);
+  if (name == "dahl") {
+    const auto level = std::ranges::find(law.parameters, "level", &LawParameterEstimate::name);
+    return std::copysign(level->value, speed);
+  }
+  return find_law(name, false)->make(values)->force(0.0, speed, {});
+}
+
+double force_at(const Place& place, std::span<const Hypothesis> hypotheses, double speed) {
+  double sum = 0.0;
+  for (const FittedLaw* law : place.laws) {
+    sum += force_of(*law, hypotheses[law->hypothesis].law, speed);
+  }
+  return sum;
+}
+
+// "velocity of elbow" for the place "elbow.arm".
+const CheckedRange::Span* span_of(const Diagnosis& diagnosis, const std::string& place,
+                                  std::string_view first, std::string_view other) {
+  const std::string axis = place.substr(0, place.find('.'));
+  const auto found =
+      std::ranges::find_if(diagnosis.checked.spans, [&](const CheckedRange::Span& span) {
+        return span.quantity == fmt::format("{} of {}", first, axis) ||
+               span.quantity == fmt::format("{} of {}", other, axis);
+      });
+  return found == diagnosis.checked.spans.end() ? nullptr : &*found;
+}
+
+std::string force_words(double forward, double backward, const std::string& unit) {
+  const double larger = std::max(std::abs(forward), std::abs(backward));
+  if (std::abs(forward - backward) <= kSameInBothDirections * larger) {
+    return fmt::format("{:.2g}{}", 0.5 * (forward + backward), unit);
+  }
+  return fmt::format("{:.2g}{} forward and {:.2g} backward", forward, unit, backward);
+}
+
+}  // namespace
+
+std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
+                                        std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines;
+  for (const Place& place : places_with_friction(diagnosis, hypotheses)) {
+    const auto* velocity = span_of(diagnosis, place.name, "velocity", "velocity");
+    const auto* force = span_of(diagnosis, place.name, "torque", "force");
+    if (!place.is_dry || place.has_memory || velocity == nullptr || force == nullptr) continue;
+    const double highest = std::max(std::abs(velocity->from), std::abs(velocity->to));
+    std::string curve;
+    for (const double share : kSpeeds) {
+      const double speed = share * highest;
+      const bool is_first = curve.empty();
+      curve += fmt::format(
+          "{}{} at {:.2g}{}", is_first ? "" : ", ",
+          force_words(force_at(place, hypotheses, speed), -force_at(place, hypotheses, -speed),
+                      is_first ? " " + force->unit : ""),
+          speed, is_first ? " " + velocity->unit : "");
+    }
+    lines.push_back(fmt::format("Friction of {}: {}.", place_words(place.name), curve));
+  }
+  return lines;
+}
+
+}  // namespace graybox

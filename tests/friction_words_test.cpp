@@ -1,0 +1,63 @@
+#include "graybox/diagnosis/verdict/friction_words.hpp"
+
+#include <gtest/gtest.h>
+
+namespace graybox {
+namespace {
+
+LawParameterEstimate of(const std::string& name, double value) { return {name, "", value, 0.01}; }
+
+// An elbow whose velocity and torque were recorded up to 2 rad/s.
+class FrictionWords : public ::testing::Test {
+ protected:
+  FrictionWords() {
+    diagnosis_.checked.spans = {{"velocity of elbow", "rad/s", -2.0, 1.5},
+                                {"torque of elbow", "N m", -9.0, 9.0}};
+  }
+  void find(const std::string& law, std::vector<LawParameterEstimate> parameters) {
+    FoundEffect effect;
+    effect.law.hypothesis = hypotheses_.size();
+    effect.law.parameters = std::move(parameters);
+    hypotheses_.push_back({"elbow.arm", "", law, {}});
+    diagnosis_.effects.push_back(std::move(effect));
+  }
+  [[nodiscard]] std::vector<std::string> lines() const {
+    return friction_lines(diagnosis_, hypotheses_);
+  }
+
+  Diagnosis diagnosis_;
+  std::vector<Hypothesis> hypotheses_;
+};
+
+TEST_F(FrictionWords, AddTheLawsOfAPlace) {
+  find("coulomb", {of("level", 5.0), of("transition_velocity", 1e-4)});
+  find("viscous", {of("damping", 2.0)});
+  const std::vector<std::string> expected{
+      "Friction of the arm axis of elbow: 5 N m at 0.02 rad/s, 5.4 at 0.2, 9 at 2."};
+  EXPECT_EQ(lines(), expected);
+}
+
+TEST_F(FrictionWords, TellDirectionsApart) {
+  find("asymmetric_coulomb",
+       {of("forward_level", 3.0), of("backward_level", 6.0), of("transition_velocity", 1e-4)});
+  const std::vector<std::string> expected{
+      "Friction of the arm axis of elbow: 3 N m forward and 6 backward at 0.02 rad/s, 3 forward "
+      "and 6 backward at 0.2, 3 forward and 6 backward at 2."};
+  EXPECT_EQ(lines(), expected);
+}
+
+TEST_F(FrictionWords, LeaveOutWhatTheyCannotSay) {
+  find("viscous", {of("damping", 2.0)});
+  EXPECT_TRUE(lines().empty()) << "viscous friction says it all";
+  find("bouc_wen", {});
+  EXPECT_TRUE(lines().empty()) << "it has a memory";
+  find("coulomb", {of("level", 5.0), of("transition_velocity", 1e-4)});
+  EXPECT_TRUE(lines().empty()) << "beside one with memory";
+  diagnosis_.effects.erase(diagnosis_.effects.begin(), diagnosis_.effects.begin() + 2);
+  EXPECT_EQ(lines().size(), 1U);
+  diagnosis_.checked.spans.clear();
+  EXPECT_TRUE(lines().empty()) << "speeds are not known";
+}
+
+}  // namespace
+}  // namespace graybox
