@@ -68,9 +68,14 @@ std::vector<std::size_t> open_hypotheses(const SearchState& state, const Extende
   return open;
 }
 
-ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit, int draws) {
-  ScoreTable table =
-      state.problem->scores(fit, open_hypotheses(state, fit), draws, state.options.seed);
+ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit, int draws,
+                           const std::function<bool(const Hypothesis&)>& considered) {
+  std::vector<std::size_t> open = open_hypotheses(state, fit);
+  if (considered) {
+    std::erase_if(open, [&](std::size_t i) { return !considered(state.hypothesis(i)); });
+  }
+  if (open.empty()) return {};
+  ScoreTable table = state.problem->scores(fit, open, draws, state.options.seed);
   const double cost = std::log(state.problem->sample_count());
   const auto gain = [cost](const HypothesisScore& score) {
     return score.score.statistic - cost * score.score.degrees_of_freedom;

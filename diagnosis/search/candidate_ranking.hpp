@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "graybox/diagnosis/search/search_state.hpp"
@@ -24,9 +25,10 @@ namespace graybox {
                                                        const ExtendedFit& fit);
 
 // By what their score tests gain over what their parameters cost, best first. `draws` of pure
-// noise: see ScoreTable.
-[[nodiscard]] ScoreTable rank_hypotheses(const SearchState& state, const ExtendedFit& fit,
-                                         int draws);
+// noise: see ScoreTable. `considered`: only these; empty: all.
+[[nodiscard]] ScoreTable rank_hypotheses(
+    const SearchState& state, const ExtendedFit& fit, int draws,
+    const std::function<bool(const Hypothesis&)>& considered = {});
 
 // The best of the ranking, and besides the best law of each of the best places: laws at one place
 // crowd each other's neighbours out. Where the noise is known, laws besides that come close to the

@@ -65,6 +65,8 @@ struct HeldOutEffect {
   double error_without = 0.0, error_with = 0.0;  // NRMSE, %
   double gain = 0.0;      // share of the squared error over the noise that it takes away
   bool misleads = false;  // it raises that error, beyond chance where the noise is known
+  // Of these channels, on which it acts; empty: of all together.
+  std::string channels{};
 };
 
 struct FoundEffect {

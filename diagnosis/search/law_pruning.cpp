@@ -68,12 +68,13 @@ bool give_way_to_special_case(SearchState& state, std::size_t law, const Extende
   const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
   if (richer.special_cases.empty()) return false;
   std::vector<LawStart> plainer;
-  for (const HypothesisScore& score : rank_hypotheses(state, without, 0).scores) {
-    const Hypothesis& candidate = state.hypothesis(score.start.hypothesis);
-    if (is_special_case(candidate, richer) && !score.start.parameters.empty()) {
-      plainer.push_back(score.start);
-    }
+  const auto is_plainer = [&richer](const Hypothesis& candidate) {
+    return is_special_case(candidate, richer);
+  };
+  for (const HypothesisScore& score : rank_hypotheses(state, without, 0, is_plainer).scores) {
+    if (!score.start.parameters.empty()) plainer.push_back(score.start);
   }
+  if (plainer.empty()) return false;
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
   if (trials.empty() || trials.front().fit.parameter_count > state.result.after.parameter_count ||
       state.compare.excludes(state.result.after, trials.front().fit)) {

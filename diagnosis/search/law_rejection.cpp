@@ -30,28 +30,36 @@ bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
 
 bool has_size(const FittedLaw& law) { return std::ranges::any_of(law.parameters, sets_size); }
 
-// The share of the squared error kept out that a law takes, in the channels on which it acts. None
-// where channels are not told apart.
-std::optional<double> gain_where_it_acts(const SearchState& state, std::size_t hypothesis,
-                                         const ExtendedFit& without) {
+// In the channels on which the law acts. None where channels are not told apart.
+std::optional<HeldOutEffect> effect_where_it_acts(const SearchState& state, std::size_t hypothesis,
+                                                  const ExtendedFit& without,
+                                                  const ExtendedFit& with) {
   const std::vector<std::size_t>& acts_on = state.hypothesis(hypothesis).acts_on;
   if (acts_on.empty()) return {};
   const std::vector<ChannelRest> before = state.problem->channel_rests(without),
-                                 after = state.problem->channel_rests(state.result.after);
+                                 after = state.problem->channel_rests(with);
   double with_law = 0.0, without_law = 0.0;
+  HeldOutEffect effect;
   for (const std::size_t channel : acts_on) {
     if (!before.at(channel).held_out_nrmse || !after.at(channel).held_out_nrmse) return {};
     without_law += std::pow(*before[channel].held_out_nrmse, 2);
     with_law += std::pow(*after[channel].held_out_nrmse, 2);
+    effect.channels += (effect.channels.empty() ? "" : " and ") + before[channel].channel;
   }
-  return without_law > 0.0 ? 1.0 - with_law / without_law : 0.0;
+  const auto count = static_cast<double>(acts_on.size());
+  effect.error_without = std::sqrt(without_law / count);
+  effect.error_with = std::sqrt(with_law / count);
+  if (without_law > 0.0) effect.gain = 1.0 - with_law / without_law;
+  effect.misleads = with_law > without_law;
+  return effect;
 }
 
 // Of a law of the last fit; none: it stays.
 std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                                         const ExtendedFit& without) {
   const FittedLaw& fitted = state.result.after.laws[law];
-  RejectedLaw rejected{fitted, {}, held_out_effect(state, without, state.result.after)};
+  RejectedLaw rejected{
+      fitted, {}, held_out_effect(state, fitted.hypothesis, without, state.result.after)};
   if (rejected.held_out && rejected.held_out->misleads) {
     rejected.reason = "it raises the error of recordings kept out";
     return rejected;
@@ -63,15 +71,15 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                     100.0 * kLeastGain);
     return rejected;
   }
-  if (state.hypothesis(fitted.hypothesis).rank >= kRareRank) {
-    const std::optional<double> gain = gain_where_it_acts(state, fitted.hypothesis, without);
-    if (gain.value_or(1.0) < state.options.rare_gain) {
-      rejected.reason = fmt::format(
-          "few machines have it, and it takes less than {:.0f} % from the squared error of "
-          "recordings kept out where it acts",
-          100.0 * state.options.rare_gain);
-      return rejected;
-    }
+  const bool is_rare =
+      state.hypothesis(fitted.hypothesis).rank >= kRareRank &&
+      std::ranges::count(without.laws, fitted.hypothesis, &FittedLaw::hypothesis) == 0;
+  if (is_rare && rejected.held_out && rejected.held_out->gain < state.options.rare_gain) {
+    rejected.reason = fmt::format(
+        "few machines have it, and it takes less than {:.0f} % from the squared error of "
+        "recordings kept out",
+        100.0 * state.options.rare_gain);
+    return rejected;
   }
   if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
     rejected.reason = "its size is not determined";
@@ -147,8 +155,12 @@ bool reject_hopeless(SearchState& state) {
 
 }  // namespace
 
-std::optional<HeldOutEffect> held_out_effect(const SearchState& state, const ExtendedFit& without,
-                                             const ExtendedFit& with) {
+std::optional<HeldOutEffect> held_out_effect(const SearchState& state, std::size_t hypothesis,
+                                             const ExtendedFit& without, const ExtendedFit& with) {
+  if (!state.problem->noise_is_known()) {
+    auto effect = effect_where_it_acts(state, hypothesis, without, with);
+    if (effect) return effect;
+  }
   const std::optional<Assessment> before = state.problem->validate(without);
   const std::optional<Assessment> after = state.problem->validate(with);
   if (!before || !after) return {};
@@ -174,7 +186,8 @@ void note_held_out_effects(SearchState& state) {
     if (!state.proceed("asking recordings kept out about what was found")) return;
     const ExtendedFit without = fit_without(state, after, law);
     if (!without.usable) continue;
-    state.result.effects[law].held_out = held_out_effect(state, without, after);
+    state.result.effects[law].held_out =
+        held_out_effect(state, after.laws[law].hypothesis, without, after);
   }
 }
 

@@ -1,6 +1,6 @@
 // What is not found although it lowers the error of the fit: laws that raise the error of
 // recordings kept out, or lower its square by less than 3 % where the noise is not known (a law that
-// few machines have, kRareRank: by less than 10 % in the channels on which it acts), laws
+// few machines have, kRareRank: by less than 10 %), laws
 // whose size is not determined, and laws where the error is as large as the signal. Recordings
 // kept out are asked for each law with the others refitted without it (law_pruning.hpp). Where none
 // were kept out nothing is rejected for what it predicts.
@@ -17,7 +17,9 @@
 
 namespace graybox {
 
+// In the channels on which the law acts, where the noise is not known and channels are told apart.
 [[nodiscard]] std::optional<HeldOutEffect> held_out_effect(const SearchState& state,
+                                                           std::size_t hypothesis,
                                                            const ExtendedFit& without,
                                                            const ExtendedFit& with);
 

@@ -87,9 +87,9 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
   const HeldOutEffect& held_out = *effect.held_out;
   if (held_out.gain > 0.0) {
     return fmt::format(
-        " On recordings kept out it changes the error {}, {:.3g} % of its square over "
-        "the noise.",
-        errors_words(held_out), 100.0 * held_out.gain);
+        " On recordings kept out it changes the error{} {}, {:.3g} % of its square{}.",
+        held_out.channels.empty() ? "" : " of " + held_out.channels, errors_words(held_out),
+        100.0 * held_out.gain, held_out.channels.empty() ? " over the noise" : "");
   }
   return fmt::format(" On recordings kept out it makes no difference beyond chance ({}).",
                      errors_words(held_out));
