@@ -11,6 +11,7 @@
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
@@ -389,6 +390,92 @@ TEST_F(ForceBalance, FitsAMassBesideALawWithMemory) {
       EXPECT_NEAR(fit.parameters[p].value, each.truth[p], 4.0 * error) << fit.parameters[p].name;
       EXPECT_LT(error, 0.03 * each.truth[p]) << fit.parameters[p].name;
     }
+  }
+}
+
+// A vertical axis and two that lift, with known bodies.
+const std::string kLiftingArm = R"(format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints:
+  - {name: waist, alpha: 0, a: 0, d: 0.3, gear_ratio: 1, rotor_inertia: 0,
+     body: {mass: 5, centre_of_mass: [0, 0.01, 0.1]}}
+  - {name: shoulder, alpha: -90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0,
+     body: {mass: 4, centre_of_mass: [0.2, 0, 0.02]}}
+  - {name: elbow, alpha: 0, a: 0.4, d: 0, gear_ratio: 1, rotor_inertia: 0,
+     body: {mass: 3, centre_of_mass: [0.1, 0, 0]}}
+channels:
+  torque: [t_1, t_2, t_3]
+  torque_of: arm
+  position: [q_1, q_2, q_3]
+  position_of: arm
+  velocity: [v_1, v_2, v_3]
+  acceleration: [a_1, a_2, a_3]
+)";
+const std::string kOffsetLoad = R"(elements:
+  - {name: load, location: {kind: element, axis: flange}, law: payload,
+     parameters: {mass: {value: 2, unit: kg}, x: {value: 0.15, unit: m},
+                  y: {value: -0.05, unit: m}, z: {value: 0.1, unit: m}}}
+known: [load.mass]
+)";
+
+void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase, Random& random) {
+  TorqueColumns columns(robot);
+  std::ofstream stream(file);
+  stream.precision(12);
+  stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+  for (int k = 0; k < 1500; ++k) {
+    Eigen::Vector3d q = Eigen::Vector3d::Zero(), v = q, a = q;
+    for (Eigen::Index j = 0; j < 3; ++j) {
+      for (const double w : {0.9 + 0.2 * static_cast<double>(j), 2.7}) {
+        const double angle = 0.01 * w * k + phase + 1.7 * static_cast<double>(j);
+        q(j) += 0.5 * std::sin(angle);
+        v(j) += 0.5 * w * std::cos(angle);
+        a(j) -= 0.5 * w * w * std::sin(angle);
+      }
+    }
+    columns.evaluate(q, v, a);
+    const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
+    const Eigen::Vector3d torque = columns.known() + 0.3 * noise;
+    stream << torque(0) << ',' << torque(1) << ',' << torque(2);
+    for (const Eigen::Vector3d& signal : {q, v, a}) {
+      for (const double value : signal) stream << ',' << value;
+    }
+    stream << '\n';
+  }
+}
+
+TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
+  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  std::ofstream campaign(folder_ / "campaign.yaml");
+  campaign << "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n";
+  for (const char* unit :
+       {"t_:N m:input", "q_:rad:output", "v_:rad/s:output", "a_:rad/s^2:output"}) {
+    const std::string text = unit;
+    const std::size_t first = text.find(':'), second = text.rfind(':');
+    for (int j = 1; j <= 3; ++j) {
+      campaign << "  - {name: " << text.substr(0, first) << j
+               << ", unit: " << text.substr(first + 1, second - first - 1)
+               << ", is: " << text.substr(second + 1) << "}\n";
+    }
+  }
+  campaign << "experiments:\n  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n";
+  campaign.close();
+  Random random(5);
+  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
+  write_arm(folder_ / "1.csv", truth, 0.0, random);
+  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "payload");
+  const double expected[] = {2.0, 0.15, -0.05, 0.1};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const LawParameterEstimate& each = diagnosis.effects[0].law.parameters[i];
+    EXPECT_GT(each.standard_error, 0.0) << each.name;
+    EXPECT_LT(each.standard_error, 0.02) << each.name;
+    EXPECT_NEAR(each.value, expected[i], 4.0 * each.standard_error) << each.name;
   }
 }
 

@@ -37,6 +37,13 @@ TEST_F(FrictionWords, AddTheLawsOfAPlace) {
   EXPECT_EQ(lines(), expected);
 }
 
+TEST_F(FrictionWords, HaveNoPowersOfTen) {
+  find("coulomb", {of("level", 1234.0), of("transition_velocity", 1e-4)});
+  const std::vector<std::string> expected{
+      "Friction of the arm axis of elbow: 1200 N m at 0.02 rad/s, 1200 at 0.2, 1200 at 2."};
+  EXPECT_EQ(lines(), expected);
+}
+
 TEST_F(FrictionWords, TellDirectionsApart) {
   find("asymmetric_coulomb",
        {of("forward_level", 3.0), of("backward_level", 6.0), of("transition_velocity", 1e-4)});

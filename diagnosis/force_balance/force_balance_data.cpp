@@ -184,9 +184,10 @@ void refuse_shared_places(const std::filesystem::path& file,
                           const std::vector<CandidatePlace>& places) {
   for (const CandidatePlace& place : places) {
     if ((place.location.output.array() != 0.0).count() == 1) continue;
-    throw InputError(fmt::format("{}: place {} acts on two joints, whose drives report torques in "
-                                 "units of their own (drive_gains: unknown); state the gains",
-                                 file.string(), place.location.name));
+    throw InputError(
+        fmt::format("{}: place {} acts on two joints, whose drives report torques in "
+                    "units of their own (drive_gains: unknown); state the gains",
+                    file.string(), place.location.name));
   }
 }
 

@@ -73,7 +73,7 @@ std::vector<std::size_t> PlacedLaw::scaled() const {
 
 std::vector<std::size_t> PlacedLaw::refined() const {
   std::vector<std::size_t> result;
-  if (entry->use != LawUse::kForce) return result;
+  if (entry->use == LawUse::kInertia) return result;
   const std::vector<std::size_t> scale = scaled();
   for (std::size_t i = 0; i < entry->parameters.size(); ++i) {
     const LawParameter& parameter = entry->parameters[i];
@@ -121,8 +121,9 @@ BalanceColumns law_slopes(const PlacedLaw& law, std::span<const std::size_t> par
   for (const std::size_t index : parameters) {
     std::vector<double> moved = law.parameters;
     const double value = moved[index];
-    const bool is_angle = law.entry->parameters[index].unit == "rad";
-    const double step = kStep * (is_angle ? 1.0 : std::max(std::abs(value), 1e-9));
+    const bool has_own_scale = law.entry->parameters[index].unit == "rad" ||
+                               law.entry->use == LawUse::kPayload;  // a place, m
+    const double step = kStep * (has_own_scale ? 1.0 : std::max(std::abs(value), 1e-9));
     moved[index] = value + step;
     BalanceColumns slope = one_column(law, moved, data, rows);
     moved[index] = value - step;

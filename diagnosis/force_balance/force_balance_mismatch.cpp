@@ -262,6 +262,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       result.trouble = "a friction never slides: it is a damper here";
     } else if (!comes_back(laws)) {
       result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
+    } else if (!is_within_reach(laws)) {
+      result.trouble = "a payload is farther from the flange than the robot is long";
     } else if (!has_possible_forces(laws)) {
       result.trouble = "a force of a law is far beyond what was ever measured there";
     } else {
@@ -324,6 +326,16 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       }
     }
     return true;
+  }
+
+  [[nodiscard]] bool is_within_reach(const std::vector<PlacedLaw>& laws) const {
+    double length = data_.robot.flange.translation().norm();
+    for (const RobotJoint& joint : data_.robot.joints) length += joint.origin.translation().norm();
+    return std::ranges::all_of(laws, [length](const PlacedLaw& law) {
+      const auto& p = law.parameters;
+      return law.entry->use != LawUse::kPayload ||
+             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
+    });
   }
 
   // A level of which the recorded motion shows but the foot makes another curve of the law.

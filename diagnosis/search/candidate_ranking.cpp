@@ -13,6 +13,8 @@ namespace {
 // anywhere.
 constexpr double kRelative = 0.7;
 constexpr double kEqual = 0.97;
+// The same for a law that may take another's place: its refit may gain what the score does not see.
+constexpr double kComparable = 0.5;
 
 // Candidates for a small law; and how much more a refit may gain than the score test at the best
 // shape promises.
@@ -109,6 +111,22 @@ std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& tabl
     }
   }
   return chosen;
+}
+
+std::vector<LawStart> comparable(std::vector<LawStart> starts, const ScoreTable& table,
+                                 std::size_t found) {
+  const auto score_of = [&table](std::size_t hypothesis) {
+    return std::ranges::find(table.scores, hypothesis,
+                             [](const HypothesisScore& score) { return score.start.hypothesis; });
+  };
+  const auto own = score_of(found);
+  if (own == table.scores.end()) return starts;
+  std::erase_if(starts, [&](const LawStart& start) {
+    const auto score = score_of(start.hypothesis);
+    return score != table.scores.end() &&
+           score->score.statistic < kComparable * own->score.statistic;
+  });
+  return starts;
 }
 
 std::vector<LawStart> small_shortlist(const SearchState& state, const ScoreTable& table,

@@ -35,6 +35,11 @@ namespace graybox {
 // best at its place, or as good as equal it anywhere: which of them it is only refits can tell.
 [[nodiscard]] std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& table);
 
+// Of these starts, those whose score comes close to that of the law found, by the table of a fit
+// without it. All, where the table does not have that.
+[[nodiscard]] std::vector<LawStart> comparable(std::vector<LawStart> starts,
+                                               const ScoreTable& table, std::size_t found);
+
 // Laws for what is still missing where the rest is no more than noise. Score tests are exact for
 // small effects: only those that come close to the best are in question, if any of them may stand
 // out: `to_stand_out`, of BIC. The table is not empty.

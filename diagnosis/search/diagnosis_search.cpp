@@ -32,20 +32,20 @@ bool has_channel_faults(SearchState& state) {
 
 constexpr int kSearches = 4;  // each without the laws that were rejected before
 
-void find_and_weigh_laws(SearchState& state) {
+void find_and_exchange_laws(SearchState& state) {
   add_missing_laws(state);
   prune_laws(state);
   simplify_laws(state);
   if (!state.problem->noise_is_known()) exchange_laws(state);
   prune_laws(state);  // beside laws made plainer another may no longer be missed
-  weigh_rivals(state);
+  if (state.problem->noise_is_known()) weigh_rivals(state);  // which may exchange laws
 }
 
 void find_laws(SearchState& state) {
   for (int search = 0; search < kSearches; ++search) {
-    find_and_weigh_laws(state);
+    find_and_exchange_laws(state);
     const Rejection rejection = reject_laws(state);
-    if (rejection == Rejection::kNone) return;
+    if (rejection == Rejection::kNone && state.problem->noise_is_known()) return;
     if (rejection != Rejection::kSome || !state.proceed("searching without what was rejected")) {
       break;
     }

@@ -15,8 +15,9 @@ bool exchange_one_law(SearchState& state) {
       continue;
     }
     std::vector<LawStart> candidates;
-    for (const LawStart& start : shortlist(state, rank_hypotheses(state, without, 0))) {
-      const std::size_t found = state.result.after.laws[law].hypothesis;
+    const std::size_t found = state.result.after.laws[law].hypothesis;
+    const ScoreTable table = rank_hypotheses(state, without, 0);
+    for (const LawStart& start : comparable(shortlist(state, table), table, found)) {
       if (start.hypothesis == found) continue;
       if (!may_stand_in(state.hypothesis(start.hypothesis), state.hypothesis(found))) continue;
       candidates.push_back(start);

@@ -16,6 +16,8 @@ namespace {
 
 constexpr double kSignal = 100.0;    // %
 constexpr double kLeastGain = 0.03;  // of the squared error, where the noise is not known
+// So much of it says that a force of such a shape is there, whatever its parameters are.
+constexpr double kDecisiveGain = 0.3;
 
 // Beyond chance: of -2 log of the density of recordings kept out, a ratio of one to twenty
 // thousand.
@@ -81,7 +83,9 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
         100.0 * state.options.rare_gain);
     return rejected;
   }
-  if (!state.problem->noise_is_known() && has_size(fitted) && !excludes_its_absence(fitted)) {
+  const bool is_decisive = rejected.held_out && rejected.held_out->gain >= kDecisiveGain;
+  if (!state.problem->noise_is_known() && !is_decisive && has_size(fitted) &&
+      !excludes_its_absence(fitted)) {
     rejected.reason = "its size is not determined";
     return rejected;
   }

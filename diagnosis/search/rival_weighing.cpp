@@ -83,7 +83,9 @@ std::vector<Trial> rivals_of(SearchState& state, std::size_t law, const Extended
   if (without.usable && !without.laws.empty()) table = rank_hypotheses(state, without, 0);
   std::vector<LawStart> candidates;
   LawStart pace = starts_of(state.result.after)[law];
-  for (const LawStart& start : candidates_for(state, found, table)) {
+  std::vector<LawStart> asked = candidates_for(state, found, table);
+  if (!state.problem->noise_is_known()) asked = comparable(std::move(asked), table, found);
+  for (const LawStart& start : asked) {
     if (start.hypothesis == found) pace = start;
     if (others.empty() && was_far_behind(state, start.hypothesis, found, outpaced)) continue;
     if (!may_stand_in(state.hypothesis(start.hypothesis), state.hypothesis(found))) continue;

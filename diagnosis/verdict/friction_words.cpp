@@ -42,7 +42,9 @@ std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
                has_memory = is_among(kWithMemory, hypothesis.law);
     if (!is_dry && !has_memory && !is_among(kSmooth, hypothesis.law)) continue;
     auto place = std::ranges::find(places, hypothesis.place, &Place::name);
-    if (place == places.end()) place = places.insert(places.end(), {hypothesis.place, {}});
+    if (place == places.end()) {
+      place = places.insert(places.end(), Place{.name = hypothesis.place, .laws = {}});
+    }
     place->laws.push_back(&effect.law);
     place->is_dry = place->is_dry || is_dry;
     place->has_memory = place->has_memory || has_memory;
@@ -81,12 +83,21 @@ const CheckedRange::Span* span_of(const Diagnosis& diagnosis, const std::string&
   return found == diagnosis.checked.spans.end() ? nullptr : &*found;
 }
 
+// Two digits, "1200" and not "1.2e+03".
+std::string two_digits(double value) {
+  constexpr double kPlain = 1e5;
+  if (!(std::abs(value) >= 100.0 && std::abs(value) < kPlain)) return fmt::format("{:.2g}", value);
+  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(value))) - 1.0);
+  return fmt::format("{:.0f}", unit * std::round(value / unit));
+}
+
 std::string force_words(double forward, double backward, const std::string& unit) {
   const double larger = std::max(std::abs(forward), std::abs(backward));
   if (std::abs(forward - backward) <= kSameInBothDirections * larger) {
-    return fmt::format("{:.2g}{}", 0.5 * (forward + backward), unit);
+    return two_digits(0.5 * (forward + backward)) + unit;
   }
-  return fmt::format("{:.2g}{} forward and {:.2g} backward", forward, unit, backward);
+  return fmt::format("{}{} forward and {} backward", two_digits(forward), unit,
+                     two_digits(backward));
 }
 
 }  // namespace

@@ -83,6 +83,19 @@ std::string course_words(const FittedLaw& law, std::string_view name) {
   }
 }
 
+// "carries 1.2 kg, 0.07 m off along x": the axes along which it stands off beyond its errors.
+std::string payload_words(const FittedLaw& law) {
+  const LawParameterEstimate* mass = parameter(law, "mass");
+  if (mass == nullptr) return "";
+  std::string off;
+  for (const char* axis : {"x", "y", "z"}) {
+    const LawParameterEstimate* place = parameter(law, axis);
+    if (place == nullptr || compared(*place, {"", "", 0.0, 0.0}) == 0) continue;
+    off += fmt::format("{}{:.2g} m along {}", off.empty() ? ", off by " : ", ", place->value, axis);
+  }
+  return fmt::format("carries a payload of {:.3g} kg{}", mass->value, off);
+}
+
 // What the numbers say in place of the law's usual words; empty: those.
 std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
   if (hypothesis.law == "stribeck") {
@@ -93,6 +106,7 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
     return fmt::format("has friction that gives way before it slides{}{}",
                        course.empty() ? "" : ",", course);
   }
+  if (hypothesis.law == "payload") return payload_words(law);
   if (hypothesis.law == "sublinear_friction") {
     const LawParameterEstimate* exponent = parameter(law, "exponent");
     if (exponent != nullptr && compared(*exponent, {"", "", 1.0, 0.0}) == 0) {
