@@ -66,7 +66,32 @@ std::vector<std::string> quoted_listing(const std::string& page) {
   return lines;
 }
 
+// Every line of the page's listing is one of those printed, or begins one that is cut short.
+void expect_quoted(const std::string& page, const std::string& output) {
+  std::vector<Line> printed;
+  std::istringstream text(output);
+  for (std::string line; std::getline(text, line);) printed.push_back(taken_apart(line));
+  const std::string left_out = "[...]";
+  for (std::string line : quoted_listing(page)) {
+    if (line == left_out) continue;
+    const bool is_beginning = line.ends_with(left_out);
+    if (is_beginning) line.resize(line.size() - left_out.size());
+    const Line quoted = taken_apart(line);
+    EXPECT_TRUE(std::ranges::any_of(
+        printed, [&](const Line& each) { return is_same(quoted, each, is_beginning); }))
+        << page << " quotes: " << line << "\nprinted:\n"
+        << output;
+  }
+}
+
 using Listings = testing::CommandRunner;
+
+TEST_F(Listings, OfTheReadmesDiagnosisAreWhatTheProgramPrints) {
+  const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive";
+  const testing::Outcome outcome = graybox("diagnose " + drive + "/motor.yaml " + drive);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  expect_quoted("README.md", outcome.out);
+}
 
 TEST_F(Listings, OfADiagnosisAreWhatTheProgramPrints) {
   const std::string docs = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/";
@@ -76,22 +101,7 @@ TEST_F(Listings, OfADiagnosisAreWhatTheProgramPrints) {
             0);
   const testing::Outcome outcome = graybox("diagnose " + docs + "diagnose/drive.yaml drive");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  std::vector<Line> printed;
-  std::istringstream text(outcome.out);
-  for (std::string line; std::getline(text, line);) printed.push_back(taken_apart(line));
-  const std::string left_out = "[...]";
-  for (const char* page : {"README.md", "docs/diagnose.md"}) {
-    for (std::string line : quoted_listing(page)) {
-      if (line == left_out) continue;
-      const bool is_beginning = line.ends_with(left_out);
-      if (is_beginning) line.resize(line.size() - left_out.size());
-      const Line quoted = taken_apart(line);
-      EXPECT_TRUE(std::ranges::any_of(
-          printed, [&](const Line& each) { return is_same(quoted, each, is_beginning); }))
-          << page << " quotes: " << line << "\nprinted:\n"
-          << outcome.out;
-    }
-  }
+  expect_quoted("docs/diagnose.md", outcome.out);
   // "64 hypotheses" of the docs.
   const std::string page = source_file("docs/diagnose.md");
   const std::size_t at = page.find(" hypotheses.)");

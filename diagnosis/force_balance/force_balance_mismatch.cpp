@@ -264,8 +264,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
     } else if (!is_within_reach(laws)) {
       result.trouble = "a payload is farther from the flange than the robot is long";
-    } else if (!has_possible_forces(laws)) {
-      result.trouble = "a force of a law is far beyond what was ever measured there";
     } else {
       result.usable = true;
       describe(starts, laws, fitted, result);
@@ -336,27 +334,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       return law.entry->use != LawUse::kPayload ||
              Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
     });
-  }
-
-  // A level of which the recorded motion shows but the foot makes another curve of the law.
-  [[nodiscard]] bool has_possible_forces(const std::vector<PlacedLaw>& laws) const {
-    constexpr double kLargest = 3.0;
-    for (const PlacedLaw& law : laws) {
-      const Eigen::VectorXd& output = law.place->location.output;
-      double measured = 0.0;
-      for (Index j = 0; j < output.size(); ++j) {
-        if (output(j) == 0.0) continue;
-        measured = std::max(
-            measured, data_.estimation.measured.col(j).cwiseAbs().maxCoeff() / std::abs(output(j)));
-      }
-      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        const bool is_force = law.entry->parameters[i].unit == "F";
-        if (is_force && measured > 0.0 && std::abs(law.parameters[i]) > kLargest * measured) {
-          return false;
-        }
-      }
-    }
-    return true;
   }
 
   // A wave that was not recorded as a whole is a guess.

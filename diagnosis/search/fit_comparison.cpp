@@ -111,8 +111,10 @@ bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFi
 double FitComparison::least_gain(const ExtendedFit& without, const ExtendedFit& with) const {
   const auto all = problem_->hypotheses();
   const bool is_rare = std::ranges::any_of(with.laws, [&](const FittedLaw& law) {
-    return all[law.hypothesis].rank >= kRareRank &&
-           std::ranges::count(without.laws, law.hypothesis, &FittedLaw::hypothesis) == 0;
+    const auto count = [&law](const ExtendedFit& fit) {
+      return std::ranges::count(fit.laws, law.hypothesis, &FittedLaw::hypothesis);
+    };
+    return all[law.hypothesis].rank >= kRareRank && count(with) > count(without);
   });
   return is_rare ? options_->rare_gain : options_->held_out_gain;
 }

@@ -80,8 +80,7 @@ class FitComparison {
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const;
   // Whether `reference` excludes `fit`.
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const;
-  // The gain on blocks kept out that the laws of `with` owe over `without`. A further harmonic of a
-  // ripple that both have is not rare.
+  // The gain on blocks kept out that the laws of `with` owe over `without`.
   [[nodiscard]] double least_gain(const ExtendedFit& without, const ExtendedFit& with) const;
 
   // By recordings kept out, where the noise is known: whatever the errors of the fitted parameters

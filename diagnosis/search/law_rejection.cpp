@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "graybox/diagnosis/hypotheses/fit_physics.hpp"
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
 #include "graybox/diagnosis/search/law_pruning.hpp"
 
 namespace graybox {
@@ -56,6 +57,29 @@ std::optional<HeldOutEffect> effect_where_it_acts(const SearchState& state, std:
   return effect;
 }
 
+// What no machine has, by three standard errors: friction that drives, or a level of which the
+// recorded motion shows but the foot, which makes another curve of the law. Empty: nothing.
+std::string impossible_words(const SearchState& state, std::size_t law) {
+  const FittedPhysics physics = fit_physics(*state.problem, state.result.after);
+  const PlausibilityLimits limits;
+  for (const PhysicalQuantity& quantity : physics.quantities) {
+    if (quantity.law != law) continue;
+    const double margin =
+        quantity.standard_error > 0.0 ? limits.sign_errors * quantity.standard_error : 0.0;
+    const bool is_friction = quantity.kind == QuantityKind::kFriction,
+               is_damping = quantity.kind == QuantityKind::kDamping,
+               is_force = quantity.kind == QuantityKind::kForce;
+    if ((is_friction || is_damping) && quantity.value + quantity.stated < -margin) {
+      return "friction would be negative";
+    }
+    const double largest = limits.size * physics.laws[law].carried;
+    if ((is_friction || is_force) && std::abs(quantity.value) - margin > largest) {
+      return "its force would be far beyond what was ever measured there";
+    }
+  }
+  return "";
+}
+
 // Of a law of the last fit; none: it stays.
 std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                                         const ExtendedFit& without) {
@@ -66,6 +90,10 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
     rejected.reason = "it raises the error of recordings kept out";
     return rejected;
   }
+  if (!state.problem->noise_is_known()) {
+    rejected.reason = impossible_words(state, law);
+    if (!rejected.reason.empty()) return rejected;
+  }
   if (!state.problem->noise_is_known() && rejected.held_out &&
       rejected.held_out->gain < kLeastGain) {
     rejected.reason =
@@ -73,9 +101,7 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                     100.0 * kLeastGain);
     return rejected;
   }
-  const bool is_rare =
-      state.hypothesis(fitted.hypothesis).rank >= kRareRank &&
-      std::ranges::count(without.laws, fitted.hypothesis, &FittedLaw::hypothesis) == 0;
+  const bool is_rare = state.hypothesis(fitted.hypothesis).rank >= kRareRank;
   if (is_rare && rejected.held_out && rejected.held_out->gain < state.options.rare_gain) {
     rejected.reason = fmt::format(
         "few machines have it, and it takes less than {:.0f} % from the squared error of "
@@ -122,9 +148,12 @@ bool reject_worst(SearchState& state) {
 // the law acts; of all together where channels are not told apart.
 double error_where_it_acts(const std::vector<ChannelRest>& channels, const Hypothesis& hypothesis,
                            double pooled) {
-  if (channels.empty() || hypothesis.acts_on.empty()) return pooled;
+  if (channels.empty()) return pooled;
   double least = std::numeric_limits<double>::infinity();
-  for (const std::size_t channel : hypothesis.acts_on) {
+  for (std::size_t channel = 0; channel < channels.size(); ++channel) {
+    const bool acts_there =
+        hypothesis.acts_on.empty() || std::ranges::count(hypothesis.acts_on, channel) > 0;
+    if (!acts_there) continue;
     least = std::min(least, channels[channel].held_out_nrmse.value_or(channels[channel].nrmse));
   }
   return least;
@@ -181,7 +210,8 @@ Rejection reject_laws(SearchState& state) {
     if (outcome == Rejection::kNone) outcome = Rejection::kLittle;
     if (was_in_the_way(state.result.rejected.back())) outcome = Rejection::kSome;
   }
-  return reject_hopeless(state) ? Rejection::kAll : outcome;
+  if (!reject_hopeless(state)) return outcome;
+  return state.problem->noise_is_known() ? Rejection::kAll : Rejection::kSome;
 }
 
 void note_held_out_effects(SearchState& state) {

@@ -26,8 +26,10 @@ namespace graybox {
 enum class Rejection : std::int8_t {
   kNone,
   kLittle,  // laws that add next to nothing
-  kSome,    // others: with them out of the way the right ones may be found
-  kAll,     // where laws act the error is as large as the signal
+  // Others: with them out of the way the right ones may be found. Where the noise is not known also
+  // those of a place where the error is as large as the signal.
+  kSome,
+  kAll,  // where laws act the error is as large as the signal
 };
 
 // Takes laws out of the model, worst first, into Diagnosis::rejected.
