@@ -13,7 +13,7 @@ namespace graybox {
 
 [[nodiscard]] FittedPhysics fit_physics(const MismatchProblem& problem, const ExtendedFit& fit);
 
-// The same where there is no problem, only its hypotheses and what is known of them.
+// Without a problem: from its hypotheses and what is known of them.
 [[nodiscard]] FittedPhysics fit_physics(std::span<const Hypothesis> hypotheses,
                                         const PhysicalContext& context, const ExtendedFit& fit);
 

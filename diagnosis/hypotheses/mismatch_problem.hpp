@@ -187,7 +187,7 @@ struct ChannelRest {
   double nrmse = 0.0;                 // 100 rms(rest) / std(signal), %
   double structure = 0.0;             // share that depends on the motion, 0 to 1
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
-  // The same as nrmse on recordings kept out of the fit; none where there are none.
+  // nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
 };
 

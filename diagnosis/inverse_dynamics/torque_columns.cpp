@@ -117,7 +117,7 @@ void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
   }
 }
 
-// Of the joints that carry something known: a body from there on, or their own rotor.
+// Joints that carry something known have a gain: a body from there on, or their own rotor.
 void TorqueColumns::add_gains(const RigidRobotModel& robot) {
   Index last = -1;
   for (const Body& body : bodies_) last = std::max(last, body.link);

@@ -33,7 +33,7 @@ bool has_free_motion(const LumpedModel& model) {
   return std::ranges::any_of(model.imposed, [](bool imposed) { return !imposed; });
 }
 
-// Of a parameter that the model states.
+// Where a parameter that the model states may move.
 ParameterSpace stated_space(const LumpedModel& model, std::size_t index, double factor) {
   const LumpedParameter& parameter = model.parameters[index];
   const double size = std::abs(parameter.value) > 0.0 ? std::abs(parameter.value) : 1.0;

@@ -28,7 +28,8 @@ inline constexpr Eigen::Index kLeftOutBlocks = 24;  // at most
 
 // First rows of blocks, and the number of rows behind the last.
 using BlockEdges = std::vector<Eigen::Index>;
-// Of as many blocks, of whole units (windows of a predictor, whose errors follow each other) each.
+// Divides the rows into so many blocks of whole units. A unit is a window of a predictor, whose
+// errors follow each other.
 // `unit_starts`: first row of each unit.
 [[nodiscard]] BlockEdges block_edges(const std::vector<Eigen::Index>& unit_starts,
                                      Eigen::Index rows);

@@ -66,7 +66,7 @@ class PredictionData {
   [[nodiscard]] bool states_noise(Eigen::Index output) const {
     return stated_[static_cast<std::size_t>(output)];
   }
-  // Of the forces that act (or that outputs measure): rms, and the largest.
+  // rms, and the largest, of the forces that act or that outputs measure.
   [[nodiscard]] double force_scale() const { return force_scale_; }
   [[nodiscard]] double largest_force() const { return largest_force_; }
   [[nodiscard]] Eigen::VectorXd measured_initial(std::size_t recording) const;

@@ -28,7 +28,7 @@ void forget_derivatives(PredictionFit& fit) {
   fit.residuals.resize(0);
 }
 
-// Of the last law.
+// Whether a parameter of the last law ended at a bound.
 bool has_run_away(const PredictionFit& fit) {
   const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
   for (std::size_t i = 0; i < fit.free.size(); ++i) {

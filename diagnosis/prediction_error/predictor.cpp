@@ -36,7 +36,7 @@ const LawEntry& entry_of(const Element& part) {
   return *find_law(part.law_name, part.location.kind != LocationKind::kElement);
 }
 
-// The same friction with no transition at v = 0, where a velocity passes the one that is stated
+// A friction with no transition at v = 0, where a velocity passes the one that is stated
 // within `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
 std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
   const LawEntry& entry = entry_of(part);

@@ -66,7 +66,7 @@ class Predictor {
     Eigen::Index first_state = 0;
     std::size_t states = 0;
     bool is_set_valued = false;
-    // Of set-valued friction, within a step.
+    // How set-valued friction acts within a step.
     enum class Mode : std::int8_t { kUndecided, kSlides, kHolds };
     Mode mode = Mode::kUndecided;
     double rate = 0.0, direction = 1.0, pull = 0.0;  // at its start

@@ -33,8 +33,8 @@ LinearModel linear_model(Predictor& predictor) {
   return model;
 }
 
-// Of white noise that is spread over each sample, on velocities by h/m and on positions by h^2/(2
-// m).
+// Covariance of white force noise that is spread over each sample: on velocities by h/m, on
+// positions by h^2/(2 m).
 MatrixXd process_noise(const LumpedModel& model, Index states, double sample_time,
                        double intensity) {
   MatrixXd q = MatrixXd::Zero(states, states);

@@ -13,7 +13,8 @@ namespace {
 // anywhere.
 constexpr double kRelative = 0.7;
 constexpr double kEqual = 0.97;
-// The same for a law that may take another's place: its refit may gain what the score does not see.
+// How close a law must come that may take another's place: its refit may gain what the score does
+// not see.
 constexpr double kComparable = 0.5;
 
 // Candidates for a small law; and how much more a refit may gain than the score test at the best

@@ -35,8 +35,8 @@ namespace graybox {
 // best at its place, or as good as equal it anywhere: which of them it is only refits can tell.
 [[nodiscard]] std::vector<LawStart> shortlist(const SearchState& state, const ScoreTable& table);
 
-// Of these starts, those whose score comes close to that of the law found, by the table of a fit
-// without it. All, where the table does not have that.
+// Keeps the starts whose score comes close to that of the law found, by the table of a fit without
+// it. All, where the table does not have that.
 [[nodiscard]] std::vector<LawStart> comparable(std::vector<LawStart> starts,
                                                const ScoreTable& table, std::size_t found);
 

@@ -65,14 +65,14 @@ struct HeldOutEffect {
   double error_without = 0.0, error_with = 0.0;  // NRMSE, %
   double gain = 0.0;      // share of the squared error over the noise that it takes away
   bool misleads = false;  // it raises that error, beyond chance where the noise is known
-  // Of these channels, on which it acts; empty: of all together.
+  // The channels on which it acts, whose errors these are; empty: all together.
   std::string channels{};
 };
 
 struct FoundEffect {
   FittedLaw law;
-  // The share that the law explains of the excess of chi-square before it, and how much worse BIC is
-  // without it; NaN where the model without it could not be fitted.
+  // The share that the law explains of the excess of chi-square before it, and how much worse BIC
+  // is without it; NaN where the model without it could not be fitted.
   double explained_share = std::numeric_limits<double>::quiet_NaN();
   double bic_difference = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> rivals;           // not excluded

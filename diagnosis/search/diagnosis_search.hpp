@@ -23,11 +23,11 @@
 //      Where none does, up to four laws are taken together, each the one that predicts best beside
 //      those before, if beside the others each passes the same tests: one of several harmonics of a
 //      ripple drowns in the others. Laws of a lower rank (Hypothesis::rank) are taken first, as
-//      many as there are: on a machine viscous and Coulomb friction at every joint, then loads, then
-//      offsets and coupled joints, then the rest, of which each must gain more
-//      (SearchOptions::rare_gain). Compound places (Hypothesis::is_compound) come
-//      when single ones explain no more: main effects before interactions. The law that predicts best is kept, or one of
-//      fewer parameters that is not worse by more than one standard error. Where the noise is
+//      many as there are: on a machine viscous and Coulomb friction at every joint, then loads,
+//      then offsets and coupled joints, then the rest, of which each must gain more
+//      (SearchOptions::rare_gain). Compound places (Hypothesis::is_compound) come when single ones
+//      explain no more: main effects before interactions. The law that predicts best is kept, or
+//      one of fewer parameters that is not worse by more than one standard error. Where the noise is
 //      known, and what is left is no more than noise by its chi-square, one law more is tried if
 //      the best hypothesis lies at a place without a law and is significant by itself; it stays if
 //      BIC falls by `exclusion_margin` and by a thousandth of what the others explain. A law by

@@ -20,8 +20,8 @@ namespace {
 constexpr double kSameDeviance = 1.0;
 constexpr double kSameDistance = 0.02;
 
-// Less of -2 log evidence in favour of a law that generalises another is "not worth more than a bare
-// mention" (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
+// Less of -2 log evidence in favour of a law that generalises another is "not worth more than a
+// bare mention" (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
 constexpr double kAskedFor = 2.0;
 
 // Names of an effect, up to which generalisations are among them: more names say less.

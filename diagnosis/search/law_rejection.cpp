@@ -144,8 +144,8 @@ bool reject_worst(SearchState& state) {
   return true;
 }
 
-// The error kept out, in % of the signal, of the channel that is predicted best among those on which
-// the law acts; of all together where channels are not told apart.
+// The error kept out, in % of the signal, of the channel that is predicted best among those on
+// which the law acts; of all together where channels are not told apart.
 double error_where_it_acts(const std::vector<ChannelRest>& channels, const Hypothesis& hypothesis,
                            double pooled) {
   if (channels.empty()) return pooled;
