@@ -194,7 +194,8 @@ TEST_P(RealCampaigns, LoadThroughTheirCampaignFiles) {
 INSTANTIATE_TEST_SUITE_P(Sets, RealCampaigns,
                          ::testing::Values("emps", "tx40", "kr300", "kr300_axis_1", "kr300_axis_3",
                                            "friction_damper", "friction_damper_set_3",
-                                           "cogging_motor", "silverbox"),
+                                           "cogging_motor", "silverbox", "tiago", "two_masses",
+                                           "ur10e"),
                          [](const auto& test) { return std::string(test.param); });
 
 struct DriveMotion {

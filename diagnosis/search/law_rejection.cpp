@@ -70,7 +70,7 @@ std::string impossible_words(const SearchState& state, std::size_t law) {
                is_damping = quantity.kind == QuantityKind::kDamping,
                is_force = quantity.kind == QuantityKind::kForce;
     if ((is_friction || is_damping) && quantity.value + quantity.stated < -margin) {
-      return "friction would be negative";
+      return "friction would be negative, which a late channel or a wrong sign looks like";
     }
     const double largest = limits.size * physics.laws[law].carried;
     if ((is_friction || is_force) && std::abs(quantity.value) - margin > largest) {
