@@ -27,8 +27,8 @@
 //      then offsets and coupled joints, then the rest, of which each must gain more
 //      (SearchOptions::rare_gain). Compound places (Hypothesis::is_compound) come when single ones
 //      explain no more: main effects before interactions. The law that predicts best is kept, or
-//      one of fewer parameters that is not worse by more than one standard error. Where the noise is
-//      known, and what is left is no more than noise by its chi-square, one law more is tried if
+//      one of fewer parameters that is not worse by more than one standard error. Where the noise
+//      is known, and what is left is no more than noise by its chi-square, one law more is tried if
 //      the best hypothesis lies at a place without a law and is significant by itself; it stays if
 //      BIC falls by `exclusion_margin` and by a thousandth of what the others explain. A law by
 //      which chi-square on recordings kept out is a hundred times that of the fit gives way to

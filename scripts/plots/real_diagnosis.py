@@ -7,6 +7,9 @@ import matplotlib.pyplot as plt
 from style import BLACK, BLUE, GREY, ORANGE, read_table, save
 
 
+LONGEST = 180.0  # %; longer bars are cut, and say so
+
+
 def draw(folder):
     file = folder / "tables" / "real_diagnosis.csv"
     if not file.exists():
@@ -23,20 +26,25 @@ def draw(folder):
             (0.27, "its laws taken out of the catalogue", ORANGE,
              [less[name]["held_out_after"] if name in less else "" for name in names])):
         known = [(place, float(value)) for place, value in zip(y, values) if value]
-        axes.barh([place + shift for place, _ in known], [value for _, value in known], height=0.25,
-                  color=colour, label=label)
+        axes.barh([place + shift for place, _ in known], [min(value, LONGEST) for _, value in known],
+                  height=0.25, color=colour, label=label)
+        for place, value in known:
+            if value > LONGEST:
+                axes.annotate(f"{value:.0f} %", (LONGEST, place + shift), xytext=(-4, 0),
+                              textcoords="offset points", ha="right", va="center", fontsize=7, color="white")
     for place, name in zip(y, names):
         row = whole[name]
         if row["literature"]:
             axes.plot([float(row["literature"])] * 2, [place - 0.4, place + 0.4], color=BLACK, lw=1.8)
         elif row["literature_note"]:
-            axes.annotate("by hand: " + row["literature_note"], (0, place - 0.27), xytext=(6, 0),
-                          textcoords="offset points", va="center", fontsize=7, color=BLACK,
-                          bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1})
+            axes.annotate("by hand: " + row["literature_note"], (float(row["held_out_after"]), place),
+                          xytext=(6, 0), textcoords="offset points", va="center", fontsize=7, color=BLACK,
+                          bbox={"fc": "white", "ec": "none", "pad": 1})
     axes.plot([], [], color=BLACK, lw=1.8, label="best by hand")
     axes.set_yticks(y, [f"{name}\n{whole[name]['verdict']}, {whole[name]['laws']} law"
                         + ("" if whole[name]["laws"] == "1" else "s") for name in names])
     axes.invert_yaxis()
+    axes.set_xlim(0.0, LONGEST)
     axes.set_xlabel("error on data kept out of the fit, NRMSE [%]")
     axes.grid(axis="y", visible=False)
     axes.legend(fontsize=7, loc="lower right")
