@@ -420,9 +420,9 @@ class LumpedFamily : public PlantFamily {
   }
 
   // Masses that no spring holds may be held by the control: those whose velocity it controls by the
-  // force on them, whatever other forces act. (Where it acts elsewhere, the mean of other forces moves
-  // them.) Without it they stand where their sensors of position say, as they are: laws of the
-  // model at sensors don't change the mean.
+  // force on them, whatever other forces act. (Where it acts elsewhere, the mean of other forces
+  // moves them.) Without it they stand where their sensors of position say, as they are: laws of
+  // the model at sensors don't change the mean.
   void list_held() {
     const MatrixXd& velocity = model_.velocity_output;
     held_.assign(static_cast<std::size_t>(velocity.cols()), false);

@@ -74,7 +74,8 @@ std::optional<NextExperiment> experiment_against(SearchState& state, const Exten
   try {
     return next_experiment(*experiments, state.options.exclusion_margin);
   } catch (const InputError&) {
-    return {};  // no experiment of this kind sees all parameters of the rival: no reason to end here
+    // No experiment of this kind sees all parameters of the rival, which is no reason to end here.
+    return {};
   }
 }
 
