@@ -1,4 +1,5 @@
 // Missing physics in the force balance of simulated drives, where the truth is known.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -425,8 +426,16 @@ const std::string kOffsetLoad = R"(elements:
 known: [load.mass]
 )";
 
-void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase, Random& random) {
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
+
+// `drives`: recorded units of each joint's torque per N m.
+void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase, Random& random,
+               const std::string& load = "",
+               const Eigen::Vector3d& drives = Eigen::Vector3d::Ones()) {
   TorqueColumns columns(robot);
+  columns.carry(load);
   std::ofstream stream(file);
   stream.precision(12);
   stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
@@ -442,7 +451,7 @@ void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase,
     }
     columns.evaluate(q, v, a);
     const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
-    const Eigen::Vector3d torque = columns.known() + 0.3 * noise;
+    const Eigen::Vector3d torque = (columns.known() + 0.3 * noise).cwiseProduct(drives);
     stream << torque(0) << ',' << torque(1) << ',' << torque(2);
     for (const Eigen::Vector3d& signal : {q, v, a}) {
       for (const double value : signal) stream << ',' << value;
@@ -451,10 +460,8 @@ void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase,
   }
 }
 
-TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
-  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  std::ofstream campaign(folder_ / "campaign.yaml");
+void write_arm_campaign(const fs::path& file, const std::string& experiments) {
+  std::ofstream campaign(file);
   campaign << "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n";
   for (const char* unit :
        {"t_:N m:input", "q_:rad:output", "v_:rad/s:output", "a_:rad/s^2:output"}) {
@@ -466,8 +473,25 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
                << ", is: " << text.substr(second + 1) << "}\n";
     }
   }
-  campaign << "experiments:\n  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n";
-  campaign.close();
+  campaign << "experiments:\n" << experiments;
+}
+
+// The load of kOffsetLoad, each of its numbers within four errors, none above `largest_error`.
+void expect_offset_load(const FittedLaw& law, double largest_error) {
+  const double expected[] = {2.0, 0.15, -0.05, 0.1};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const LawParameterEstimate& each = law.parameters[i];
+    EXPECT_GT(each.standard_error, 0.0) << each.name;
+    EXPECT_LT(each.standard_error, largest_error) << each.name;
+    EXPECT_NEAR(each.value, expected[i], 4.0 * each.standard_error) << each.name;
+  }
+}
+
+TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
+  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
   Random random(5);
   const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
   write_arm(folder_ / "1.csv", truth, 0.0, random);
@@ -476,12 +500,52 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
   const Diagnosis diagnosis = diagnose(*data);
   ASSERT_EQ(diagnosis.effects.size(), 1U);
   EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "payload");
-  const double expected[] = {2.0, 0.15, -0.05, 0.1};
-  for (std::size_t i = 0; i < 4; ++i) {
-    const LawParameterEstimate& each = diagnosis.effects[0].law.parameters[i];
-    EXPECT_GT(each.standard_error, 0.0) << each.name;
-    EXPECT_LT(each.standard_error, 0.02) << each.name;
-    EXPECT_NEAR(each.value, expected[i], 4.0 * each.standard_error) << each.name;
+  expect_offset_load(diagnosis.effects[0].law, 0.02);
+}
+
+// Currents, 7, 11 and 23 N m for one of their units.
+const Eigen::Vector3d kDrives(1.0 / 7.0, 1.0 / 11.0, 1.0 / 23.0);
+const std::string kInDriveUnits =
+    replaced(kLiftingArm, "torque_of: arm", "torque_of: arm\n  drive_gains: unknown");
+
+TEST_F(ForceBalance, FindsAPayloadThatEachDriveFeelsInAUnitOfItsOwn) {
+  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
+  std::ofstream(folder_ / "drive.yaml") << kInDriveUnits;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  Random random(5);
+  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
+  write_arm(folder_ / "1.csv", truth, 0.0, random, "", kDrives);
+  write_arm(folder_ / "2.csv", truth, 0.8, random, "", kDrives);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "payload");
+  expect_offset_load(diagnosis.effects[0].law, 0.03);
+}
+
+// First without, then with the load: it is looked for in the recordings that carry it.
+TEST_F(ForceBalance, FindsTheLoadOfSomeRecordings) {
+  const std::string load = replaced(kOffsetLoad, "axis: flange", "axis: flange, load: tool");
+  for (const bool has_gains : {true, false}) {
+    const Eigen::Vector3d drives = has_gains ? Eigen::Vector3d::Ones() : kDrives;
+    std::ofstream(folder_ / "truth.yaml") << kLiftingArm << load;
+    std::ofstream(folder_ / "drive.yaml") << (has_gains ? kLiftingArm : kInDriveUnits);
+    write_arm_campaign(folder_ / "campaign.yaml",
+                       "  - {file: 1.csv}\n  - {file: 2.csv, load: tool}\n"
+                       "  - {file: 3.csv, role: validation}\n"
+                       "  - {file: 4.csv, load: tool, role: validation}\n");
+    Random random(5);
+    const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
+    for (int k = 1; k <= 4; ++k) {
+      write_arm(folder_ / fmt::format("{}.csv", k), truth, 0.4 * k, random,
+                k % 2 == 0 ? "tool" : "", drives);
+    }
+    const auto data = problem();
+    const Diagnosis diagnosis = diagnose(*data);
+    ASSERT_EQ(diagnosis.effects.size(), 1U) << has_gains;
+    EXPECT_EQ(named(*data, diagnosis.effects[0]).place, "flange with load tool");
+    expect_offset_load(diagnosis.effects[0].law, 0.03);
   }
 }
 

@@ -248,6 +248,7 @@ TEST_F(RigidRobot, SixAxisArmHasThePublishedNumberOfBaseParameters) {
 VectorXd torques(const RigidRobotModel& robot, const Motion& motion, const VectorXd& truth) {
   TorqueColumns columns(robot);
   const BaseParameters base = structural_base_parameters(columns, robot.size());
+  columns.carry(motion.load);
   VectorXd result(motion.samples() * robot.size());
   for (Index t = 0; t < motion.samples(); ++t) {
     columns.evaluate(motion.position.row(t).transpose(), motion.velocity.row(t).transpose(),
@@ -516,6 +517,78 @@ TEST_F(RigidRobot, GainsOfDrivesDoNotTieUnknownBodies) {
   EXPECT_GT(fit_inverse_dynamics(one_unit, records).records[0].total.relative, 5.0);
   const InverseDynamicsFit fit = fit_inverse_dynamics(model(kArm + kUnknownGains), records);
   EXPECT_LT(fit.records[0].total.relative, 1e-8);
+}
+
+const std::string kToolLoad = R"(elements:
+  - {name: load, location: {kind: element, axis: flange, load: tool}, law: payload,
+     parameters: {mass: {value: 4, unit: kg}, x: {value: 0.3, unit: m}, y: {value: 0, unit: m},
+                  z: {value: 0, unit: m}}}
+)";
+
+// Recorded without and with a load; nothing of the arm is known.
+std::vector<MotionRecord> with_and_without_load(const RigidRobotModel& robot,
+                                                const VectorXd& parameters) {
+  std::vector<MotionRecord> records;
+  for (const char* load : {"", "tool"}) {
+    Motion motion = multisine_motion(2, 400, 4.0 + 0.3 * static_cast<double>(records.size()));
+    motion.load = load;
+    set_torque(motion, torques(robot, motion, parameters));
+    records.push_back({load, ExperimentRole::kEstimation, {motion}});
+  }
+  return records;
+}
+
+VectorXd some_base_parameters(const RigidRobotModel& robot) {
+  TorqueColumns columns(robot);
+  const Index count = structural_base_parameters(columns, robot.size()).size();
+  return VectorXd::NullaryExpr(count, [](Index k) { return 0.1 * static_cast<double>(k % 7 + 1); });
+}
+
+TEST_F(RigidRobot, LoadsAreInTheRecordingsThatCarryThem) {
+  const RigidRobotModel robot = model(kArm + kToolLoad);
+  VectorXd truth = some_base_parameters(robot);
+  truth(truth.size() - 1) = 4.0;
+  const InverseDynamicsFit fit = fit_inverse_dynamics(robot, with_and_without_load(robot, truth));
+  EXPECT_EQ(fit.parameters.back().name, "load.mass");
+  EXPECT_NEAR(fit.parameters.back().value, 4.0, 1e-7);
+  EXPECT_LT(fit.records[1].total.relative, 1e-8);
+}
+
+// Torques in units of the drives' own follow from a load that is known; of one that is not, and a
+// robot of which nothing is known, they leave everything open.
+TEST_F(RigidRobot, GainsOfDrivesFollowFromAKnownLoad) {
+  const RigidRobotModel newtons = model(kArm + kToolLoad + "known: [load.mass]\n");
+  std::vector<MotionRecord> records =
+      with_and_without_load(newtons, some_base_parameters(newtons));
+  for (MotionRecord& record : records) over_gains(record.pieces[0], 8.0, 0.25);
+  const InverseDynamicsFit fit = fit_inverse_dynamics(
+      model(kArm + kToolLoad + kUnknownGains + "known: [load.mass]\n"), records);
+  EXPECT_LT(fit.records[1].total.relative, 1e-7);
+  for (const auto& [name, value] : {std::pair{"1/gain_1", 0.125}, {"1/gain_2", 4.0}}) {
+    const auto gain = std::ranges::find(fit.parameters, name, &TorqueParameter::name);
+    ASSERT_NE(gain, fit.parameters.end()) << name;
+    EXPECT_NEAR(gain->value, value, 1e-6 * value) << name;
+  }
+}
+
+// With known bodies the mass of a load is refined beside the gains.
+TEST_F(RigidRobot, LoadsAreEstimatedBesideTheGainsOfDrives) {
+  Random random(23);
+  std::string known = kArm;
+  known.replace(known.find("rotor_inertia: unknown"), 22,
+                "rotor_inertia: 3e-4, body: " + body_text(random));
+  known.replace(known.find("rotor_inertia: 2e-4"), 19,
+                "rotor_inertia: 2e-4, body: " + body_text(random));
+  std::vector<MotionRecord> records =
+      with_and_without_load(model(known + kToolLoad + "known: [load.mass]\n"), VectorXd(0));
+  for (MotionRecord& record : records) over_gains(record.pieces[0], 8.0, 0.25);
+  std::string guess = kToolLoad;
+  guess.replace(guess.find("value: 4"), 8, "value: 1");
+  const InverseDynamicsFit fit =
+      fit_inverse_dynamics(model(known + guess + kUnknownGains), records);
+  EXPECT_EQ(fit.parameters.back().name, "load.mass");
+  EXPECT_NEAR(fit.parameters.back().value, 4.0, 1e-5);
+  EXPECT_NEAR(fit.parameters[0].value, 0.125, 1e-6);
 }
 
 TEST_F(RigidRobot, RefusesWrongModelFiles) {

@@ -30,7 +30,8 @@ Motion thinned(const Motion& piece, Eigen::Index stride) {
           piece.acceleration(kept, Eigen::all),
           piece.torque(kept, Eigen::all),
           piece.filters,
-          piece.position_is_recorded};
+          piece.position_is_recorded,
+          piece.load};
 }
 
 void thin(std::vector<Motion>& pieces) {
@@ -64,6 +65,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
     rows.filtered.emplace_back(piece);
     const Eigen::MatrixXd remembered = columns.remembered(piece);
     const Eigen::Index first = row;
+    columns.carry(piece.load);
     for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
       const Eigen::VectorXd q = piece.position.row(t), velocity = piece.velocity.row(t),
                             acceleration = piece.acceleration.row(t);
@@ -173,17 +175,43 @@ void add_neighbours(const RigidRobotModel& robot, std::vector<CandidatePlace>& p
   }
 }
 
-void add_flange(std::vector<CandidatePlace>& places) {
-  CandidatePlace place;
-  place.location = flange_location();
-  place.yaml = "{kind: element, axis: flange}";
-  places.push_back(std::move(place));
+// Of all recordings, and of each load that only some of them carry. On one axis a payload is an
+// inertia. Where drive gains are unknown, those of all joints must be told.
+void add_flanges(ForceBalanceData& data) {
+  if (data.robot.size() == 1) return;
+  if (data.robot.channels.unknown_drive_gains && data.gain_parameters.empty()) return;
+  std::vector<std::string> loads{""};
+  for (const Motion& piece : data.estimation.pieces) {
+    const auto carried = std::ranges::count(data.estimation.pieces, piece.load, &Motion::load);
+    const bool is_carried_by_all =
+        static_cast<std::size_t>(carried) == data.estimation.pieces.size();
+    if (is_carried_by_all || std::ranges::find(loads, piece.load) != loads.end()) continue;
+    loads.push_back(piece.load);
+  }
+  for (const std::string& load : loads) {
+    CandidatePlace place;
+    place.location = flange_location(load);
+    place.yaml = load.empty() ? "{kind: element, axis: flange}"
+                              : fmt::format("{{kind: element, axis: flange, load: {}}}", load);
+    data.places.push_back(std::move(place));
+  }
+}
+
+// Where "1/gain_1" and so on are among the model's parameters; empty unless all are.
+std::vector<Eigen::Index> gain_parameters(const ForceBalanceData& data) {
+  std::vector<Eigen::Index> found;
+  for (Eigen::Index j = 0; j < data.robot.size(); ++j) {
+    const auto gain = std::ranges::find(data.parameter_names, fmt::format("1/gain_{}", j + 1));
+    if (gain == data.parameter_names.end()) return {};
+    found.push_back(gain - data.parameter_names.begin());
+  }
+  return found;
 }
 
 void refuse_shared_places(const std::filesystem::path& file,
                           const std::vector<CandidatePlace>& places) {
   for (const CandidatePlace& place : places) {
-    if ((place.location.output.array() != 0.0).count() == 1) continue;
+    if (place.location.is_flange || (place.location.output.array() != 0.0).count() == 1) continue;
     throw InputError(
         fmt::format("{}: place {} acts on two joints, whose drives report torques in "
                     "units of their own (drive_gains: unknown); state the gains",
@@ -233,10 +261,12 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   data.position_is_recorded = !robot.channels.position.empty();
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
-  if (!robot.channels.unknown_drive_gains) {  // else a force on two joints is two parameters
+  if (robot.channels.unknown_drive_gains) {
+    data.gain_parameters = gain_parameters(data);
+  } else {  // else a force on two joints is two parameters
     add_neighbours(robot, data.places);
-    if (robot.size() > 1) add_flange(data.places);  // on one axis a payload is an inertia
   }
+  add_flanges(data);
   for (const std::filesystem::path& file : place_files) {
     add_places(file, *rigid_robot_places(robot), data.places);
     if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);

@@ -54,6 +54,9 @@ struct ForceBalanceData {
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
   RigidRobotModel robot;
+  // Where drive gains are unknown: which of the model's parameters is 1/gain of each joint; empty
+  // if one is not told.
+  std::vector<Eigen::Index> gain_parameters;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
 };

@@ -19,19 +19,37 @@ BalanceColumns along(const Eigen::VectorXd& output, const Eigen::MatrixXd& sampl
   return columns;
 }
 
-BalanceColumns payload_columns(std::span<const double> parameters, const ForceBalanceData& data,
-                               const ForceBalanceRows& rows) {
+// Zero in recordings without the load that the place needs.
+void clear_other_loads(const std::string& load, const ForceBalanceRows& rows,
+                       BalanceColumns& columns) {
+  Eigen::Index row = 0;
+  for (const Motion& piece : rows.pieces) {
+    if (piece.load != load) {
+      for (Eigen::MatrixXd& block : columns.in) block.middleRows(row, piece.samples()).setZero();
+    }
+    row += piece.samples();
+  }
+}
+
+BalanceColumns payload_columns(const PlacedLaw& law, std::span<const double> parameters,
+                               const ForceBalanceData& data, const ForceBalanceRows& rows) {
   const Eigen::Vector3d offset(parameters[1], parameters[2], parameters[3]);
   const StandardParameters body =
       standard_parameters({parameters[0], data.flange * offset, Eigen::Matrix3d::Zero()});
   BalanceColumns columns{{}, 1};
-  for (const Eigen::MatrixXd& block : rows.flange_body.in) columns.in.emplace_back(block * body);
+  for (std::size_t j = 0; j < rows.flange_body.in.size(); ++j) {
+    const bool has_gains = law.inverse_gains.size() > 0;
+    const double gain = has_gains ? law.inverse_gains(static_cast<Eigen::Index>(j)) : 1.0;
+    columns.in.emplace_back(rows.flange_body.in[j] * (gain * body));
+  }
+  const std::string& load = law.place->location.load;
+  if (!load.empty()) clear_other_loads(load, rows, columns);
   return columns;
 }
 
 BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
                           const ForceBalanceData& data, const ForceBalanceRows& rows) {
-  if (law.entry->use == LawUse::kPayload) return payload_columns(parameters, data, rows);
+  if (law.entry->use == LawUse::kPayload) return payload_columns(law, parameters, data, rows);
   const Eigen::VectorXd& output = law.place->location.output;
   if (law.entry->use == LawUse::kInertia) {
     return along(output, parameters[0] * inertia_samples(*law.place, rows));

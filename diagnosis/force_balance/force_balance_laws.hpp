@@ -16,6 +16,8 @@ struct PlacedLaw {
   const CandidatePlace* place = nullptr;
   const LawEntry* entry = nullptr;  // of the catalogue
   std::vector<double> parameters;
+  // Of a payload: 1/gain of each joint's drive, where the gains are unknown.
+  Eigen::VectorXd inverse_gains = {};
 
   // Parameters in which the force is linear. Laws with memory have none; their force is multiplied
   // by a factor if all parameters with the unit of a force (or of a force over something) are.

@@ -31,6 +31,8 @@ using Index = Eigen::Index;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kShownCurves = 6;  // of the recordings of one role
+constexpr int kGainRounds = 8;     // of fits that take the drives' gains from one another
+constexpr double kGainTolerance = 1e-4;
 
 // Columns of several terms over `noise`: coordinate after coordinate.
 Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
@@ -81,6 +83,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
       : data_(std::move(data)), options_(std::move(options)), regression_(data_.estimation) {
     const BalanceFit first = regression_.fit({});
+    first_inverse_gains_ = first.model(data_.gain_parameters);
     const Eigen::MatrixXd rest = unpredicted(data_.estimation, first.residuals);
     for (Index j = 0; j < coordinates(); ++j) {
       noises_.emplace_back(rest.col(j));
@@ -103,16 +106,18 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> starts,
                                 const ExtendedFit* nearby) const override {
     std::vector<RefinedLaw> refined;
+    const Eigen::VectorXd gains =
+        nearby != nullptr && nearby->usable ? inverse_gains(*nearby) : first_inverse_gains_;
     for (const LawStart& start : starts) {
-      refined.push_back({placed(start.hypothesis, start.parameters), !is_fitted(start, nearby),
-                         &scales_[place_of_[start.hypothesis]]});
+      refined.push_back({placed(start.hypothesis, start.parameters, gains),
+                         !is_fitted(start, nearby), &scales_[place_of_[start.hypothesis]]});
     }
     const std::vector<RefinedLaw> given = refined;
-    ExtendedFit result;
-    if (refine_shapes(data_, regression_, refined, options_.keep_going)) {
-      result = fit_amplitudes(starts, refined);
-    } else {
-      result.trouble = "the laws' shapes could not be refined";
+    ExtendedFit result = fit_refined(starts, refined);
+    for (int round = 1; depends_on_gains(refined) && round < kGainRounds; ++round) {
+      if (!result.usable || !has_other_gains(result, refined)) break;
+      take_over(result, refined);
+      result = fit_refined(starts, refined);
     }
     // Without one of their number, laws that are known may leave their ranges; as they are they
     // remain.
@@ -192,7 +197,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     context.kinds = data_.parameter_kinds;
     for (const FittedLaw& law : fit.laws) {
       PhysicalContext::OfLaw& own = context.laws.emplace_back();
-      const PlacedLaw placed_law = placed_of(law);
+      const PlacedLaw placed_law = placed_of(fit, law);
       if (!placed_law.place->location.is_flange) describe_physics(placed_law, own);
     }
     return context;
@@ -239,6 +244,46 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (!(signal > 0.0)) continue;
       channels[static_cast<std::size_t>(j)].held_out_nrmse =
           100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
+
+  [[nodiscard]] ExtendedFit fit_refined(std::span<const LawStart> starts,
+                                        std::vector<RefinedLaw>& refined) const {
+    if (refine_shapes(data_, regression_, refined, options_.keep_going)) {
+      return fit_amplitudes(starts, refined);
+    }
+    ExtendedFit result;
+    result.trouble = "the laws' shapes could not be refined";
+    return result;
+  }
+
+  // A payload's column is over the drives' gains, which a fit estimates beside it: fits in turn,
+  // each with the gains of the one before, until they rest.
+  static bool depends_on_gains(const std::vector<RefinedLaw>& laws) {
+    return std::ranges::any_of(
+        laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
+  }
+  [[nodiscard]] Eigen::VectorXd inverse_gains(const ExtendedFit& fit) const {
+    Eigen::VectorXd gains(static_cast<Index>(data_.gain_parameters.size()));
+    for (Index j = 0; j < gains.size(); ++j) {
+      const Index parameter = data_.gain_parameters[static_cast<std::size_t>(j)];
+      gains(j) = fit.model_parameters[static_cast<std::size_t>(parameter)].value;
+    }
+    return gains;
+  }
+  [[nodiscard]] bool has_other_gains(const ExtendedFit& fit,
+                                     const std::vector<RefinedLaw>& laws) const {
+    const Eigen::VectorXd gains = inverse_gains(fit);
+    return std::ranges::any_of(laws, [&gains](const RefinedLaw& law) {
+      const Eigen::VectorXd& used = law.law.inverse_gains;
+      return used.size() > 0 &&
+             !(((gains - used).array().abs() < kGainTolerance * gains.array().abs()).all());
+    });
+  }
+  void take_over(const ExtendedFit& fit, std::vector<RefinedLaw>& laws) const {
+    for (std::size_t l = 0; l < laws.size(); ++l) {
+      laws[l].law = placed_of(fit, fit.laws[l]);
+      laws[l].is_new = false;
     }
   }
 
@@ -292,8 +337,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  [[nodiscard]] PlacedLaw placed(std::size_t hypothesis, std::vector<double> parameters) const {
-    return {&data_.places[place_of_[hypothesis]], entries_[hypothesis], std::move(parameters)};
+  // `gains`: 1/gain of each joint's drive where these are unknown.
+  [[nodiscard]] PlacedLaw placed(std::size_t hypothesis, std::vector<double> parameters,
+                                 const Eigen::VectorXd& gains) const {
+    PlacedLaw law{&data_.places[place_of_[hypothesis]], entries_[hypothesis],
+                  std::move(parameters)};
+    if (law.place->location.is_flange) law.inverse_gains = gains;
+    return law;
   }
 
   // Whether `nearby` has this law with these parameters.
@@ -369,6 +419,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                                     std::vector<Column>& of_laws) const {
     const Index samples = data_.estimation.samples();
     Eigen::MatrixXd columns = stacked(data_.estimation.model, noise, samples);
+    for (const PlacedLaw& law : laws) add_gain_slopes(law, noise, columns);
     for (std::size_t l = 0; l < laws.size(); ++l) {
       const PlacedLaw& law = laws[l];
       const std::vector<std::size_t> linear = law.linear(), scaled = law.scaled();
@@ -383,6 +434,19 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       append(stacked(law_slopes(law, shaping, data_, data_.estimation), noise, samples), columns);
     }
     return columns;
+  }
+
+  // What 1/gain of each joint's drive changes in the force of a payload there.
+  void add_gain_slopes(const PlacedLaw& law, const Eigen::VectorXd& noise,
+                       Eigen::MatrixXd& columns) const {
+    if (law.inverse_gains.size() == 0) return;
+    const Index samples = data_.estimation.samples();
+    const BalanceColumns force = law_force_column(law, data_, data_.estimation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      columns.col(data_.gain_parameters[at]).segment(j * samples, samples) +=
+          force.in[at].col(0) / (law.inverse_gains(j) * noise(j));
+    }
   }
 
   // Scores of least squares estimates by columns over the noise: row t, column k is what the
@@ -531,16 +595,16 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     subtract(rows.model, model);
     for (const FittedLaw& law : fit.laws) {
-      subtract(law_force_column(placed_of(law), data_, rows), Eigen::VectorXd::Ones(1));
+      subtract(law_force_column(placed_of(fit, law), data_, rows), Eigen::VectorXd::Ones(1));
     }
     return result;
   }
 
-  [[nodiscard]] PlacedLaw placed_of(const FittedLaw& law) const {
+  [[nodiscard]] PlacedLaw placed_of(const ExtendedFit& fit, const FittedLaw& law) const {
     std::vector<double> parameters;
     for (const LawParameterEstimate& estimate : law.parameters)
       parameters.push_back(estimate.value);
-    return placed(law.hypothesis, std::move(parameters));
+    return placed(law.hypothesis, std::move(parameters), inverse_gains(fit));
   }
 
   // Relative errors are of all coordinates together, as tables of published results have them.
@@ -556,7 +620,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] ForcePicture picture(const ExtendedFit& fit, const FittedLaw& law) const {
-    const PlacedLaw placed_law = placed_of(law);
+    const PlacedLaw placed_law = placed_of(fit, law);
     const BalanceColumns own = law_force_column(placed_law, data_, data_.estimation);
     const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
     const Eigen::VectorXd& direction = placed_law.place->location.output;
@@ -665,8 +729,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   ForceBalanceData data_;
   ForceBalanceOptions options_;
   BalanceRegression regression_;
-  std::vector<ColouredNoise> noises_;  // by coordinate
-  std::vector<double> effective_;      // samples, by coordinate
+  Eigen::VectorXd first_inverse_gains_;  // of the model as given; empty where gains are known
+  std::vector<ColouredNoise> noises_;    // by coordinate
+  std::vector<double> effective_;        // samples, by coordinate
   std::vector<Hypothesis> hypotheses_;
   std::vector<const LawEntry*> entries_;
   std::vector<std::size_t> place_of_;
@@ -701,7 +766,7 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
     }
   }
   std::vector<PlacedLaw> present;
-  for (const FittedLaw& law : fit.laws) present.push_back(placed_of(law));
+  for (const FittedLaw& law : fit.laws) present.push_back(placed_of(fit, law));
   std::vector<Column> unused;
   Eigen::MatrixXd basis(rest.size(), 0);
   (void)extend_basis(information_columns(present, rms, unused), basis);
@@ -720,7 +785,7 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
     const LawEntry& entry = *entries_[hypothesis];
     best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
     best.shapes = 0;
-    const PlacedLaw law{&place, &entry, {}};
+    const PlacedLaw law = placed(hypothesis, {}, inverse_gains(fit));
     const std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
     std::vector<std::vector<double>> every_basis;
     for (const LawShape& shape : shapes) {

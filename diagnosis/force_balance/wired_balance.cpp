@@ -38,6 +38,7 @@ std::vector<Motion> thinned(std::span<const Motion> pieces) {
     result.push_back({piece.time(kept), piece.position(kept, Eigen::all),
                       piece.velocity(kept, Eigen::all), piece.acceleration(kept, Eigen::all),
                       piece.torque(kept, Eigen::all)});
+    result.back().load = piece.load;
   }
   return result;
 }
@@ -125,6 +126,7 @@ WiredBalance::Sums WiredBalance::sums_of(const Wiring& wiring, bool with_blocks)
   Index row = 0;
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const MatrixXd remembered = columns_.remembered(pieces[i]);
+    columns_.carry(pieces[i].load);
     for (Index t = 0; t < pieces[i].samples(); ++t, ++row) {
       add_sample(pieces[i], pieces_[i], t, remembered.row(t), transition,
                  sums.blocks[with_blocks ? at(row * kBlocks / samples) : 0]);

@@ -19,7 +19,7 @@ std::string in_flow_style(const YamlField& field) {
 bool are_one_place(const Location& a, const Location& b) {
   if (a.kind != b.kind || a.is_flange != b.is_flange) return false;
   if (a.kind != LocationKind::kElement) return a.channel == b.channel;
-  if (a.is_flange) return true;
+  if (a.is_flange) return a.load == b.load;
   return (a.output == b.output && a.input == b.input) ||
          (a.output == -b.output && a.input == -b.input);
 }

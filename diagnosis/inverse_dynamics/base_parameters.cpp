@@ -137,7 +137,9 @@ QuantityKind base_parameter_kind(const std::string& name, const std::string& uni
 }
 
 BaseParameters structural_base_parameters(TorqueColumns& columns, Index joints) {
-  const Index samples = columns.size() + 10;
+  std::vector<std::string> loads = columns.loads();
+  loads.emplace_back();  // and without any
+  const Index samples = (columns.size() + 10) * static_cast<Index>(loads.size());
   Eigen::MatrixXd stacked(samples * joints, columns.size());
   Random random(1);
   Eigen::VectorXd q(joints), velocity(joints), acceleration(joints);
@@ -147,6 +149,7 @@ BaseParameters structural_base_parameters(TorqueColumns& columns, Index joints) 
       velocity(j) = random.normal();
       acceleration(j) = random.normal();
     }
+    columns.carry(loads[static_cast<std::size_t>(t) % loads.size()]);
     columns.evaluate(q, velocity, acceleration);
     stacked.middleRows(t * joints, joints) = columns.matrix();
   }

@@ -61,6 +61,7 @@ Eigen::MatrixXd piece_rows(TorqueColumns& columns, const Motion& piece) {
   const Index joints = piece.position.cols();
   Eigen::MatrixXd values(piece.samples() * joints, columns.size() + 2);
   const Eigen::MatrixXd remembered = columns.remembered(piece);
+  columns.carry(piece.load);
   for (Index t = 0; t < piece.samples(); ++t) {
     columns.evaluate(piece.position.row(t).transpose(), piece.velocity.row(t).transpose(),
                      piece.acceleration.row(t).transpose());

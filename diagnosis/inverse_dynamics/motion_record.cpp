@@ -123,6 +123,19 @@ class MotionReader {
   const ExperimentRecording& recording_;
 };
 
+void check_loads(const RigidRobotModel& robot, const Campaign& campaign) {
+  for (const Element& element : robot.elements) {
+    const std::string& load = element.location.load;
+    if (load.empty() || std::ranges::find(campaign.experiments, load, &Experiment::load) !=
+                            campaign.experiments.end()) {
+      continue;
+    }
+    throw InputError(
+        fmt::format("{}: experiments: none has 'load: {}', which element '{}' of model {} needs",
+                    campaign.file.string(), load, element.name, robot.name));
+  }
+}
+
 }  // namespace
 
 bool needs_position(const RigidRobotModel& robot) {
@@ -157,6 +170,7 @@ std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
                     "the torques depend on it",
                     robot.name));
   }
+  check_loads(robot, campaign);
   std::vector<MotionRecord> records;
   bool has_estimation = false;
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
@@ -164,6 +178,7 @@ std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
     const ExperimentRecording recording = load_experiment(campaign, k);
     records.push_back(
         {experiment.name, experiment.role, MotionReader(robot, campaign, recording).read()});
+    for (Motion& piece : records.back().pieces) piece.load = experiment.load;
     has_estimation = has_estimation || experiment.role == ExperimentRole::kEstimation;
   }
   if (!has_estimation) {

@@ -24,6 +24,7 @@ struct Motion {
   std::vector<FilterPass> filters = {};
   // False: it is the integral of the velocity, from zero at the first sample on.
   bool position_is_recorded = true;
+  std::string load = {};  // of the recording (campaign.hpp); empty: none stated
 
   [[nodiscard]] Eigen::Index samples() const { return time.size(); }
 };
@@ -37,8 +38,8 @@ struct MotionRecord {
 // The signals that the robot's `channels` name, after the campaign's preprocessing. Motors' signals
 // go through the transmission; velocities and accelerations that are not named are parabolas'
 // slopes (time_derivative in preprocess.hpp). Throws InputError for recordings with errors, a robot
-// without channels, a channel that is not there or in a wrong unit, and a campaign without
-// estimation data. Where only velocities are named, positions are their integrals from zero on:
+// without channels, a channel that is not there or in a wrong unit, a payload's load that no
+// recording carries, and a campaign without estimation data. Where only velocities are named, positions are their integrals from zero on:
 // refused if the torques depend on positions.
 [[nodiscard]] std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
                                                             const Campaign& campaign);

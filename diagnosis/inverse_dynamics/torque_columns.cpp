@@ -121,6 +121,9 @@ void TorqueColumns::add_rotors(const RigidRobotModel& robot) {
 void TorqueColumns::add_gains(const RigidRobotModel& robot) {
   Index last = -1;
   for (const Body& body : bodies_) last = std::max(last, body.link);
+  for (const Element& element : robot.elements) {
+    if (element.use == LawUse::kPayload) last = robot.size() - 1;
+  }
   for (Index j = 0; j < robot.size(); ++j) {
     const auto& rotor = robot.joints[static_cast<std::size_t>(j)].rotor_inertia;
     const bool is_told = j <= last || (rotor && *rotor != 0.0);
@@ -138,19 +141,29 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     if (!parameters[p].is_linear) continue;
     const ElementParameter place{index, p};
-    const bool known = is_known(robot, place);
+    const bool is_body_over_gains = element.use == LawUse::kPayload && unknown_gains_;
+    const bool known = is_known(robot, place) || is_body_over_gains;
     const Index column = known ? -1 : add_column(name_of(robot, place), unit_of(robot, place));
     const double factor = known ? element.parameters[p] : 1.0;
     if (element.use == LawUse::kPayload) {
-      const auto& values = element.parameters;
-      const Eigen::Vector3d offset(values[1], values[2], values[3]);
-      bodies_.push_back({robot.size() - 1, factor * point_mass(robot.flange * offset), column});
+      add_payload(robot, element, column);
       continue;
     }
     Force force{element.location.input, element.location.output, nullptr, factor, column};
     if (element.use == LawUse::kForce) force.law = unit_law(element, p);
     forces_.push_back(std::move(force));
   }
+}
+
+// Of mass one where it has a column.
+void TorqueColumns::add_payload(const RigidRobotModel& robot, const Element& element,
+                                Index column) {
+  const auto& values = element.parameters;
+  const Eigen::Vector3d offset(values[1], values[2], values[3]);
+  const double mass = column < 0 ? values[0] : 1.0;
+  const std::string& load = element.location.load;
+  bodies_.push_back({robot.size() - 1, mass * point_mass(robot.flange * offset), column, load});
+  if (!load.empty() && std::ranges::find(loads_, load) == loads_.end()) loads_.push_back(load);
 }
 
 Eigen::VectorXd TorqueColumns::change_by_filters(const Force& force, const Motion& piece) {
@@ -217,6 +230,7 @@ void TorqueColumns::evaluate_links(const Eigen::MatrixXd& bodies) {
     }
   }
   for (const Body& body : bodies_) {
+    if (!body.load.empty() && body.load != load_) continue;
     auto target = body.column < 0 ? Eigen::Ref<Eigen::VectorXd>(known_)
                                   : Eigen::Ref<Eigen::VectorXd>(matrix_.col(body.column));
     target.noalias() += of_link(body.link) * body.direction;

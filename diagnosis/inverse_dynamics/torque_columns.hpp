@@ -10,13 +10,15 @@
 // has a column.
 //
 //   TorqueColumns columns(robot);                        // one for each thread
+//   columns.carry(piece.load);                           // payloads of other loads are not there
 //   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()
 //   columns.remembered(piece);                           // samples x n
 //
 // Where the drives' gains are unknown, u_j = g_j e_j with e_j what is recorded, each joint has
 // columns of its own for the bodies and rotors: 1/g_j where these are known ("1/gain_2"), the
 // inertial parameters over g_j where not ("XX2/gain_1"). Links shared by several joints are not
-// tied to each other, so the fit stays linear. Elements are in the unit of their joint's drive.
+// tied to each other, so the fit stays linear. Elements are in the unit of their joint's drive. A
+// payload is a known body there: its mass has no column.
 //
 // Cost O(n^2) for the bodies and O(n) for each element.
 #pragma once
@@ -41,6 +43,10 @@ class TorqueColumns {
   // arm-side, rotor inertias motor-side, elements as their place says.
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
   [[nodiscard]] const std::vector<std::string>& units() const { return units_; }
+
+  // The load of the motion that follows. Payloads with a load of their own act in that one alone.
+  void carry(const std::string& load) { load_ = load; }
+  [[nodiscard]] const std::vector<std::string>& loads() const { return loads_; }  // of payloads
 
   void evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
                 const Eigen::Ref<const Eigen::VectorXd>& velocity,
@@ -71,6 +77,7 @@ class TorqueColumns {
     Eigen::Index link;
     StandardParameters direction;
     Eigen::Index column = -1;
+    std::string load = {};  // that it needs, if any
   };
 
   [[nodiscard]] static Eigen::VectorXd change_by_filters(const Force& force, const Motion& piece);
@@ -85,6 +92,7 @@ class TorqueColumns {
   void add_unknown_link(Eigen::Index link);
   void add_rotors(const RigidRobotModel& robot);
   void add_gains(const RigidRobotModel& robot);
+  void add_payload(const RigidRobotModel& robot, const Element& element, Eigen::Index column);
   void evaluate_links(const Eigen::MatrixXd& bodies);
   void add(const Force& force, double value);
   void add_element(const RigidRobotModel& robot, std::size_t index);
@@ -98,6 +106,8 @@ class TorqueColumns {
   std::vector<Force> forces_;
   std::vector<Force> with_memory_;
   std::vector<std::string> names_, units_;
+  std::string load_;
+  std::vector<std::string> loads_;
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd known_;
 };

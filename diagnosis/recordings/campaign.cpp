@@ -183,7 +183,7 @@ void read_every(const YamlField& field, const Campaign& campaign, Experiment& ex
 
 Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   field.allow_keys({"file", "files", "position", "level", "realisation", "sub_experiment",
-                    "excitation", "segments", "every", "role"});
+                    "excitation", "segments", "every", "role", "load"});
   Experiment experiment;
   read_files(field, campaign, experiment);
   if (field.has("position")) {
@@ -200,6 +200,7 @@ Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   if (field.has("role") && field.at("role").choice({"estimation", "validation"}) == "validation") {
     experiment.role = ExperimentRole::kValidation;
   }
+  if (field.has("load")) experiment.load = field.at("load").text();
   return experiment;
 }
 

@@ -162,6 +162,7 @@ struct Experiment {
   std::size_t every = 1,
               from = 0;  // of a segment's samples: from, from + every, ... (irregular only)
   ExperimentRole role = ExperimentRole::kEstimation;
+  std::string load = {};  // what the machine carries, by a name of one's own; empty: not stated
 };
 
 struct Campaign {

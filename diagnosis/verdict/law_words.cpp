@@ -131,7 +131,7 @@ bool is_signal(const std::string& place) {
 }  // namespace
 
 std::string place_words(const std::string& place) {
-  if (is_signal(place) || place == "flange") return "the " + place;
+  if (is_signal(place) || place.starts_with("flange")) return "the " + place;
   const std::size_t dot = place.find('.');
   // Couplings and places of lumped models have names that say it all.
   if (dot == std::string::npos || place.find(' ') != std::string::npos ||

@@ -122,10 +122,11 @@ Element read_element(const YamlField& field, const Places& places) {
 
 }  // namespace
 
-Location flange_location() {
+Location flange_location(const std::string& load) {
   Location location;
-  location.name = "flange";
+  location.name = load.empty() ? "flange" : fmt::format("flange with load {}", load);
   location.is_flange = true;
+  location.load = load;
   location.units = {"N", "m", "kg"};
   return location;
 }

@@ -48,11 +48,13 @@ struct Location {
   Eigen::Index driver = -1;    // of an actuator or sensor: the input that drives the law, if any
   bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
   bool is_flange = false;      // takes payloads alone
+  std::string load;            // of a flange: only in recordings with this load; empty: in all
   PlaceUnits units;
 };
 
-// A robot's flange, where payloads are.
-[[nodiscard]] Location flange_location();
+// A robot's flange, where payloads are; `load`: in the recordings that carry this load
+// (campaign.hpp), in all if empty.
+[[nodiscard]] Location flange_location(const std::string& load = "");
 
 struct Element {
   std::string name;

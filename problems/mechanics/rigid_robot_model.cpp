@@ -202,8 +202,8 @@ class RigidRobotPlaces : public Places {
     }
     Location result;
     if (location.has("axis") && location.at("axis").text() == "flange") {
-      location.allow_keys({"kind", "axis"});
-      return flange_location();
+      location.allow_keys({"kind", "axis", "load"});
+      return flange_location(location.has("load") ? location.at("load").text() : "");
     }
     location.allow_keys({"kind", "joint", "axis", "deflection", "driven_by"});
     result.takes_inertia = true;
@@ -315,15 +315,10 @@ ElementParameter parameter_named(const std::string& source, const std::string& t
 void add_refined(const std::string& source, const std::string& text, RigidRobotModel& model) {
   const ElementParameter place = parameter_named(source, text, model);
   const Element& element = model.elements[place.element];
-  if (element.use == LawUse::kPayload) {
-    throw InputError(
-        fmt::format("{}: '{}' can't be refined: a payload's place is known or, with an "
-                    "unknown body of the last link, part of it",
-                    source, text));
-  }
   const LawEntry& law = *find_law(element.law_name, false);
   const bool remembers = element.law && element.law->state_count() > 0;
-  if (law.parameters[place.parameter].is_linear && !remembers) {
+  const bool is_over_gains = element.use == LawUse::kPayload && model.channels.unknown_drive_gains;
+  if (law.parameters[place.parameter].is_linear && !remembers && !is_over_gains) {
     throw InputError(fmt::format(
         "{}: '{}' enters the force linearly and is estimated without being refined", source, text));
   }
@@ -372,12 +367,27 @@ void check_drive_gains(const YamlField& field, const RigidRobotModel& model) {
   }
   for (const Element& element : model.elements) {
     const bool is_single =
-        element.use != LawUse::kPayload && (element.location.output.array() != 0.0).count() == 1;
+        element.use == LawUse::kPayload || (element.location.output.array() != 0.0).count() == 1;
     if (!is_single) {
       gains.fail(
           fmt::format("unknown: element '{}' acts on more than one joint, whose drives "
                       "report torques in different units; leave it out or state the gains",
                       element.name));
+    }
+  }
+}
+
+// Where the gains are unknown, all joints feel a payload, each over its own gain: a product of two
+// unknowns, so that the mass is no linear parameter.
+void refine_payloads_over_gains(RigidRobotModel& model) {
+  if (!model.channels.unknown_drive_gains) return;
+  for (std::size_t k = 0; k < model.elements.size(); ++k) {
+    const auto is_mass = [k](const ElementParameter& place) {
+      return place.element == k && place.parameter == 0;
+    };
+    if (model.elements[k].use == LawUse::kPayload && std::ranges::none_of(model.known, is_mass) &&
+        std::ranges::none_of(model.refined, is_mass)) {
+      model.refined.push_back({k, 0});
     }
   }
 }
@@ -419,6 +429,10 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   for (const std::filesystem::path& extra : physics) {
     append_elements(read_physics(extra, places), extra.string(), model);
   }
+  if (root.has("channels")) {
+    model.channels = read_channels(root.at("channels"), model.joints.size());
+    check_drive_gains(root.at("channels"), model);
+  }
   if (root.has("known")) {
     for (const YamlField& item : root.at("known").items()) {
       model.known.push_back(parameter_named(file.string() + ": known", item.text(), model));
@@ -430,10 +444,7 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
     }
   }
   for (const std::string& text : refine) add_refined("--refine", text, model);
-  if (root.has("channels")) {
-    model.channels = read_channels(root.at("channels"), model.joints.size());
-    check_drive_gains(root.at("channels"), model);
-  }
+  refine_payloads_over_gains(model);
   return model;
 }
 

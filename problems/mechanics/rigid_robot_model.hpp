@@ -64,7 +64,7 @@ struct RobotChannels {
   bool motor_torque = false;    // u and not N^T u
   bool motor_position = false;  // q_m and not q; so are velocity and acceleration
   // Each drive reports its torque in a unit of its own: u_j = gain_j times what is recorded. Then N
-  // is diagonal, and no element acts on two joints.
+  // is diagonal, and no element but a payload acts on two joints. A payload's mass is refined.
   bool unknown_drive_gains = false;
 };
 
@@ -88,6 +88,7 @@ struct RigidRobotModel {
 //   {kind: element, deflection: {J: 1, K: 1}}         z = q_J + q_K, all of one kind
 //   {kind: element, axis: flange}                     payloads: x, y, z in the flange's frame: the
 //                                                     last row's, or the last link's of a URDF
+//   {kind: element, axis: flange, load: L}            in the recordings with load L alone
 // each but the last with `driven_by` of one of the first three kinds. Laws with inner states and
 // signal laws are refused: they are for simulation. Throws InputError of one line for whatever is
 // wrong.
