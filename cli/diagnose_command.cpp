@@ -15,6 +15,8 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "graybox/diagnosis/force_balance/measured_drive.hpp"
 #include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
 #include "graybox/diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
@@ -135,8 +137,14 @@ int exit_code_of(const Diagnosis& diagnosis) {
 }
 
 // Null where it was stopped before there was a problem to search in.
-std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign& campaign) {
+std::unique_ptr<MismatchProblem> load(const Arguments& arguments, const Campaign& campaign,
+                                      const RigidRobotModel* drive) {
   try {
+    if (drive != nullptr) {
+      return drive_balance_problem(
+          *drive, campaign,
+          {.threads = arguments.threads, .keep_going = [] { return !stop_requested(); }});
+    }
     return load_mismatch_problem(
         arguments.model, campaign,
         {.threads = arguments.threads,
@@ -168,6 +176,15 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
       campaign.experiments,
       [](const Experiment& experiment) { return experiment.excitation.has_value(); });
   if (arguments.method == "prediction_error") return {arguments.method, "it was asked for"};
+  if (arguments.method == "force_balance" && is_lumped) {
+    if (measured_drive(load_lumped_model(arguments.model))) {
+      return {arguments.method, "it was asked for"};
+    }
+    throw InputError(fmt::format(
+        "--method force_balance: {} is not one mass whose only force and whose position "
+        "or velocity are recorded: say prediction_error",
+        arguments.model));
+  }
   const bool is_rigid = format == "graybox-rigid-robot/1";
   const std::string own = is_rigid ? "force_balance" : "periodic";
   if (arguments.method != "auto" && arguments.method != own) {
@@ -179,6 +196,16 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
     return {"prediction_error", "the recordings have no period ('excitation')"};
   }
   return {own, is_rigid ? "the model is a rigid robot's" : "the recordings are periodic"};
+}
+
+// Where a lumped model leaves a choice.
+std::string method_line(const Arguments& arguments, const Method& method) {
+  if (method.name == "prediction_error") {
+    return fmt::format("By prediction error, since {}.", method.reason);
+  }
+  const std::string format = YamlField::load(arguments.model).at("format").text();
+  if (method.name != "force_balance" || format != "graybox-lumped/1") return "";
+  return fmt::format("By the balance of forces, since {}.", method.reason);
 }
 
 struct Answer {
@@ -202,9 +229,11 @@ Answer answer_by_prediction(const Arguments& arguments, const Campaign& campaign
   return answer;
 }
 
-Answer answer_by_problem(Arguments& arguments, const Campaign& campaign) {
+// `drive`, if not null: a lumped model as the force balance of its one mass.
+Answer answer_by_problem(Arguments& arguments, const Campaign& campaign,
+                         const RigidRobotModel* drive = nullptr) {
   Answer answer;
-  answer.problem = load(arguments, campaign);
+  answer.problem = load(arguments, campaign, drive);
   if (!answer.problem) {
     answer.diagnosis = stopped_before_the_search(arguments.search);
     return answer;
@@ -212,6 +241,31 @@ Answer answer_by_problem(Arguments& arguments, const Campaign& campaign) {
   require_known_laws(arguments.search.excluded_laws, answer.problem->hypotheses());
   answer.diagnosis = diagnose(*answer.problem, arguments.search);
   return answer;
+}
+
+bool has_found_by_balance(const Diagnosis& diagnosis) {
+  return !diagnosis.channel_faults.empty() || !diagnosis.effects.empty();
+}
+
+// By the method chosen. Where the prediction error leaves doubt, and the drive is measured as a
+// whole, its force balance is asked, too, and answers if it has found something.
+Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign) {
+  std::optional<RigidRobotModel> drive;
+  if (YamlField::load(arguments.model).at("format").text() == "graybox-lumped/1") {
+    drive = measured_drive(load_lumped_model(arguments.model));
+  }
+  if (method.name == "force_balance") {
+    return answer_by_problem(arguments, campaign, drive ? &*drive : nullptr);
+  }
+  if (method.name == "periodic") return answer_by_problem(arguments, campaign);
+  Answer predicted = answer_by_prediction(arguments, campaign);
+  const std::string& doubt = predicted.by_prediction.doubt;
+  if (arguments.method != "auto" || doubt.empty() || !drive) return predicted;
+  Answer balanced = answer_by_problem(arguments, campaign, &*drive);
+  if (!has_found_by_balance(balanced.diagnosis)) return predicted;
+  method = {"force_balance",
+            fmt::format("a diagnosis by prediction error is in doubt (failed: {})", doubt)};
+  return balanced;
 }
 
 int execute(Arguments& arguments) {
@@ -228,10 +282,8 @@ int execute(Arguments& arguments) {
     progress.show(step);
     return !stop_requested();
   };
-  const Method method = chosen_method(arguments, campaign);
-  const Answer answer = method.name == "prediction_error"
-                            ? answer_by_prediction(arguments, campaign)
-                            : answer_by_problem(arguments, campaign);
+  Method method = chosen_method(arguments, campaign);
+  const Answer answer = answer_by(method, arguments, campaign);
   const Diagnosis& diagnosis = answer.diagnosis;
   const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
@@ -243,8 +295,8 @@ int execute(Arguments& arguments) {
     fmt::print("{}\n", verdict.dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
-    if (method.name == "prediction_error") {
-      fmt::print("By prediction error, since {}.\n", method.reason);
+    if (const std::string line = method_line(arguments, method); !line.empty()) {
+      fmt::print("{}\n", line);
     }
     for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
       fmt::print("{}\n", line);

@@ -229,10 +229,8 @@ void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows&
 
 }  // namespace
 
-ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
-                                         const Campaign& campaign,
+ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Campaign& campaign,
                                          std::span<const std::filesystem::path> place_files) {
-  const RigidRobotModel robot = load_rigid_robot(model);
   std::vector<Motion> fitted, held_out;
   std::vector<std::string> fitted_names, held_out_names;
   for (MotionRecord& record : read_motion_records(robot, campaign)) {
@@ -274,6 +272,16 @@ ForceBalanceData load_force_balance_data(const std::filesystem::path& model,
   prepare_places(data.places, data.estimation);
   prepare_places(data.places, data.validation);
   return data;
+}
+
+void name_as_lumped(ForceBalanceData& data) {
+  const std::string& mass = data.robot.joints.front().name;
+  for (CandidatePlace& place : data.places) {
+    place.location.name = mass;
+    place.yaml = fmt::format("{{kind: element, mass: {}}}", mass);
+  }
+  const std::string inertia = data.robot.joints.front().is_prismatic ? ".mass" : ".inertia";
+  std::ranges::replace(data.parameter_names, std::string("rotor_inertia_1"), mass + inertia);
 }
 
 RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {

@@ -61,11 +61,14 @@ struct ForceBalanceData {
   std::vector<Motion> recorded;      // for estimation, every sample
 };
 
-// Reads the model of a rigid robot (graybox-rigid-robot/1) and its recordings. Base parameters are
-// those that the estimation data can tell apart. Throws InputError as force_balance_problem does.
+// Reads the recordings of a rigid robot. Base parameters are those that the estimation data can
+// tell apart. Throws InputError as force_balance_problem does.
 [[nodiscard]] ForceBalanceData load_force_balance_data(
-    const std::filesystem::path& model, const Campaign& campaign,
+    const RigidRobotModel& robot, const Campaign& campaign,
     std::span<const std::filesystem::path> place_files = {});
+
+// Places and parameters of the only joint named as those of a mass of a lumped model.
+void name_as_lumped(ForceBalanceData& data);
 
 // Deflection and rate of a place in one piece: z = b_in^T q.
 [[nodiscard]] RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece);

@@ -833,7 +833,15 @@ std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::pa
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
   return std::make_unique<ForceBalanceProblem>(
-      load_force_balance_data(model, campaign, options.place_files), options);
+      load_force_balance_data(load_rigid_robot(model), campaign, options.place_files), options);
+}
+
+std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
+                                                       const Campaign& campaign,
+                                                       const ForceBalanceOptions& options) {
+  ForceBalanceData data = load_force_balance_data(drive, campaign);
+  name_as_lumped(data);
+  return std::make_unique<ForceBalanceProblem>(std::move(data), options);
 }
 
 }  // namespace graybox

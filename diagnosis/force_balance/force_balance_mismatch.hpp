@@ -34,6 +34,7 @@
 
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
 #include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 
@@ -47,6 +48,11 @@ struct ForceBalanceOptions {
 // for fewer than 50 samples.
 [[nodiscard]] std::unique_ptr<MismatchProblem> force_balance_problem(
     const std::filesystem::path& model, const Campaign& campaign,
+    const ForceBalanceOptions& options = {});
+
+// The same of a lumped drive that is measured as a whole (measured_drive.hpp); no place files.
+[[nodiscard]] std::unique_ptr<MismatchProblem> drive_balance_problem(
+    const RigidRobotModel& drive, const Campaign& campaign,
     const ForceBalanceOptions& options = {});
 
 }  // namespace graybox

@@ -22,6 +22,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
+constexpr const char* kBoundTest = "masses and springs that ran to a bound of the search";
+constexpr const char* kLawsTest = "laws found";
+constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kHeldOutLimit = 15.0;           // % of the signal
 constexpr double kNoiseLimit = 1.5;              // times the stated noise
 constexpr double kNoiseMultiple = 2.0;           // of the sensors' noise
@@ -168,9 +172,8 @@ class DiagnosisBuilder {
         effect.explained_share = 1.0 - final_->found().fit.cost / without.fit.cost;
         effect.held_out = effect_of(without);
       }
-      const auto accepted =
-          std::ranges::find(findings_->laws, final_->accepted_as(model.laws[l].hypothesis),
-                            &AcceptedLaw::hypothesis);
+      const auto accepted = std::ranges::find(
+          findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
       result_.effects.push_back(std::move(effect));
     }
@@ -345,18 +348,18 @@ class DiagnosisBuilder {
 
   void add_plausibility(std::vector<VerdictReason>& list) const {
     const std::size_t absurd = excluding(result_.implausible);
-    list.push_back(test("parameters and laws that no machine has", static_cast<double>(absurd), 0.0,
-                        absurd == 0, absurd > 0 ? result_.implausible.front().remedy : ""));
+    list.push_back(test(kAbsurdTest, static_cast<double>(absurd), 0.0, absurd == 0,
+                        absurd > 0 ? result_.implausible.front().remedy : ""));
     const std::vector<std::string> bounds = parameters_at_bounds();
-    list.push_back(test("masses and springs that ran to a bound of the search",
-                        static_cast<double>(bounds.size()), 0.0, bounds.empty(),
+    list.push_back(test(kBoundTest, static_cast<double>(bounds.size()), 0.0, bounds.empty(),
                         bounds.empty() ? "" : "check the stated value of " + bounds.front()));
   }
 
   void add_held_out(std::vector<VerdictReason>& list) const {
     const JudgedModel& found = final_->found();
     if (!found.held_out_error) {
-      VerdictReason reason = test("error kept out, % of the signal", {}, kHeldOutLimit, true, "");
+      VerdictReason reason =
+          test(fmt::format("{}, % of the signal", kHeldOutTest), {}, kHeldOutLimit, true, "");
       reason.not_tested = "no recordings were kept out of the fit";
       list.push_back(std::move(reason));
       return;
@@ -370,7 +373,7 @@ class DiagnosisBuilder {
                              : fmt::format("{:.3g} s ahead", static_cast<double>(found.horizon) *
                                                                  data_->sample_time());
       list.push_back(
-          test(fmt::format("error kept out of {} {}, % of its signal",
+          test(fmt::format("{} of {} {}, % of its signal", kHeldOutTest,
                            stated_->output_names[static_cast<std::size_t>(j)], ahead),
                error, limit, error <= limit,
                "put recordings like those kept out into the fit, and look at when the error is "
@@ -392,7 +395,7 @@ class DiagnosisBuilder {
       return list;
     }
     const auto laws = static_cast<double>(result_.effects.size());
-    VerdictReason found = test("laws found", laws, 1.0, laws >= 1.0,
+    VerdictReason found = test(kLawsTest, laws, 1.0, laws >= 1.0,
                                "check units, signs and the motion that was recorded, and try laws "
                                "of your own (--laws)");
     found.is_lower_limit = true;
@@ -419,6 +422,19 @@ class DiagnosisBuilder {
   MatrixXd motion_;
   Diagnosis result_;
 };
+
+// Tests that leave little of an answer where they fail.
+std::string doubt_about(const Diagnosis& diagnosis) {
+  if (diagnosis.interrupted || diagnosis.verdict != Verdict::kUnknown) return "";
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (!has_failed(reason)) continue;
+    const bool is_decisive =
+        reason.test.starts_with(kAbsurdTest) || reason.test.starts_with(kBoundTest) ||
+        reason.test.starts_with(kLawsTest) || reason.test.starts_with(kHeldOutTest);
+    if (is_decisive) return reason.test;
+  }
+  return "";
+}
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
   Diagnosis diagnosis;
@@ -461,10 +477,12 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
       const FinalFit final(data, hypotheses, findings, threads);
       if (final.found().fit.usable) {
         result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
+        result.doubt = doubt_about(result.diagnosis);
         return result;
       }
     }
     result.diagnosis = without_fit(findings, options);
+    if (!findings.stopped) result.doubt = "the model as given could not be fitted";
   } catch (const Stopped&) {
     result.diagnosis.interrupted = true;
     result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);

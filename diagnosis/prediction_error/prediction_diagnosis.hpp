@@ -29,6 +29,9 @@ namespace graybox {
 struct PredictionDiagnosis {
   std::vector<Hypothesis> hypotheses;
   Diagnosis diagnosis;
+  // In one line, why another method should be asked where there is one: no law was found, the model
+  // found is not a machine's, or recordings kept out are not predicted. Empty: no reason.
+  std::string doubt;
 };
 
 // Throws InputError for files that are missing, wrong or do not belong together, and for models of
