@@ -238,7 +238,9 @@ Answer answer_by_problem(Arguments& arguments, const Campaign& campaign,
     answer.diagnosis = stopped_before_the_search(arguments.search);
     return answer;
   }
-  require_known_laws(arguments.search.excluded_laws, answer.problem->hypotheses());
+  if (drive == nullptr) {  // of a drive the other method may have them
+    require_known_laws(arguments.search.excluded_laws, answer.problem->hypotheses());
+  }
   answer.diagnosis = diagnose(*answer.problem, arguments.search);
   return answer;
 }

@@ -159,7 +159,21 @@ BlockEdges PredictionTask::edges(Index outputs) const {
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
                                Index most_samples)
-    : problem_(model, reduced(model, even_data(model, campaign), most_samples), threads) {
+    : PredictionData(model, reduced(model, even_data(model, campaign), most_samples), threads) {}
+
+PredictionData PredictionData::with_reversed(const LumpedModel& model,
+                                             const std::vector<bool>& reversed, int threads) const {
+  OutputErrorData data = problem_.data();
+  for (OutputErrorRecording& recording : data.recordings) {
+    for (std::size_t j = 0; j < reversed.size(); ++j) {
+      if (reversed[j]) recording.outputs.col(static_cast<Index>(j)) *= -1.0;
+    }
+  }
+  return {model, std::move(data), threads};
+}
+
+PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, int threads)
+    : problem_(model, std::move(data), threads) {
   sample_time_ = sample_time_of(problem_.data().recordings.front());
   const double phase = fastest_mode(model) * sample_time_;
   steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),

@@ -45,6 +45,10 @@ class PredictionData {
   PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
                  Eigen::Index most_samples = 0);
 
+  // The same with these outputs of the opposite sign.
+  [[nodiscard]] PredictionData with_reversed(const LumpedModel& model,
+                                             const std::vector<bool>& reversed, int threads) const;
+
   [[nodiscard]] const OutputErrorRecording& recording(std::size_t index) const {
     return problem_.data().recordings[index];
   }
@@ -82,6 +86,7 @@ class PredictionData {
                                        ExperimentRole role = ExperimentRole::kEstimation) const;
 
  private:
+  PredictionData(const LumpedModel& model, OutputErrorData data, int threads);
   void estimate_noise();
   void measure_force(const LumpedModel& model);
 

@@ -9,6 +9,7 @@
 #include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/diagnosis/prediction_error/final_fit.hpp"
 #include "graybox/diagnosis/prediction_error/prediction_search.hpp"
+#include "graybox/diagnosis/prediction_error/reversed_outputs.hpp"
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/stop.hpp"
@@ -472,6 +473,16 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   PredictionDiagnosis result{hypotheses.hypotheses(), {}};
   PredictionSearch search(searched, hypotheses, search_options);
   try {
+    if (!options.ignore_channel_faults) {
+      result.diagnosis.channel_faults =
+          find_reversed_outputs(stated, searched, hypotheses, threads);
+    }
+    if (!result.diagnosis.channel_faults.empty()) {
+      result.diagnosis.trouble = "the recordings are not what the channels say";
+      result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
+      result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+      return result;
+    }
     const PredictionFindings findings = search.run(stated);
     if (findings.usable) {
       const FinalFit final(data, hypotheses, findings, threads);

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "graybox/diagnosis/prediction_error/friction_energy.hpp"
+#include "graybox/diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
 namespace {
@@ -15,12 +16,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSearchFactor = 10.0;  // how far masses and springs may move
 constexpr int kFirstIterations = 40, kRungIterations = 15, kRefitIterations = 12,
               kWeighIterations = 6, kPruneIterations = 8;
 constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
-constexpr Index kFewestWindows = 10, kFirstHorizon = 10;
+constexpr Index kFewestWindows = 10;
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
 
 void forget_derivatives(PredictionFit& fit) {
@@ -35,6 +35,11 @@ bool has_run_away(const PredictionFit& fit) {
     if (fit.free[i] >= first && fit.at_bound[i]) return true;
   }
   return false;
+}
+
+ExtendedLumpedModel without_laws(ExtendedLumpedModel model) {
+  while (!model.laws.empty()) model = without_part(model, model.laws.back().part);
+  return model;
 }
 
 }  // namespace
@@ -65,8 +70,7 @@ PredictionSearch::PredictionSearch(const PredictionData& data,
                                    const PredictionHypotheses& hypotheses,
                                    PredictionSearchOptions options)
     : data_(&data), hypotheses_(&hypotheses), options_(std::move(options)) {
-  const double unit = data.force_scale() * std::sqrt(data.sample_time());
-  intensities_ = {0.03 * unit, 0.3 * unit, 3.0 * unit};
+  intensities_ = force_noise_intensities(data);
 }
 
 bool PredictionSearch::proceed(const std::string& step) {
@@ -149,36 +153,6 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
 
 bool PredictionSearch::is_noise(const State& state) const {
   return (state.error.array() < options_.at_noise * state.by_noise.array()).all();
-}
-
-// The model with all its masses, springs and dampers times the factor that predicts best.
-ExtendedLumpedModel PredictionSearch::scaled_start(const LumpedModel& model) {
-  constexpr int kDecades = 3, kPerDecade = 2;
-  constexpr double kMargin = 0.5;  // of the cost, for another factor than one
-  const PredictionTask task = data_->windows(kFirstHorizon);
-  const PredictionFitter fitter(*data_, task, intensities_[1], options_.threads);
-  const ExtendedLumpedModel stated = as_given(model, kSearchFactor);
-  ExtendedLumpedModel best = stated;
-  double least = std::numeric_limits<double>::infinity();
-  VectorXd residuals;
-  for (int i = 0; i <= 2 * kDecades * kPerDecade; ++i) {
-    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
-    const double factor = std::pow(10.0, static_cast<double>(step) / kPerDecade);
-    std::vector<double> values = stated.values();
-    for (const std::size_t p : stated.free_parameters()) {
-      if (stated.space[p].logarithmic) values[p] *= factor;
-    }
-    ExtendedLumpedModel scaled = as_given(with_parameters(model, values), kSearchFactor);
-    if (!fitter.residuals(scaled, data_->output_scale(), fitter.measured_initials(scaled.model), {},
-                          residuals)) {
-      continue;
-    }
-    const double cost = residuals.squaredNorm();
-    if (!(cost < (step == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
-    least = cost;
-    best = std::move(scaled);
-  }
-  return best;
 }
 
 PredictionFit PredictionSearch::refit(const State& state, const LawExtension& law,
@@ -328,8 +302,15 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
   findings_.sample_time = data_->sample_time();
   const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
-  findings_.found = moves ? scaled_start(model) : as_given(model, kSearchFactor);
-  start_ = findings_.as_given = findings_.found;
+  findings_.found =
+      moves ? scaled_to_predict(with_zeros(model, *data_, *hypotheses_), *data_, options_.threads)
+            : as_given(model, kSearchFactor);
+  for (const PlacedFinding& zero : findings_.found.laws) {
+    findings_.laws.push_back(
+        {zero.hypothesis, kFirstHorizon, options_.errors_of_gain, options_.least_gain, {}, {}});
+  }
+  start_ = findings_.found;
+  findings_.as_given = without_laws(findings_.found);
   const std::vector<Index> horizons = ladder(model);
   findings_.has_free_run = horizons.front() == 0;
   State state;
@@ -340,7 +321,7 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
     if (!proceed(fmt::format("{} samples ahead: fitting", horizon))) break;
     if (!climb(horizon, findings_.found, state)) break;
     if (!findings_.usable) {
-      findings_.as_given = state.fit.model;
+      findings_.as_given = without_laws(state.fit.model);
       findings_.usable = true;
       findings_.first_horizon = horizon;
     }

@@ -12,8 +12,7 @@
 //      not feed energy in (friction_energy.hpp); among those not told from the best, the plainest
 //   4. prune: drop every law found that is not missed (is_idle); again from 2
 //
-// Stated values may all be off by one factor, in the wrong unit or with a guessed gain: the factor
-// in 0.001 ... 1000 that predicts best comes first, and masses and springs move by 10 about that.
+// It begins where search_start.hpp says; masses and springs move by 10 about that.
 //
 //   PredictionSearch search(data, hypotheses, options);
 //   const PredictionFindings findings = search.run(model);
@@ -121,7 +120,6 @@ class PredictionSearch {
   void accept(std::vector<TriedLaw> tried, std::size_t taken, State& state);
   void prune(State& state);
   [[nodiscard]] bool is_noise(const State& state) const;
-  [[nodiscard]] ExtendedLumpedModel scaled_start(const LumpedModel& model);
   [[nodiscard]] bool proceed(const std::string& step);
   [[nodiscard]] std::vector<Eigen::Index> ladder(const LumpedModel& model) const;
 

@@ -1,0 +1,108 @@
+#include "graybox/diagnosis/prediction_error/reversed_outputs.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "graybox/diagnosis/prediction_error/search_start.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr std::size_t kMostOutputs = 4;
+constexpr int kIterations = 15;
+constexpr double kClearlyBetter = 0.5;  // of the cost
+constexpr double kErrors = 3.0;         // z
+
+// Whether several masses that move by themselves are measured, and nothing else is.
+bool has_coupled_sensors(const LumpedModel& model) {
+  if (model.has_imposed_motion() || model.outputs.size() > kMostOutputs) return false;
+  std::vector<Eigen::Index> masses;
+  for (const LumpedOutput& output : model.outputs) {
+    using enum LumpedOutput::Quantity;
+    if (output.quantity == kForce || output.quantity == kElementForce) return false;
+    if (std::ranges::find(masses, output.mass) == masses.end()) masses.push_back(output.mass);
+  }
+  return masses.size() > 1;
+}
+
+// The best short fit under a pattern of signs.
+PredictionFit fitted(const LumpedModel& model, const PredictionData& data,
+                     const PredictionHypotheses& hypotheses, int threads) {
+  const PredictionTask task = data.windows(kFirstHorizon);
+  const ExtendedLumpedModel start =
+      scaled_to_predict(with_zeros(model, data, hypotheses), data, threads);
+  PredictionFit best;
+  for (const double intensity : force_noise_intensities(data)) {
+    const PredictionFitter fitter(data, task, intensity, threads);
+    PredictionFit fit = fitter.fit(start, data.output_scale(), {}, kIterations);
+    if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
+  }
+  return best;
+}
+
+std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
+  std::vector<bool> reversed(outputs);
+  for (std::size_t j = 0; j < outputs; ++j) reversed[j] = (number >> j & 1U) != 0;
+  return reversed;
+}
+
+double share_left(const PredictionFit& fit, const PredictionData& data) {
+  double counted = 0.0;
+  for (const PredictionRun& run : data.windows(kFirstHorizon).runs) {
+    counted += static_cast<double>(std::ranges::count(run.counted, 1));
+  }
+  return std::sqrt(fit.cost / (counted * static_cast<double>(data.output_count())));
+}
+
+ChannelFault fault_of(const LumpedModel& model, const std::vector<bool>& reversed,
+                      const PredictionFit& before, const PredictionFit& after,
+                      const PredictionData& data) {
+  ChannelFault fault;
+  for (std::size_t j = 0; j < reversed.size(); ++j) {
+    if (reversed[j]) fault.channels.push_back(model.output_names[j]);
+  }
+  fault.message = fmt::format(
+      "{} {} the wrong sign: the other one is predicted {} samples ahead (preprocess: "
+      "[{{kind: sign, of: [{}]}}])",
+      fmt::join(fault.channels, " and "), fault.channels.size() == 1 ? "has" : "have",
+      kFirstHorizon, fmt::join(fault.channels, ", "));
+  fault.measure = "error of the prediction over the signal";
+  fault.dissimilarity_before = share_left(before, data);
+  fault.dissimilarity_after = share_left(after, data);
+  return fault;
+}
+
+}  // namespace
+
+std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
+                                                const PredictionData& data,
+                                                const PredictionHypotheses& hypotheses,
+                                                int threads) {
+  if (!has_coupled_sensors(model)) return {};
+  const std::size_t outputs = model.outputs.size();
+  const PredictionFit stated = fitted(model, data, hypotheses, threads);
+  PredictionFit best = stated;
+  std::vector<bool> reversed;
+  const std::size_t all = (std::size_t{1} << outputs) - 1;
+  for (std::size_t number = 1; number < all; ++number) {
+    const std::vector<bool> pattern = pattern_of(number, outputs);
+    const PredictionData turned = data.with_reversed(model, pattern, threads);
+    PredictionFit fit = fitted(model, turned, hypotheses, threads);
+    if (!fit.usable || (best.usable && !(fit.cost < best.cost))) continue;
+    best = std::move(fit);
+    reversed = pattern;
+  }
+  if (reversed.empty() || !stated.usable) return {};
+  if (!(best.cost < kClearlyBetter * stated.cost) || !(z_between(stated, best) > kErrors)) {
+    return {};
+  }
+  return {fault_of(model, reversed, stated, best, data)};
+}
+
+}  // namespace graybox

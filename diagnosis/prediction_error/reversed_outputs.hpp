@@ -1,0 +1,26 @@
+// Sensors of coupled masses that count in opposite directions: told by prediction, before any law.
+//
+// Every pattern of signs of the outputs is tried: the model at its best start (search_start.hpp),
+// fitted ten samples ahead. Coupled masses move together below their resonance and against each
+// other above, so that no wrong pattern predicts. A fault is claimed where another pattern leaves
+// less than half of the cost that the stated one leaves (kClearlyBetter) and its blocks are better
+// predicted by z > 3. Whether all outputs are reversed together, that is, the input, is not asked:
+// a spring that the model lacks looks the same at low frequency.
+//
+// Cost: 2^outputs short fits; at most four outputs.
+#pragma once
+
+#include <vector>
+
+#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+
+namespace graybox {
+
+// At most one entry, which names all reversed channels. Throws Stopped on request.
+[[nodiscard]] std::vector<ChannelFault> find_reversed_outputs(
+    const LumpedModel& model, const PredictionData& data, const PredictionHypotheses& hypotheses,
+    int threads);
+
+}  // namespace graybox

@@ -1,0 +1,155 @@
+#include "graybox/diagnosis/prediction_error/search_start.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kConstant = 10.0;  // mean of a spring's deflection over its deviation
+constexpr int kDecades = 3, kPerDecade = 2;
+constexpr double kMargin = 0.5;  // of the cost, for another factor than one
+
+ExtendedLumpedModel scaled_by(const ExtendedLumpedModel& model, double factor) {
+  ExtendedLumpedModel scaled = model;
+  std::vector<double> values = model.values();
+  const std::size_t own = model.own_parameters();
+  for (std::size_t p = 0; p < own; ++p) {
+    ParameterSpace& space = scaled.space[p];
+    if (model.model.parameters[p].fixed || !space.logarithmic) continue;
+    for (double* const each : {&values[p], &space.scale, &space.low, &space.high}) *each *= factor;
+  }
+  return with_values(scaled, values);
+}
+
+// The position output of each mass; none: not measured.
+std::vector<std::optional<std::size_t>> position_outputs(const LumpedModel& model) {
+  std::vector<std::optional<std::size_t>> outputs(model.mass_names.size());
+  for (std::size_t k = 0; k < model.outputs.size(); ++k) {
+    if (model.outputs[k].quantity != LumpedOutput::Quantity::kPosition) continue;
+    outputs[static_cast<std::size_t>(model.outputs[k].mass)] = k;
+  }
+  return outputs;
+}
+
+struct Deflection {
+  double mean = 0.0, deviation = 0.0;
+};
+
+// Of b'q by what the encoders say.
+Deflection measured_deflection(const VectorXd& b,
+                               const std::vector<std::optional<std::size_t>>& outputs,
+                               const PredictionData& data) {
+  double sum = 0.0, squares = 0.0, samples = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    if (recording.role != ExperimentRole::kEstimation) continue;
+    VectorXd z = VectorXd::Zero(recording.outputs.rows());
+    for (Index i = 0; i < b.size(); ++i) {
+      if (b(i) == 0.0) continue;
+      z += b(i) * recording.outputs.col(static_cast<Index>(*outputs[static_cast<std::size_t>(i)]));
+    }
+    sum += z.sum();
+    squares += z.squaredNorm();
+    samples += static_cast<double>(z.size());
+  }
+  const double mean = sum / samples;
+  return {mean, std::sqrt(std::max(0.0, squares / samples - mean * mean))};
+}
+
+bool has_zero(const LumpedModel& model, std::size_t output) {
+  return std::ranges::any_of(model.parts, [output](const Element& part) {
+    return part.location.kind == LocationKind::kSensor && part.law_name == "offset" &&
+           static_cast<std::size_t>(part.location.channel) == output;
+  });
+}
+
+// The hypothesis that this output reads too much by a constant.
+std::optional<std::size_t> offset_of(std::size_t output, const PredictionHypotheses& hypotheses) {
+  for (std::size_t h = 0; h < hypotheses.hypotheses().size(); ++h) {
+    const Location& place = hypotheses.location(h);
+    if (place.kind == LocationKind::kSensor && hypotheses.hypotheses()[h].law == "offset" &&
+        static_cast<std::size_t>(place.channel) == output) {
+      return h;
+    }
+  }
+  return {};
+}
+
+// The last measured mass of a spring between several.
+std::optional<Index> last_mass(const Element& spring,
+                               const std::vector<std::optional<std::size_t>>& outputs) {
+  const VectorXd& b = spring.location.output;
+  const bool is_spring = spring.location.kind == LocationKind::kElement &&
+                         spring.law_name == "stiffness" && (b.array() != 0.0).count() > 1;
+  if (!is_spring) return {};
+  std::optional<Index> last;
+  for (Index i = 0; i < b.size(); ++i) {
+    if (b(i) == 0.0) continue;
+    if (!outputs[static_cast<std::size_t>(i)]) return {};
+    last = i;
+  }
+  return last;
+}
+
+}  // namespace
+
+std::vector<double> force_noise_intensities(const PredictionData& data) {
+  const double unit = data.force_scale() * std::sqrt(data.sample_time());
+  return {0.03 * unit, 0.3 * unit, 3.0 * unit};
+}
+
+ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& data,
+                               const PredictionHypotheses& hypotheses) {
+  ExtendedLumpedModel result = as_given(model, kSearchFactor);
+  const std::vector<std::optional<std::size_t>> outputs = position_outputs(model);
+  for (const Element& part : model.parts) {
+    const std::optional<Index> mass = last_mass(part, outputs);
+    if (!mass) continue;
+    const std::size_t output = *outputs[static_cast<std::size_t>(*mass)];
+    const std::optional<std::size_t> hypothesis = offset_of(output, hypotheses);
+    if (!hypothesis || has_zero(result.model, output)) continue;
+    const Deflection deflection = measured_deflection(part.location.output, outputs, data);
+    if (std::abs(deflection.mean) < kConstant * deflection.deviation) continue;
+    LawExtension zero;
+    zero.hypothesis = *hypothesis;
+    zero.location = hypotheses.location(*hypothesis);
+    zero.law = "offset";
+    zero.base = {0.0};
+    zero.direction = {1.0};
+    zero.fixed = {false};
+    zero.unit = data.output_scale()(static_cast<Index>(output));
+    result = extended(result, zero, deflection.mean / part.location.output(*mass));
+  }
+  return result;
+}
+
+ExtendedLumpedModel scaled_to_predict(const ExtendedLumpedModel& model, const PredictionData& data,
+                                      int threads) {
+  const PredictionTask task = data.windows(kFirstHorizon);
+  const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
+  ExtendedLumpedModel best = model;
+  double least = std::numeric_limits<double>::infinity();
+  VectorXd residuals;
+  for (int i = 0; i <= 2 * kDecades * kPerDecade; ++i) {
+    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
+    const double factor = std::pow(10.0, static_cast<double>(step) / kPerDecade);
+    ExtendedLumpedModel scaled = scaled_by(model, factor);
+    if (!fitter.residuals(scaled, data.output_scale(), fitter.measured_initials(scaled.model), {},
+                          residuals)) {
+      continue;
+    }
+    const double cost = residuals.squaredNorm();
+    if (!(cost < (step == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
+    least = cost;
+    best = std::move(scaled);
+  }
+  return best;
+}
+
+}  // namespace graybox
