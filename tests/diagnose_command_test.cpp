@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <random>
 #include <set>
 #include <sstream>
 #include <string>
@@ -264,6 +265,74 @@ TEST_F(Diagnose, FindsTheHarmonicsOfARealMotor) {
   EXPECT_LT(found["fit"]["after"]["validation"]["nrmse"].get<double>(), 18.6) << found["words"];
   const Json without = Json::parse(graybox(command + " --without ripple").out);
   EXPECT_EQ(without["verdict"], "unknown") << without["words"];
+}
+
+// An axis whose friction takes nearly all of the torque, and a disturbance: a short motion is best
+// forecast without the torque, so that a prediction says nothing about friction.
+void record_slow_axis(const std::string& file, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::ostringstream rows;
+  rows << "torque,angle\n";
+  double disturbance = 0.0;
+  for (int k = 0; k < 3000; ++k) {
+    const double t = 0.01 * k;
+    double q = 0.0, v = 0.0, a = 0.0;
+    for (const double w : {0.7, 1.9, 3.1}) {
+      const double angle = w * t + w * seed;
+      q += 0.6 * std::sin(angle);
+      v += 0.6 * w * std::cos(angle);
+      a -= 0.6 * w * w * std::sin(angle);
+    }
+    disturbance = 0.8 * disturbance + 0.3 * normal(random);
+    const double friction = 2.0 * v + std::copysign(1.5, v);
+    rows << 0.02 * a + friction + disturbance << ',' << q << '\n';
+  }
+  write_text(file, rows.str());
+}
+
+TEST_F(Diagnose, AsksTheBalanceOfForcesWhereFrictionTakesNearlyAll) {
+  record_slow_axis(folder_.file("1.csv"), 1);
+  record_slow_axis(folder_.file("2.csv"), 2);
+  write_text(folder_.file("axis.yaml"), R"(format: graybox-lumped/1
+sample_time: 0.01
+motion: rotation
+masses: {axis: 0.1}
+inputs:
+  - {name: torque, mass: axis}
+outputs:
+  - {name: angle, mass: axis, quantity: position}
+)");
+  write_text(folder_.file("axis_campaign.yaml"), R"(format: graybox-campaign/1
+sample_time: 0.01
+channels:
+  - {name: torque, unit: N m, is: input}
+  - {name: angle, unit: rad, is: output}
+hold: zero
+experiments:
+  - {file: 1.csv}
+  - {file: 2.csv, role: validation}
+)");
+  const Outcome outcome = graybox("diagnose axis.yaml axis_campaign.yaml -o report");
+  EXPECT_NE(outcome.out.find("By the balance of forces, since a diagnosis by prediction error"),
+            std::string::npos)
+      << outcome.out;
+  const Json report = Json::parse(read_text(folder_.file("report/verdict.json")));
+  EXPECT_EQ(report["method"], "force_balance");
+  std::set<std::string> laws;
+  for (const Json& effect : report["effects"]) {
+    laws.insert(effect["law"]);
+    EXPECT_EQ(effect["place"], "axis");
+    const Json& size = effect["parameters"][0];
+    const double truth = effect["law"] == "viscous" ? 2.0 : 1.5;
+    EXPECT_NEAR(size["value"].get<double>(), truth, 4.0 * size["standard_error"].get<double>());
+  }
+  EXPECT_EQ(laws, (std::set<std::string>{"coulomb", "viscous"}));
+  // Both methods read the extended model.
+  EXPECT_EQ(graybox("diagnose report/model_extended.yaml axis_campaign.yaml").exit_code, 0);
+  EXPECT_EQ(graybox("fit report/model_extended.yaml axis_campaign.yaml").exit_code, 0);
+  const Outcome several = graybox("diagnose model.yaml axis_campaign.yaml --method force_balance");
+  EXPECT_EQ(several.exit_code, 2);
 }
 
 TEST_F(Diagnose, RefusesBadInput) {

@@ -266,6 +266,7 @@ TEST_P(NothingMissing, FalseLawsAreRare) {
     for (const std::string& name : names_of(result)) {
       std::printf("seed %u, %d encoders: %s\n", seed, both ? 2 : 1, name.c_str());
     }
+    EXPECT_TRUE(result.diagnosis.channel_faults.empty()) << "seed " << seed;
     found += names_of(result).empty() ? 0U : 1U;
   }
   std::printf("%u of %u with a false law\n", found, runs);
@@ -283,6 +284,30 @@ TEST(PredictionDiagnosis, AnswersDoNotDependOnThreads) {
   const auto two = diagnose_by_prediction(folder.file("drive.yaml"), campaign, {}, 2);
   EXPECT_EQ(names_of(one), names_of(two));
   EXPECT_EQ(one.diagnosis.after.deviance, two.diagnosis.after.deviance);
+}
+
+// Whatever physics is missing beside it.
+TEST(PredictionDiagnosis, TellsAnEncoderThatCountsBackwards) {
+  for (const char* hidden : {"nothing", "coulomb at load", "cubic_spring at motor-load"}) {
+    for (const double zero : {0.0, 5.0}) {
+      const PredictionDiagnosis result = diagnosis_of({hidden, true, 11, 0.0, -1.0, zero});
+      ASSERT_EQ(result.diagnosis.channel_faults.size(), 1U) << hidden << ' ' << zero;
+      EXPECT_EQ(result.diagnosis.channel_faults[0].channels,
+                std::vector<std::string>{"load_angle"});
+      EXPECT_EQ(result.diagnosis.verdict, Verdict::kUnknown);
+    }
+  }
+}
+
+TEST(PredictionDiagnosis, FindsTheZeroOfAnEncoderBesideAFriction) {
+  const PredictionDiagnosis result = diagnosis_of({"coulomb at load", true, 11, 0.0, 1.0, 5.0});
+  EXPECT_TRUE(result.diagnosis.channel_faults.empty());
+  EXPECT_TRUE(names(result, "coulomb at load"));
+  const auto zero = std::ranges::find_if(result.diagnosis.effects, [&](const FoundEffect& effect) {
+    return result.hypotheses[effect.law.hypothesis].place == "sensor load_angle";
+  });
+  ASSERT_NE(zero, result.diagnosis.effects.end());
+  EXPECT_NEAR(zero->law.parameters[0].value, 5.0, 0.001);
 }
 
 TEST(PredictionDiagnosis, RefusesRobots) {

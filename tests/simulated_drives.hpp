@@ -21,7 +21,8 @@ struct DriveCase {
   std::string hidden;  // "coulomb at motor", or "nothing"
   bool both_encoders = true;
   unsigned seed = 1;
-  double force_noise = 0.0;  // N m rms, with a memory of 0.2 s, at the load
+  double force_noise = 0.0;                 // N m rms, with a memory of 0.2 s, at the load
+  double load_sign = 1.0, load_zero = 0.0;  // of the load's encoder
 };
 
 class SimulatedDrive {
@@ -162,7 +163,8 @@ class SimulatedDrive {
           12.0 * (wanted[static_cast<std::size_t>(k)] - motor) - 0.35 * speed + 0.02 * normal(),
           -4.0, 4.0);
       commanded.push_back(u);
-      out << fmt::format("{:.9g},{:.9g},{:.9g}\n", u, motor, load);
+      out << fmt::format("{:.9g},{:.9g},{:.9g}\n", u, motor,
+                         case_.load_zero + case_.load_sign * load);
       const double memory = std::exp(-kSampleTime / 0.2);
       disturbance =
           memory * disturbance + case_.force_noise * std::sqrt(1.0 - memory * memory) * normal();
