@@ -470,7 +470,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   search_options.threads = threads;
   search_options.proceed = options.proceed;
   if (options.effect_limit > 0) search_options.most_laws = options.effect_limit;
-  PredictionDiagnosis result{hypotheses.hypotheses(), {}};
+  PredictionDiagnosis result{hypotheses.hypotheses(), {}, {}};
   PredictionSearch search(searched, hypotheses, search_options);
   try {
     if (!options.ignore_channel_faults) {
