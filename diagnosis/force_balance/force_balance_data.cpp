@@ -176,7 +176,7 @@ void add_neighbours(const RigidRobotModel& robot, std::vector<CandidatePlace>& p
 }
 
 // Of all recordings, and of each load that only some of them carry. On one axis a payload is an
-// inertia. Where drive gains are unknown, those of all joints must be told.
+// inertia. Where drive gains are unknown, it acts on those joints whose gain is told.
 void add_flanges(ForceBalanceData& data) {
   if (data.robot.size() == 1) return;
   if (data.robot.channels.unknown_drive_gains && data.gain_parameters.empty()) return;
@@ -197,15 +197,17 @@ void add_flanges(ForceBalanceData& data) {
   }
 }
 
-// Where "1/gain_1" and so on are among the model's parameters; empty unless all are.
+// Where "1/gain_1" and so on are among the model's parameters, -1 for those that are not; empty if
+// none is.
 std::vector<Eigen::Index> gain_parameters(const ForceBalanceData& data) {
   std::vector<Eigen::Index> found;
   for (Eigen::Index j = 0; j < data.robot.size(); ++j) {
     const auto gain = std::ranges::find(data.parameter_names, fmt::format("1/gain_{}", j + 1));
-    if (gain == data.parameter_names.end()) return {};
-    found.push_back(gain - data.parameter_names.begin());
+    const bool is_told = gain != data.parameter_names.end();
+    found.push_back(is_told ? gain - data.parameter_names.begin() : -1);
   }
-  return found;
+  const bool is_any = std::ranges::any_of(found, [](Eigen::Index gain) { return gain >= 0; });
+  return is_any ? found : std::vector<Eigen::Index>{};
 }
 
 void refuse_shared_places(const std::filesystem::path& file,

@@ -54,8 +54,8 @@ struct ForceBalanceData {
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
   RigidRobotModel robot;
-  // Where drive gains are unknown: which of the model's parameters is 1/gain of each joint; empty
-  // if one is not told.
+  // Where drive gains are unknown: which of the model's parameters is 1/gain of each joint, -1 of
+  // those that nothing known acts on; empty if no gain is told.
   std::vector<Eigen::Index> gain_parameters;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample

@@ -16,7 +16,7 @@ struct PlacedLaw {
   const CandidatePlace* place = nullptr;
   const LawEntry* entry = nullptr;  // of the catalogue
   std::vector<double> parameters;
-  // Of a payload: 1/gain of each joint's drive, where the gains are unknown.
+  // Of a payload: 1/gain of each joint's drive, where the gains are unknown; 0: not told.
   Eigen::VectorXd inverse_gains = {};
 
   // Parameters in which the force is linear. Laws with memory have none; their force is multiplied

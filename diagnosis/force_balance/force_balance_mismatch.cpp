@@ -83,7 +83,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
       : data_(std::move(data)), options_(std::move(options)), regression_(data_.estimation) {
     const BalanceFit first = regression_.fit({});
-    first_inverse_gains_ = first.model(data_.gain_parameters);
+    first_inverse_gains_ = Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
+    for (Index j = 0; j < first_inverse_gains_.size(); ++j) {
+      const Index parameter = data_.gain_parameters[static_cast<std::size_t>(j)];
+      if (parameter >= 0) first_inverse_gains_(j) = first.model(parameter);
+    }
     const Eigen::MatrixXd rest = unpredicted(data_.estimation, first.residuals);
     for (Index j = 0; j < coordinates(); ++j) {
       noises_.emplace_back(rest.col(j));
@@ -264,10 +268,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
   }
   [[nodiscard]] Eigen::VectorXd inverse_gains(const ExtendedFit& fit) const {
-    Eigen::VectorXd gains(static_cast<Index>(data_.gain_parameters.size()));
+    Eigen::VectorXd gains =
+        Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
     for (Index j = 0; j < gains.size(); ++j) {
       const Index parameter = data_.gain_parameters[static_cast<std::size_t>(j)];
-      gains(j) = fit.model_parameters[static_cast<std::size_t>(parameter)].value;
+      if (parameter >= 0) {
+        gains(j) = fit.model_parameters[static_cast<std::size_t>(parameter)].value;
+      }
     }
     return gains;
   }
@@ -277,7 +284,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return std::ranges::any_of(laws, [&gains](const RefinedLaw& law) {
       const Eigen::VectorXd& used = law.law.inverse_gains;
       return used.size() > 0 &&
-             !(((gains - used).array().abs() < kGainTolerance * gains.array().abs()).all());
+             !(((gains - used).array().abs() <= kGainTolerance * gains.array().abs()).all());
     });
   }
   void take_over(const ExtendedFit& fit, std::vector<RefinedLaw>& laws) const {
@@ -444,6 +451,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const BalanceColumns force = law_force_column(law, data_, data_.estimation);
     for (Index j = 0; j < coordinates(); ++j) {
       const auto at = static_cast<std::size_t>(j);
+      if (data_.gain_parameters[at] < 0) continue;
       columns.col(data_.gain_parameters[at]).segment(j * samples, samples) +=
           force.in[at].col(0) / (law.inverse_gains(j) * noise(j));
     }
