@@ -43,6 +43,10 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_DOUBLE_EQ(static_force("stiffness", {3.0}, 0.5), 1.5);
   EXPECT_DOUBLE_EQ(static_force("cubic_spring", {-2.0}, -0.5), 0.25);
   EXPECT_DOUBLE_EQ(static_force("offset", {4.0}, 7.0), 4.0);
+  // 3 kg at 0.2 m, hanging at -0.4 rad.
+  const double weight = 3.0 * 9.81 * 0.2;
+  EXPECT_NEAR(static_force("gravity", {weight * std::cos(0.4), weight * std::sin(0.4)}, 0.9),
+              weight * std::sin(0.9 + 0.4), 1e-14);
   // A spring with backlash does not pull within the gap, and pulls from its edge on beyond it.
   for (const double z : {-0.3, -0.05, 0.0, 0.1, 0.4}) {
     const double spring = 10.0 * z + static_force("backlash", {0.1, 10.0}, z);
@@ -178,6 +182,7 @@ TEST(Laws, SpringsConserveAndFrictionDissipates) {
            {"dead_zone", {0.1, 30.0}},
            {"ripple", {10.0, 0.2, 0.3}},
            {"balancer", {100.0, 0.2, 0.5, 0.3, 0.7}},
+           {"gravity", {10.0, -4.0}},
            {"offset", {10.0}}}) {
     EXPECT_NEAR(work_of_a_cycle(*law(name, p), 0.3, 1.0), 0.0, 1e-6 * scale) << name;
   }

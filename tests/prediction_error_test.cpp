@@ -342,6 +342,7 @@ std::vector<Hidden> hidden_laws() {
 // What a dead zone of the shaft is called does not matter: the model's spring and one law beside
 // it.
 std::vector<std::string> accepted_names(const std::string& law) {
+  if (law == "ripple at load") return {"gravity at load"};  // one wave a turn
   if (law == "dead_zone at motor-load") return {law, "backlash at motor-load"};
   if (law == "delay at sensor load_angle") return {law, "lag at sensor load_angle"};
   if (law == "delay at actuator torque") return {law, "lag at actuator torque"};

@@ -150,6 +150,7 @@ void add_joint_places(const RigidRobotModel& robot, std::vector<CandidatePlace>&
     places.push_back(place_along(joint.name + ".arm",
                                  fmt::format("{{kind: element, joint: {}, axis: arm}}", joint.name),
                                  Eigen::VectorXd::Unit(robot.size(), j), joint));
+    places.back().may_lift = robot.size() == 1 && !joint.is_prismatic;
     if (!couples_joints(robot, j)) continue;
     places.push_back(place_along(
         joint.name + ".motor", fmt::format("{{kind: element, joint: {}, axis: motor}}", joint.name),

@@ -188,6 +188,7 @@ std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place,
     // A hidden mass on a spring needs its own motion, which a force balance does not follow.
     if (entry.name == "mode") continue;
     if (entry.name == "balancer" && !place.turns) continue;
+    if (entry.name == "gravity" && !place.may_lift) continue;
     if (!position_is_recorded && needs_position(entry)) continue;
     laws.push_back(&entry);
   }

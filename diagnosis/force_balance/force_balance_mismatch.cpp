@@ -65,7 +65,7 @@ struct Column {
 int rank_of(std::string_view law, const CandidatePlace& place) {
   const bool is_friction = law == "viscous" || law == "coulomb";
   if (is_friction) return place.is_compound ? 2 : 0;
-  if (law == "payload" || law == "inertia") return 1;
+  if (law == "payload" || law == "inertia" || law == "gravity") return 1;
   return law == "offset" ? 2 : kRareRank;
 }
 
@@ -268,8 +268,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
   }
   [[nodiscard]] Eigen::VectorXd inverse_gains(const ExtendedFit& fit) const {
-    Eigen::VectorXd gains =
-        Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
+    Eigen::VectorXd gains = Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
     for (Index j = 0; j < gains.size(); ++j) {
       const Index parameter = data_.gain_parameters[static_cast<std::size_t>(j)];
       if (parameter >= 0) {

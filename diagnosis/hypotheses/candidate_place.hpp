@@ -21,7 +21,8 @@ struct CandidatePlace {
   double spring_stiffness = 0.0;  // of the model's springs there, by its own values; 0: none
   bool has_free_damping = false;
   bool has_free_inertia = false;
-  bool turns = false;        // an axis that comes round: ripple has periods of whole turns
+  bool turns = false;     // an axis that comes round: ripple has periods of whole turns
+  bool may_lift = false;  // nothing else says how gravity acts here: on the angle of the axis alone
   bool is_compound = false;  // sum or difference of two places
   bool is_coupling = false;  // b_in differs from b_out
   // A constant force here changes where the model rests, and its plant there.

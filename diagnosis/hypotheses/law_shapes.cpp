@@ -311,6 +311,16 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
   return shape;
 }
 
+// Over less than a radian it is a spring and a constant force.
+std::vector<LawShape> gravity(const MotionScale& scale) {
+  constexpr double kTurned = 1.0;  // rad
+  if (scale.range < kTurned) return {};
+  LawShape shape;
+  shape.basis = {{1.0, 0.0}, {0.0, 1.0}};
+  shape.parameters = [](const VectorXd& a) { return std::vector<double>{a(0), a(1)}; };
+  return {std::move(shape)};
+}
+
 std::vector<LawShape> balancer_shapes(const std::vector<double>& levers,
                                       const std::vector<double>& free_lengths, int angles) {
   std::vector<LawShape> shapes;
@@ -351,6 +361,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "bouc_wen") return bouc_wen(scale);
   if (name == "play_and_slip") return play_and_slip(scale);
   if (name == "balancer") return balancer_shapes({0.15, 0.3, 0.6}, {0.0, 0.4, 0.8}, 12);
+  if (name == "gravity") return gravity(scale);
   if (name == "asymmetric_viscous") return {asymmetric_viscous()};
   if (name == "sublinear_friction") return sublinear_friction(scale);
   if (name == "payload") return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true)};
@@ -393,7 +404,9 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
   if (name == "play_and_slip") return {"dahl", "coulomb"};
   if (name == "mode") return {"inertia", "stiffness", "viscous"};
-  if (name == "dead_zone" || name == "balancer") return {"stiffness"};
+  if (name == "dead_zone") return {"stiffness"};
+  if (name == "balancer") return {"stiffness", "gravity"};
+  if (name == "ripple") return {"gravity"};
   return {};
 }
 

@@ -108,7 +108,7 @@ std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place, std:
   std::vector<const LawEntry*> laws;
   for (const LawEntry& entry : law_catalogue()) {
     const std::string& name = entry.name;
-    if (name == "asymmetric_coulomb") continue;
+    if (name == "asymmetric_coulomb" || name == "gravity") continue;  // a spring, about a place
     const bool may_balance = place.turns && !place.is_coupling;
     if (name == "balancer" &&
         !(place.shifts_rest ? differs_between_positions(place, positions) : may_balance)) {

@@ -54,6 +54,7 @@ class FinalFit {
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
+  [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
   void take_plainer_laws();
   [[nodiscard]] bool take_plainer_law(std::size_t law);
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;

@@ -202,8 +202,10 @@ class DiagnosisBuilder {
         effect.excluded.push_back(std::move(rival));
       }
     }
+    // Others were no explanation by themselves, which says nothing of them beside it.
     for (const TriedLaw& tried : accepted.excluded) {
-      if (effect.excluded.size() < kNamed) effect.excluded.push_back(rival_of(tried));
+      if (effect.excluded.size() == kNamed) break;
+      if (tried.behind > kExcluded) effect.excluded.push_back(rival_of(tried));
     }
   }
 

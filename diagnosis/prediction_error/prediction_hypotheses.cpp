@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 
@@ -18,11 +17,11 @@ using Eigen::VectorXd;
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
   if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
-  for (const char* plain : {"viscous", "coulomb", "offset", "inertia"}) {
+  for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "gravity"}) {
     if (law == plain) return 0;
   }
   for (const char* plain : {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag",
-                            "dead_zone", "backlash", "ripple"}) {
+                            "dead_zone", "backlash"}) {
     if (law == plain) return 1;
   }
   return law == "dahl" || law == "play_and_slip" ? 3 : 2;
@@ -40,7 +39,7 @@ const std::vector<std::string> kForceLaws{"viscous",
                                           "quadratic_drag",
                                           "deflection_damping",
                                           "backlash",
-                                          "ripple",
+                                          "gravity",
                                           "dahl",
                                           "play_and_slip"};
 
@@ -167,7 +166,8 @@ void PredictionHypotheses::add(const Location& place, const std::string& yaml,
 void PredictionHypotheses::add_place(const Location& place, const std::string& yaml) {
   for (const std::string& law : kForceLaws) {
     if (law == "inertia" && !place.takes_inertia) continue;
-    if (law == "ripple" && !rotates_) continue;
+    const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
+    if (law == "gravity" && !(rotates_ && is_one_mass)) continue;
     add(place, yaml, law);
   }
 }
@@ -194,6 +194,10 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   }
   const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
   if (is_told) add(place, yaml, "gain");
+}
+
+bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
+  return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
 }
 
 PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
@@ -290,12 +294,9 @@ void PredictionHypotheses::extend_spring(const LawExtension& plain,
     if (stiffness > 0.0) {
       list.push_back(amplitude(plain, {0.0, stiffness}, 0, at.force / stiffness, true));
     }
-  } else if (plain.law == "ripple" && at.range > kTurned) {
-    constexpr double kTurn = 2.0 * std::numbers::pi;
-    for (const double phase : {0.0, 0.5 * std::numbers::pi}) {
-      LawExtension law = amplitude(plain, {0.0, kTurn, phase}, 0, at.force, false);
-      law.fixed = {false, true, false};
-      list.push_back(std::move(law));
+  } else if (plain.law == "gravity" && at.range > kTurned) {
+    for (const std::size_t parameter : {0U, 1U}) {
+      list.push_back(amplitude(plain, {0.0, 0.0}, parameter, at.force, false));
     }
   }
 }

@@ -208,9 +208,13 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
   // Near the noise of a sensor, which may be rounding and not white, more is asked for.
   const bool is_near_noise =
       (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
-  const double least_gain = is_near_noise ? options_.least_gain_near_noise : options_.least_gain;
+  const auto least_gain = [&](const TriedLaw& law) {
+    const double least =
+        hypotheses_->is_plain(law.hypothesis) ? options_.least_gain : options_.least_gain_rare;
+    return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
+  };
   const auto is_good = [&](const TriedLaw& law) {
-    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain;
+    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law);
   };
   const auto complexity = [&](const TriedLaw& law) {
     return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;

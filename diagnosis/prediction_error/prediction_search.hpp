@@ -8,8 +8,9 @@
 //   1. fit the model of the rung before; skip the rung where its errors are what the sensors' noise
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
-//   3. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 % and the frictions do
-//      not feed energy in (friction_energy.hpp); among those not told from the best, the plainest
+//   3. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 %, 10 % by a law that
+//      few machines have, and the frictions do not feed energy in (friction_energy.hpp); among
+//      those not told from the best, the plainest
 //   4. prune: drop every law found that is not missed (is_idle); again from 2
 //
 // It begins where search_start.hpp says; masses and springs move by 10 about that.
@@ -28,13 +29,17 @@
 
 namespace graybox {
 
+// Of the cost, and of the squared error of recordings kept out.
+inline constexpr double kRareGain = 0.1;
+
 struct PredictionSearchOptions {
-  double errors_of_gain = 3.0;  // z
-  double least_gain = 0.03;     // of the cost
-  double equal_errors = 2.5;    // z within which another law is no better
-  double equal_gain = 0.85;     // share of the best one's gain
-  double rival_errors = 2.0;    // z within which a law is not excluded
-  double at_noise = 1.3;        // times the sensors' noise: nothing to see
+  double errors_of_gain = 3.0;         // z
+  double least_gain = 0.03;            // of the cost
+  double least_gain_rare = kRareGain;  // of the cost, by a law that few machines have
+  double equal_errors = 2.5;           // z within which another law is no better
+  double equal_gain = 0.85;            // share of the best one's gain
+  double rival_errors = 2.0;           // z within which a law is not excluded
+  double at_noise = 1.3;               // times the sensors' noise: nothing to see
   double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
   double least_gain_near_noise = 0.15;  // so much of the cost
   double no_skill = 0.95;               // of the signal

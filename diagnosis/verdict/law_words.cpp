@@ -18,13 +18,14 @@ struct Predicate {
   std::string_view if_negative = {};  // of the leading parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 28> kPredicates{{
+constexpr std::array<Predicate, 29> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
     {"dead_zone", false, "meets a stop beyond a clearance", "loses stiffness beyond a clearance"},
     {"ripple", false, "has a force that comes back with the position (ripple, cogging)"},
     {"balancer", false, "is balanced by a spring"},
+    {"gravity", false, "lifts a weight"},
     {"offset", false, "carries a constant force"},
     {"viscous", false, "has more viscous friction than modelled",
      "has less viscous friction than modelled"},
@@ -96,6 +97,15 @@ std::string payload_words(const FittedLaw& law) {
   return fmt::format("carries a payload of {:.3g} kg{}", mass->value, off);
 }
 
+// "lifts a weight, 9.8 N m at most, at 1.57 rad": where f = s sin z + c cos z is largest.
+std::string gravity_words(const FittedLaw& law) {
+  const LawParameterEstimate *sine = parameter(law, "sine"), *cosine = parameter(law, "cosine");
+  if (sine == nullptr || cosine == nullptr) return "";
+  return fmt::format("lifts a weight: {:.3g} {} at most, where it stands at {:.3g} rad",
+                     std::hypot(sine->value, cosine->value), sine->unit,
+                     std::atan2(sine->value, cosine->value));
+}
+
 // What the numbers say in place of the law's usual words; empty: those.
 std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
   if (hypothesis.law == "stribeck") {
@@ -107,6 +117,7 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
                        course.empty() ? "" : ",", course);
   }
   if (hypothesis.law == "payload") return payload_words(law);
+  if (hypothesis.law == "gravity") return gravity_words(law);
   if (hypothesis.law == "sublinear_friction") {
     const LawParameterEstimate* exponent = parameter(law, "exponent");
     if (exponent != nullptr && compared(*exponent, {"", "", 1.0, 0.0}) == 0) {

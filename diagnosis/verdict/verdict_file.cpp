@@ -161,11 +161,11 @@ Json detectable_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hyp
 Json channel_rests_json(const std::vector<ChannelRest>& before,
                         const std::vector<ChannelRest>& after) {
   const auto rest_json = [](const ChannelRest& rest) {
-    return Json{{"nrmse", number(rest.nrmse)},
-                {"nrmse_held_out",
-                 rest.held_out_nrmse ? number(*rest.held_out_nrmse) : Json(nullptr)},
-                {"remaining_structure", number(rest.structure)},
-                {"autocorrelated_error", number(rest.autocorrelated_error)}};
+    return Json{
+        {"nrmse", number(rest.nrmse)},
+        {"nrmse_held_out", rest.held_out_nrmse ? number(*rest.held_out_nrmse) : Json(nullptr)},
+        {"remaining_structure", number(rest.structure)},
+        {"autocorrelated_error", number(rest.autocorrelated_error)}};
   };
   Json list = Json::array();
   for (std::size_t c = 0; c < before.size(); ++c) {

@@ -47,6 +47,9 @@ void check_law_fits_place(const YamlField& field, const LawEntry& entry, const L
   const bool is_rotation = location.units.deflection == "rad";
   const bool is_balancer = entry.name == "balancer" || entry.name == "gas_balancer";
   if (is_balancer && !is_rotation) field.fail("a balancer needs a rotation");
+  if (entry.name == "gravity" && !is_rotation) {
+    field.fail("gravity needs a rotation; along a line it is an offset");
+  }
 }
 
 void check_range(const YamlField& value, ParameterRange range) {

@@ -96,6 +96,17 @@ struct GasBalancer {
   }
 };
 
+// A mass off the axis: m g r about the direction in which it hangs. p: sine, cosine.
+struct GravityTorque {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& z, const T&, const T*) {
+    using std::cos;
+    using std::sin;
+    return p[0] * sin(z) + p[1] * cos(z);
+  }
+};
+
 struct Offset {
   static constexpr int kParameters = 1, kStates = 0;
   template <typename T>
@@ -148,6 +159,11 @@ std::vector<LawEntry> spring_laws() {
         {.name = "lever_length", .unit = "m", .range = kPositive, .is_relative = true},
         {"anchor_angle", "rad", kAny}},
        make_law<Balancer>},
+      {"gravity",
+       "weight of a mass off the axis: f = s sin z + c cos z",
+       kForce,
+       {{"sine", "F", kAny, true}, {"cosine", "F", kAny, true}},
+       make_law<GravityTorque>},
       {"offset", "constant: f = c", kForce, {{"value", "F", kAny, true}}, make_law<Offset>},
   };
 }
