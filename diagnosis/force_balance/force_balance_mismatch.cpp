@@ -116,6 +116,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       refined.push_back({placed(start.hypothesis, start.parameters, gains),
                          !is_fitted(start, nearby), &scales_[place_of_[start.hypothesis]]});
     }
+    hold_untouched(starts, nearby, refined);
     const std::vector<RefinedLaw> given = refined;
     ExtendedFit result = fit_refined(starts, refined);
     for (int round = 1; depends_on_gains(refined) && round < kGainRounds; ++round) {
@@ -248,6 +249,38 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (!(signal > 0.0)) continue;
       channels[static_cast<std::size_t>(j)].held_out_nrmse =
           100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+    }
+  }
+
+  // Whether a law acts on one of these coordinates; a payload acts on all.
+  [[nodiscard]] bool acts_on(std::size_t hypothesis, const std::vector<bool>& coordinates) const {
+    const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
+    return own.empty() || std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
+  }
+  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay: these
+  // share no more with it than the parameters of the model.
+  void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
+                      std::vector<RefinedLaw>& laws) const {
+    if (nearby == nullptr) return;
+    std::vector<bool> touched(static_cast<std::size_t>(coordinates()), false);
+    bool is_any = false;
+    const auto touch = [&](std::size_t hypothesis) {
+      for (std::size_t j = 0; j < touched.size(); ++j) {
+        const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
+        touched[j] = touched[j] || own.empty() || std::ranges::find(own, j) != own.end();
+      }
+      is_any = true;
+    };
+    for (std::size_t l = 0; l < laws.size(); ++l) {
+      if (laws[l].is_new) touch(starts[l].hypothesis);
+    }
+    for (const FittedLaw& law : nearby->laws) {
+      if (std::ranges::find(starts, law.hypothesis, &LawStart::hypothesis) == starts.end()) {
+        touch(law.hypothesis);
+      }
+    }
+    for (std::size_t l = 0; is_any && l < laws.size(); ++l) {
+      laws[l].is_held = !acts_on(starts[l].hypothesis, touched);
     }
   }
 

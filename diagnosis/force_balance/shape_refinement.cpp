@@ -256,7 +256,7 @@ bool refine_shapes(const ForceBalanceData& data, const BalanceRegression& regres
   std::vector<std::size_t> moving;
   for (std::size_t l = 0; l < laws.size(); ++l) {
     projected.emplace_back(data, regression, laws[l]);
-    if (!laws[l].law.refined().empty()) moving.push_back(l);
+    if (!laws[l].is_held && !laws[l].law.refined().empty()) moving.push_back(l);
   }
   if (moving.empty()) return true;
   for (const std::size_t l : moving) {

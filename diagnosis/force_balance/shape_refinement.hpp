@@ -4,8 +4,8 @@
 // P the projection on what neither the model's columns nor L imitate.
 //
 // Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the
-// best others, each refined alone; after that all laws are refined together. Friction that is not
-// new keeps a transition within kSliding.
+// best others, each refined alone; after that all laws whose shapes are not held are refined
+// together. Friction that is not new keeps a transition within kSliding.
 #pragma once
 
 #include <functional>
@@ -23,6 +23,7 @@ inline constexpr double kSliding = 0.5;
 struct RefinedLaw {
   PlacedLaw law;
   bool is_new = false;
+  bool is_held = false;                // its shape stays as it is
   const MotionScale* scale = nullptr;  // of its place
 };
 
