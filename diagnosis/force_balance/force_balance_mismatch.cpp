@@ -114,7 +114,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         nearby != nullptr && nearby->usable ? inverse_gains(*nearby) : first_inverse_gains_;
     for (const LawStart& start : starts) {
       refined.push_back({placed(start.hypothesis, start.parameters, gains),
-                         !is_fitted(start, nearby), &scales_[place_of_[start.hypothesis]]});
+                         !is_fitted(start, nearby), &scales_[place_of_[start.hypothesis]], false});
     }
     hold_untouched(starts, nearby, refined);
     const std::vector<RefinedLaw> given = refined;

@@ -23,8 +23,8 @@ inline constexpr double kSliding = 0.5;
 struct RefinedLaw {
   PlacedLaw law;
   bool is_new = false;
-  bool is_held = false;                // its shape stays as it is
   const MotionScale* scale = nullptr;  // of its place
+  bool is_held = false;                // its shape stays as it is
 };
 
 // False if no refinement ended with finite values, or on request.
