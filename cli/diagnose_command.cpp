@@ -289,7 +289,9 @@ int execute(Arguments& arguments) {
   const Diagnosis& diagnosis = answer.diagnosis;
   const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
-  const DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
+  DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
+  if (answer.problem)
+    std::ranges::copy(answer.problem->remarks(), std::back_inserter(files.warnings));
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
   verdict["method"] = method.name;
   if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);

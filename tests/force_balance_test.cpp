@@ -503,6 +503,49 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
   expect_offset_load(diagnosis.effects[0].law, 0.02);
 }
 
+// A single joint of an arm moves, with a pause in which friction holds what it must; the others
+// stand, and their drives give what friction left of the weights.
+TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  Random random(5);
+  for (int run = 1; run <= 2; ++run) {
+    std::ofstream stream(folder_ / fmt::format("{}.csv", run));
+    stream.precision(12);
+    stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+    for (int k = 0; k < 2000; ++k) {
+      const bool is_pause = k >= 700 && k < 1100;
+      const double w = 1.3 + 0.2 * run, t = 0.01 * (k < 700 ? k : std::max(k - 400, 700));
+      Eigen::Vector3d q(0.3, 0.9 * std::sin(w * t), -0.5), v = Eigen::Vector3d::Zero(), a = v;
+      if (!is_pause) {
+        v(1) = 0.9 * w * std::cos(w * t);
+        a(1) = -0.9 * w * w * std::sin(w * t);
+      }
+      columns.evaluate(q, v, a);
+      Eigen::Vector3d torque = columns.known();
+      torque(1) += is_pause ? 1.9 : 2.0 * std::tanh(v(1) / 0.01);
+      for (int j = 0; j < 3; ++j) torque(j) += 0.05 * random.normal();
+      torque(2) += k < 1000 ? 4.0 : -3.0;  // held by friction
+      stream << torque(0) << ',' << torque(1) << ',' << torque(2);
+      for (const Eigen::Vector3d& signal : {q, v, a}) {
+        for (const double value : signal) stream << ',' << value;
+      }
+      stream << '\n';
+    }
+  }
+  const auto data = problem();
+  EXPECT_EQ(data->remarks().size(), 4U);  // two pauses, two joints
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "coulomb");
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).place, "shoulder.arm");
+  const LawParameterEstimate& level = diagnosis.effects[0].law.parameters[0];
+  EXPECT_NEAR(level.value, 2.0, 4.0 * level.standard_error);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+}
+
 // Currents, 7, 11 and 23 N m for one of their units.
 const Eigen::Vector3d kDrives(1.0 / 7.0, 1.0 / 11.0, 1.0 / 23.0);
 const std::string kInDriveUnits =

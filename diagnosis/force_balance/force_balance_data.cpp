@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/hypotheses/place_file.hpp"
 #include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
@@ -222,6 +223,77 @@ void refuse_shared_places(const std::filesystem::path& file,
   }
 }
 
+// ---- standstill ---------------------------------------------------------------------------------
+
+std::vector<bool> are_prismatic(const RigidRobotModel& robot) {
+  std::vector<bool> result;
+  for (const RobotJoint& joint : robot.joints) result.push_back(joint.is_prismatic);
+  return result;
+}
+
+std::string seconds_words(double seconds) { return fmt::format("{:.3g} s", seconds); }
+
+double duration_of(std::span<const Motion> pieces) {
+  double duration = 0.0;
+  for (const Motion& piece : pieces) duration += piece.time(piece.samples() - 1) - piece.time(0);
+  return duration;
+}
+
+// Samples at which nothing moves, of all recordings.
+void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& data) {
+  std::vector<Motion> all;
+  for (const MotionRecord& record : records) {
+    all.insert(all.end(), record.pieces.begin(), record.pieces.end());
+  }
+  if (all.empty()) return;
+  const Eigen::VectorXd speeds = root_mean_square_speeds(all);
+  for (MotionRecord& record : records) {
+    std::vector<Motion> moving;
+    for (const Motion& piece : record.pieces) {
+      std::vector<Motion> parts = moving_parts(piece, speeds);
+      std::ranges::move(parts, std::back_inserter(moving));
+    }
+    const double left_out = duration_of(record.pieces) - duration_of(moving);
+    if (left_out > kStandingTime) {
+      data.remarks.push_back(fmt::format(
+          "{}: nothing moves for {} of {}: left out of the balance of forces, where dry friction "
+          "takes what it must at standstill",
+          record.name, seconds_words(left_out), seconds_words(duration_of(record.pieces))));
+    }
+    record.pieces = std::move(moving);
+  }
+}
+
+void remark_idle_joints(const RigidRobotModel& robot, ForceBalanceData& data) {
+  for (std::size_t j = 0; j < data.idle.size(); ++j) {
+    if (!data.idle[j]) continue;
+    data.remarks.push_back(fmt::format(
+        "joint {} never moves: its force may be anything that dry friction holds, and is left out",
+        robot.joints[j].name));
+    for (Motion& piece : data.recorded) piece.torque.col(static_cast<Eigen::Index>(j)).setZero();
+  }
+}
+
+// All forces of idle joints are zero, on both sides of the balance.
+void silence(const std::vector<bool>& idle, ForceBalanceRows& rows) {
+  for (std::size_t j = 0; j < idle.size(); ++j) {
+    if (!idle[j]) continue;
+    rows.measured.col(static_cast<Eigen::Index>(j)).setZero();
+    rows.force.col(static_cast<Eigen::Index>(j)).setZero();
+    rows.model.in[j].setZero();
+    rows.flange_body.in[j].setZero();
+  }
+}
+
+void leave_out_idle_places(ForceBalanceData& data) {
+  std::erase_if(data.places, [&data](const CandidatePlace& place) {
+    for (Eigen::Index j = 0; j < place.location.output.size(); ++j) {
+      if (place.location.output(j) != 0.0 && data.idle[static_cast<std::size_t>(j)]) return true;
+    }
+    return false;
+  });
+}
+
 void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows& rows) {
   for (FilteredMotion& piece : rows.filtered) {
     for (const CandidatePlace& place : places) {
@@ -236,15 +308,19 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
                                          std::span<const std::filesystem::path> place_files) {
   std::vector<Motion> fitted, held_out;
   std::vector<std::string> fitted_names, held_out_names;
-  for (MotionRecord& record : read_motion_records(robot, campaign)) {
+  ForceBalanceData data;
+  std::vector<MotionRecord> records = read_motion_records(robot, campaign);
+  leave_out_standstill(records, data);
+  for (MotionRecord& record : records) {
     const bool is_fitted = record.role == ExperimentRole::kEstimation;
     for (Motion& piece : record.pieces) {
       (is_fitted ? fitted : held_out).push_back(std::move(piece));
       (is_fitted ? fitted_names : held_out_names).push_back(record.name);
     }
   }
-  ForceBalanceData data;
   data.recorded = fitted;
+  data.idle = idle_joints(fitted, are_prismatic(robot));
+  remark_idle_joints(robot, data);
   thin(fitted);
   TorqueColumns columns(robot);
   data.estimation = rows_of(std::move(fitted), std::move(fitted_names), robot, columns);
@@ -260,6 +336,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   data.flange = robot.flange;
   data.robot = robot;
   data.position_is_recorded = !robot.channels.position.empty();
+  for (ForceBalanceRows* rows : {&data.estimation, &data.validation}) silence(data.idle, *rows);
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
   if (robot.channels.unknown_drive_gains) {
@@ -272,6 +349,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
     add_places(file, *rigid_robot_places(robot), data.places);
     if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
   }
+  leave_out_idle_places(data);
   prepare_places(data.places, data.estimation);
   prepare_places(data.places, data.validation);
   return data;

@@ -59,6 +59,8 @@ struct ForceBalanceData {
   std::vector<Eigen::Index> gain_parameters;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
+  std::vector<bool> idle;            // joints that never move (standstill.hpp)
+  std::vector<std::string> remarks;  // what was left out, a sentence each
 };
 
 // Reads the recordings of a rigid robot. Base parameters are those that the estimation data can

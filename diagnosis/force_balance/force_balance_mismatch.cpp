@@ -91,7 +91,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const Eigen::MatrixXd rest = unpredicted(data_.estimation, first.residuals);
     for (Index j = 0; j < coordinates(); ++j) {
       noises_.emplace_back(rest.col(j));
-      effective_.push_back(noises_.back().effective_samples());
+      effective_.push_back(is_idle(j) ? 0.0 : noises_.back().effective_samples());
     }
     list_hypotheses();
   }
@@ -106,6 +106,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] std::vector<ChannelFault> channel_faults() const override {
     return find_wiring_faults(data_.robot, data_.recorded, options_.keep_going);
   }
+
+  [[nodiscard]] std::vector<std::string> remarks() const override { return data_.remarks; }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> starts,
                                 const ExtendedFit* nearby) const override {
@@ -240,6 +242,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
  private:
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
+  [[nodiscard]] bool is_idle(Index j) const { return data_.idle[static_cast<std::size_t>(j)]; }
 
   void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
     if (data_.validation.empty()) return;
@@ -617,6 +620,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     result.estimation = assess(data_.estimation, fitted.residuals);
     result.held_out = fitted.held_out;
+    for (Index j = 0; j < coordinates(); ++j) {
+      if (is_idle(j)) result.held_out.col(j).setOnes();  // nothing to predict
+    }
   }
 
   // Errors with given values of everything.
@@ -801,8 +807,9 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   for (Index b = 1; b <= null_draws; ++b) {
     for (Index j = 0; j < coordinates(); ++j) {
       const Eigen::VectorXd draw = noises_[static_cast<std::size_t>(j)].draw(random);
+      const double scale = std::sqrt(worth * static_cast<double>(samples) / draw.squaredNorm());
       right.col(b).segment(j * samples, samples) =
-          draw * std::sqrt(worth * static_cast<double>(samples) / draw.squaredNorm());
+          is_idle(j) ? Eigen::VectorXd::Zero(samples) : Eigen::VectorXd(scale * draw);
     }
   }
   std::vector<PlacedLaw> present;

@@ -238,6 +238,8 @@ class MismatchProblem {
 
   // Swapped wires, wrong signs and units that the recordings show against the model as it is.
   [[nodiscard]] virtual std::vector<ChannelFault> channel_faults() const { return {}; }
+  // What of the recordings was left out, and why: a sentence each.
+  [[nodiscard]] virtual std::vector<std::string> remarks() const { return {}; }
 
   // `nearby`: a fit with some of the same laws to start the model's parameters from.
   [[nodiscard]] virtual ExtendedFit fit(std::span<const LawStart> laws,

@@ -1,0 +1,32 @@
+// Joints that stand still. Dry friction then takes whatever the drive gives, up to its level: the
+// balance of forces says nothing there, and a law fitted to it learns what friction happened to
+// hold. Samples at which no joint moves are left out, and so are all forces of a joint that never
+// moves.
+//
+// A joint stands where its speed stays below kStandingSpeed of its own root mean square over all
+// recordings for kStandingTime and longer; it never moves where its range is below kIdleRange of
+// the largest range among joints of its kind.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+
+namespace graybox {
+
+inline constexpr double kStandingSpeed = 0.01;
+inline constexpr double kStandingTime = 0.1;  // s
+inline constexpr double kIdleRange = 1e-3;
+
+// `is_prismatic`: of each joint.
+[[nodiscard]] std::vector<bool> idle_joints(std::span<const Motion> pieces,
+                                            const std::vector<bool>& is_prismatic);
+
+// A piece without the samples at which all joints stand, cut there; parts of fewer than 20 samples
+// are left out, too. `speeds`: root mean squares of the joints' speeds.
+[[nodiscard]] std::vector<Motion> moving_parts(const Motion& piece, const Eigen::VectorXd& speeds);
+[[nodiscard]] Eigen::VectorXd root_mean_square_speeds(std::span<const Motion> pieces);
+
+}  // namespace graybox
