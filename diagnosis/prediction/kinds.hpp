@@ -1,0 +1,14 @@
+// The kinds of models that model_prediction.hpp predicts.
+#pragma once
+
+#include "graybox/diagnosis/prediction/model_prediction.hpp"
+#include "graybox/problems/elements/lumped_model.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+
+namespace graybox {
+
+[[nodiscard]] ModelPrediction predict_outputs(const LumpedModel& model, const Campaign& campaign,
+                                              int threads);
+[[nodiscard]] ModelPrediction predict_forces(RigidRobotModel robot, const Campaign& campaign);
+
+}  // namespace graybox

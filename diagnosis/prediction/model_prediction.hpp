@@ -1,0 +1,56 @@
+// How well a model predicts recordings as it stands: nothing is fitted.
+//
+//   lumped models    the outputs, so many samples ahead and in free run (predictor.hpp); the initial
+//                    state comes from what the predictor sees first
+//   rigid robots     the forces, by inverse dynamics along the measured motion
+//
+// The error of a channel is its root mean square over the standard deviation of what was measured
+// (NRMSE; docs/glossary.md).
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "graybox/diagnosis/recordings/campaign.hpp"
+
+namespace graybox {
+
+struct PredictedChannel {
+  std::string name, unit;
+  double error = 0.0;   // rms; infinite where the model's motion leaves all bounds
+  double signal = 0.0;  // standard deviation of what was measured
+  [[nodiscard]] double nrmse() const { return 100.0 * error / signal; }  // %
+};
+
+// One recording, one horizon.
+struct RecordingPrediction {
+  std::string recording;
+  ExperimentRole role = ExperimentRole::kEstimation;
+  double ahead = 0.0;  // s; 0: in free run, or forces at the measured motion
+  std::vector<PredictedChannel> channels;
+};
+
+struct PredictionCurve {
+  std::string recording, channel, unit;
+  Eigen::VectorXd time, measured, predicted;  // s; NaN where nothing is predicted
+};
+
+struct ModelPrediction {
+  std::string of;  // "outputs" or "forces"
+  std::vector<RecordingPrediction> recordings;
+  std::vector<PredictionCurve> curves;  // over the longest horizon
+};
+
+// graybox-lumped/1 and graybox-rigid-robot/1. Throws InputError for other formats, for files that
+// can't be used together, and for a robot of which something is unknown.
+[[nodiscard]] ModelPrediction predict_recordings(
+    const std::filesystem::path& model, const Campaign& campaign,
+    const std::vector<std::filesystem::path>& physics = {}, int threads = 1);
+
+// One page with the table and the curves.
+[[nodiscard]] std::string prediction_page(const ModelPrediction& prediction,
+                                          const std::string& model, const std::string& campaign);
+
+}  // namespace graybox

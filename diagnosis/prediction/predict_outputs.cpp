@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "graybox/diagnosis/prediction/kinds.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "graybox/diagnosis/prediction_error/search_start.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index kFewestWindows = 10;
+constexpr Index kSeenSamples = 200;  // before a recording runs free
+
+VectorXd deviations_of(const MatrixXd& values) {
+  const MatrixXd centred = values.rowwise() - values.colwise().mean();
+  return (centred.colwise().squaredNorm() / static_cast<double>(values.rows())).cwiseSqrt();
+}
+
+class OutputPrediction {
+ public:
+  OutputPrediction(const LumpedModel& model, const Campaign& campaign, int threads)
+      : model_(as_given(model, kSearchFactor)), data_(model, campaign, threads), threads_(threads) {
+    choose_intensity();
+  }
+
+  ModelPrediction run() {
+    result_.of = "outputs";
+    for (Index horizon = kFirstHorizon; data_.window_count(horizon) >= kFewestWindows;
+         horizon *= 10) {
+      add(horizon, false);
+      if (data_.window_count(3 * horizon) >= kFewestWindows) add(3 * horizon, false);
+    }
+    add(0, true);
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] PredictionTask task_of(Index horizon, ExperimentRole role) const {
+    return horizon == 0 ? data_.free_after(kSeenSamples, role) : data_.windows(horizon, role);
+  }
+  [[nodiscard]] PredictionFit fit(const PredictionTask& task) const {
+    const PredictionFitter fitter(data_, task, intensity_, threads_);
+    return fitter.fit(model_, data_.output_scale(), {}, 0, false);
+  }
+
+  // Of the force noise: what predicts best ten samples ahead.
+  void choose_intensity() {
+    const PredictionTask task = data_.windows(kFirstHorizon);
+    double least = std::numeric_limits<double>::infinity();
+    const std::vector<double> candidates = force_noise_intensities(data_);
+    intensity_ = candidates[1];
+    for (const double candidate : candidates) {
+      const PredictionFitter fitter(data_, task, candidate, threads_);
+      const PredictionFit fit = fitter.fit(model_, data_.output_scale(), {}, 0, false);
+      if (!fit.usable || !(fit.cost < least)) continue;
+      least = fit.cost;
+      intensity_ = candidate;
+    }
+  }
+
+  void add(Index horizon, bool with_curves) {
+    for (const ExperimentRole role : {ExperimentRole::kEstimation, ExperimentRole::kValidation}) {
+      for (const PredictionRun& run : task_of(horizon, role).runs) {
+        PredictionTask one;
+        one.horizon = horizon == 0 ? run.samples : horizon;
+        one.runs.push_back(run);
+        add_run(one, horizon, with_curves);
+      }
+    }
+  }
+
+  void add_run(const PredictionTask& task, Index horizon, bool with_curves) {
+    const PredictionRun& run = task.runs.front();
+    const OutputErrorRecording& recording = data_.recording(run.recording);
+    const PredictionFit run_fit = fit(task);
+    VectorXd errors =
+        VectorXd::Constant(data_.output_count(), std::numeric_limits<double>::infinity());
+    if (run_fit.usable) {
+      errors =
+          PredictionFitter(data_, task, intensity_, threads_).errors(run_fit, data_.output_scale());
+    }
+    const VectorXd signal = deviations_of(recording.outputs);
+    RecordingPrediction prediction{
+        recording.name, recording.role, data_.sample_time() * static_cast<double>(horizon), {}};
+    for (Index j = 0; j < errors.size(); ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      prediction.channels.push_back(
+          {model_.model.output_names[at], model_.model.output_units[at], errors(j), signal(j)});
+    }
+    result_.recordings.push_back(std::move(prediction));
+    if (with_curves && run_fit.usable) add_curves(run_fit, run, recording);
+  }
+
+  void add_curves(const PredictionFit& fit, const PredictionRun& run,
+                  const OutputErrorRecording& recording) {
+    const Index outputs = data_.output_count();
+    for (Index j = 0; j < outputs; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      PredictionCurve curve{
+          recording.name, model_.model.output_names[at], model_.model.output_units[at],
+          recording.time, recording.outputs.col(j),      recording.outputs.col(j)};
+      for (Index k = 0; k < run.samples; ++k) {
+        const bool counts = run.counted[static_cast<std::size_t>(k)] != 0;
+        curve.predicted(k) =
+            counts ? curve.measured(k) - fit.residuals(k * outputs + j) * data_.output_scale()(j)
+                   : std::numeric_limits<double>::quiet_NaN();
+      }
+      result_.curves.push_back(std::move(curve));
+    }
+  }
+
+  ExtendedLumpedModel model_;
+  PredictionData data_;
+  int threads_;
+  double intensity_ = 0.0;
+  ModelPrediction result_;
+};
+
+}  // namespace
+
+ModelPrediction predict_outputs(const LumpedModel& model, const Campaign& campaign, int threads) {
+  return OutputPrediction(model, campaign, threads).run();
+}
+
+}  // namespace graybox
