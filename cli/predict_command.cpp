@@ -82,20 +82,16 @@ std::string table_of(const ModelPrediction& prediction) {
   for (const double ahead : horizons)
     text += fmt::format("  {:>9}", ahead_words(prediction, ahead));
   text += '\n';
-  std::vector<std::string> done;
-  for (const RecordingPrediction& first : prediction.recordings) {
-    if (first.ahead != horizons.front()) continue;
+  // Every horizon has the same recordings, in the same order.
+  const std::size_t count =
+      prediction.recordings.size() / std::max<std::size_t>(1, horizons.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const RecordingPrediction& first = prediction.recordings[i];
     for (std::size_t c = 0; c < first.channels.size(); ++c) {
       text += fmt::format("{:<{}}  {:<10}  {:<{}}", first.recording, widest,
                           name_of_role(first.role), first.channels[c].name, widest_channel);
-      for (const double ahead : horizons) {
-        const auto at =
-            std::ranges::find_if(prediction.recordings, [&](const RecordingPrediction& other) {
-              return other.recording == first.recording && other.role == first.role &&
-                     other.ahead == ahead;
-            });
-        text +=
-            fmt::format("  {:>9}", at == prediction.recordings.end() ? "" : cell(at->channels[c]));
+      for (std::size_t h = 0; h < horizons.size(); ++h) {
+        text += fmt::format("  {:>9}", cell(prediction.recordings[h * count + i].channels[c]));
       }
       text += '\n';
     }
