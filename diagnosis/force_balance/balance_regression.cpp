@@ -82,7 +82,7 @@ std::vector<bool> extend_basis(const Eigen::MatrixXd& columns, Eigen::MatrixXd& 
 }
 
 BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows) {
-  for (Index b = 0; b <= kBlocks; ++b) begins_.push_back(b * rows.samples() / kBlocks);
+  cut_into_blocks();
   const Eigen::VectorXd rms = rms_of(rows.force);
   noise_ = rms;
   // The noise of the model alone first: projected() weighs coordinates by it.
@@ -101,16 +101,44 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
   triangle_ = basis_.transpose() * scaled_model(rows, noise_);
   scaled_force_ = stacked(rows.force, noise_);
   projected_force_ = scaled_force_ - basis_ * (basis_.transpose() * scaled_force_);
-  for (Index b = 0; b < kBlocks; ++b) {
+  const Index p = basis_.cols();
+  for (const std::vector<Rows>& block : blocks_) {
     for (Index j = 0; j < coordinates(); ++j) {
-      const Index first = j * rows.samples() + begins_[static_cast<std::size_t>(b)];
-      const Index count =
-          begins_[static_cast<std::size_t>(b) + 1] - begins_[static_cast<std::size_t>(b)];
-      const auto q = basis_.middleRows(first, count);
-      const auto y = scaled_force_.segment(first, count);
-      products_.push_back({q.transpose() * q, q.transpose() * y, y.squaredNorm()});
+      Products& sums = products_.emplace_back(
+          Products{Eigen::MatrixXd::Zero(p, p), Eigen::VectorXd::Zero(p), 0.0});
+      for (const Rows& part : block) {
+        const auto q = basis_.middleRows(j * rows.samples() + part.first, part.count);
+        const auto y = scaled_force_.segment(j * rows.samples() + part.first, part.count);
+        sums.basis.noalias() += q.transpose() * q;
+        sums.basis_force.noalias() += q.transpose() * y;
+        sums.force += y.squaredNorm();
+      }
     }
   }
+}
+
+// Pieces of one load that follow each other are cut into tenths together.
+void BalanceRegression::cut_into_blocks() {
+  blocks_.resize(kBlocks);
+  Index first = 0;
+  for (std::size_t piece = 0; piece < rows_.pieces.size();) {
+    const std::string& load = rows_.pieces[piece].load;
+    Index count = 0;
+    for (; piece < rows_.pieces.size() && rows_.pieces[piece].load == load; ++piece) {
+      count += rows_.pieces[piece].samples();
+    }
+    for (Index b = 0; b < kBlocks; ++b) {
+      const Index begin = b * count / kBlocks, end = (b + 1) * count / kBlocks;
+      blocks_[static_cast<std::size_t>(b)].push_back({first + begin, end - begin});
+    }
+    first += count;
+  }
+}
+
+Eigen::Index BalanceRegression::samples_of(Index block) const {
+  Index count = 0;
+  for (const Rows& part : blocks_[static_cast<std::size_t>(block)]) count += part.count;
+  return count;
 }
 
 Eigen::MatrixXd BalanceRegression::basis(const Eigen::VectorXd& noise) const {
@@ -153,19 +181,20 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
     }
     result.length += columns.colwise().squaredNorm().transpose();
     for (Index b = 0; b < kBlocks; ++b) {
-      const Index first = begins_[static_cast<std::size_t>(b)];
-      const Index count = begins_[static_cast<std::size_t>(b) + 1] - first;
       const Products& fixed = products_[index(b, j)];
-      const auto own = columns.middleRows(first, count);
-      Eigen::MatrixXd matrix(p + m, p + m);
+      Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(p + m, p + m);
+      Eigen::VectorXd right = Eigen::VectorXd::Zero(p + m);
       matrix.topLeftCorner(p, p) = fixed.basis;
-      matrix.bottomLeftCorner(m, p).noalias() =
-          own.transpose() * basis_.middleRows(j * samples + first, count);
-      matrix.topRightCorner(p, m) = matrix.bottomLeftCorner(m, p).transpose();
-      matrix.bottomRightCorner(m, m).noalias() = own.transpose() * own;
-      Eigen::VectorXd right(p + m);
       right.head(p) = fixed.basis_force;
-      right.tail(m).noalias() = own.transpose() * scaled_force_.segment(j * samples + first, count);
+      for (const Rows& part : blocks_[static_cast<std::size_t>(b)]) {
+        const auto own = columns.middleRows(part.first, part.count);
+        const Index first = j * samples + part.first;
+        matrix.bottomLeftCorner(m, p).noalias() +=
+            own.transpose() * basis_.middleRows(first, part.count);
+        matrix.bottomRightCorner(m, m).noalias() += own.transpose() * own;
+        right.tail(m).noalias() += own.transpose() * scaled_force_.segment(first, part.count);
+      }
+      matrix.topRightCorner(p, m) = matrix.bottomLeftCorner(m, p).transpose();
       result.matrix.push_back(std::move(matrix));
       result.right.push_back(std::move(right));
     }
@@ -242,8 +271,7 @@ BalanceFit BalanceRegression::fit(std::span<const BalanceColumns> laws) const {
   const Eigen::VectorXd weights = relative.cwiseAbs2().cwiseInverse();
   for (Index b = 0; b < kBlocks; ++b) {
     const LinearSolution others = solution(weights, b);
-    const auto count = static_cast<double>(begins_[static_cast<std::size_t>(b) + 1] -
-                                           begins_[static_cast<std::size_t>(b)]);
+    const auto count = static_cast<double>(samples_of(b));
     for (Index j = 0; j < joints; ++j) {
       fit.held_out(b, j) = others.full_rank
                                ? square(others.values, b, j) * noise_(j) * noise_(j) / count

@@ -7,7 +7,8 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
-// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
+// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation; where
+// recordings carry different loads, a tenth of each load's.
 //
 // Cost: O(N p^2) once, O(N p m) a fit with m columns, O(B (p + m)^3) for B blocks.
 #pragma once
@@ -63,6 +64,8 @@ class BalanceRegression {
   [[nodiscard]] std::size_t index(Eigen::Index block, Eigen::Index coordinate) const {
     return static_cast<std::size_t>(block * coordinates() + coordinate);
   }
+  void cut_into_blocks();
+  [[nodiscard]] Eigen::Index samples_of(Eigen::Index block) const;
   [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;
 
   const ForceBalanceRows& rows_;
@@ -70,7 +73,10 @@ class BalanceRegression {
   Eigen::MatrixXd basis_;     // Q, coordinate after coordinate
   Eigen::MatrixXd triangle_;  // R
   Eigen::VectorXd scaled_force_, projected_force_;
-  std::vector<Eigen::Index> begins_;  // of the blocks, and the end
+  struct Rows {
+    Eigen::Index first = 0, count = 0;
+  };
+  std::vector<std::vector<Rows>> blocks_;
   std::vector<Products> products_;
 };
 
