@@ -320,12 +320,13 @@ experiments:
   const Json report = Json::parse(read_text(folder_.file("report/verdict.json")));
   EXPECT_EQ(report["method"], "force_balance");
   std::set<std::string> laws;
-  for (const Json& effect : report["effects"]) {
-    laws.insert(effect["law"]);
+  for (const Json& effect : report["physics"]) {
+    laws.insert(effect["law"].get<std::string>());
     EXPECT_EQ(effect["place"], "axis");
-    const Json& size = effect["parameters"][0];
-    const double truth = effect["law"] == "viscous" ? 2.0 : 1.5;
-    EXPECT_NEAR(size["value"].get<double>(), truth, 4.0 * size["standard_error"].get<double>());
+    const bool is_viscous = effect["law"] == "viscous";
+    const Json& size = effect["parameters"][is_viscous ? "damping" : "level"];
+    EXPECT_NEAR(size["value"].get<double>(), is_viscous ? 2.0 : 1.5,
+                4.0 * size["standard_error"].get<double>());
   }
   EXPECT_EQ(laws, (std::set<std::string>{"coulomb", "viscous"}));
   // Both methods read the extended model.

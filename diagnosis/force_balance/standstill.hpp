@@ -17,7 +17,7 @@
 namespace graybox {
 
 inline constexpr double kStandingSpeed = 0.01;
-inline constexpr double kStandingTime = 0.1;  // s
+inline constexpr double kStandingTime = 0.5;  // s: shorter, it sticks as it slides
 inline constexpr double kIdleRange = 1e-3;
 
 // `is_prismatic`: of each joint.
