@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -9,6 +11,7 @@
 #include <numbers>
 
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
+#include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
@@ -597,6 +600,18 @@ TEST_F(ForceBalance, FindsTheLoadOfSomeRecordings) {
     ASSERT_EQ(names_of(*data, diagnosis), "payload at flange with load tool; ") << has_gains;
     expect_offset_load(diagnosis.effects[0].law, 0.03);
   }
+}
+
+TEST(FixedPointIteration, EndsAtOnceForAStraightMap) {
+  Eigen::Matrix3d slope;
+  slope << 0.9, 0.3, -0.2, 0.1, -1.4, 0.5, 0.0, 0.2, 0.95;  // by itself it runs away
+  const Eigen::Vector3d constant(1.0, -2.0, 0.5);
+  const Eigen::Vector3d truth =
+      (Eigen::Matrix3d::Identity() - slope).colPivHouseholderQr().solve(constant);
+  FixedPointIteration iteration;
+  Eigen::VectorXd x = Eigen::Vector3d(0.3, 0.1, -0.7);
+  for (int k = 0; k < 5; ++k) x = iteration.next(x, slope * x + constant);
+  EXPECT_LT((x - truth).norm(), 1e-8 * truth.norm());
 }
 
 TEST_F(ForceBalance, RefusesTooFewSamples) {

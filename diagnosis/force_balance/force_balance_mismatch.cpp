@@ -11,6 +11,7 @@
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
+#include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
@@ -31,7 +32,7 @@ using Index = Eigen::Index;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kShownCurves = 6;  // of the recordings of one role
-constexpr int kGainRounds = 8;     // of fits that take the drives' gains from one another
+constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
 
 // Columns of several terms over `noise`: coordinate after coordinate.
@@ -121,11 +122,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     hold_untouched(starts, nearby, refined);
     const std::vector<RefinedLaw> given = refined;
     ExtendedFit result = fit_refined(starts, refined);
-    for (int round = 1; depends_on_gains(refined) && round < kGainRounds; ++round) {
-      if (!result.usable || !has_other_gains(result, refined)) break;
-      take_over(result, refined);
-      result = fit_refined(starts, refined);
-    }
+    if (depends_on_gains(refined)) settle_gains(starts, refined, result);
     // Without one of their number, laws that are known may leave their ranges; as they are they
     // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
@@ -298,7 +295,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   // A payload's column is over the drives' gains, which a fit estimates beside it: fits in turn,
-  // each with the gains of the one before, until they rest.
+  // until the gains that are found are those that were used.
   static bool depends_on_gains(const std::vector<RefinedLaw>& laws) {
     return std::ranges::any_of(
         laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
@@ -313,19 +310,23 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     return gains;
   }
-  [[nodiscard]] bool has_other_gains(const ExtendedFit& fit,
-                                     const std::vector<RefinedLaw>& laws) const {
-    const Eigen::VectorXd gains = inverse_gains(fit);
-    return std::ranges::any_of(laws, [&gains](const RefinedLaw& law) {
-      const Eigen::VectorXd& used = law.law.inverse_gains;
-      return used.size() > 0 &&
-             !(((gains - used).array().abs() <= kGainTolerance * gains.array().abs()).all());
-    });
-  }
-  void take_over(const ExtendedFit& fit, std::vector<RefinedLaw>& laws) const {
-    for (std::size_t l = 0; l < laws.size(); ++l) {
-      laws[l].law = placed_of(fit, fit.laws[l]);
-      laws[l].is_new = false;
+  // `result`: of the first of these fits.
+  void settle_gains(std::span<const LawStart> starts, std::vector<RefinedLaw>& laws,
+                    ExtendedFit& result) const {
+    FixedPointIteration iteration;
+    for (int round = 1; result.usable && round < kGainRounds; ++round) {
+      const auto payload = std::ranges::find_if(
+          laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
+      const Eigen::VectorXd used = payload->law.inverse_gains, found = inverse_gains(result);
+      const double largest = kGainTolerance * found.cwiseAbs().maxCoeff();
+      if ((found - used).lpNorm<Eigen::Infinity>() <= largest) return;
+      const Eigen::VectorXd next = iteration.next(used, found);
+      for (std::size_t l = 0; l < laws.size(); ++l) {
+        laws[l].law = placed_of(result, result.laws[l]);
+        laws[l].is_new = false;
+        if (laws[l].law.inverse_gains.size() > 0) laws[l].law.inverse_gains = next;
+      }
+      result = fit_refined(starts, laws);
     }
   }
 
