@@ -311,6 +311,21 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
   return shape;
 }
 
+// At the flange, and anywhere: masses there and a little off along each axis have its mass and its
+// first moments.
+std::vector<LawShape> payload() {
+  constexpr double kOff = 0.1;  // m
+  LawShape anywhere;
+  anywhere.basis = {
+      {1.0, 0.0, 0.0, 0.0}, {1.0, kOff, 0.0, 0.0}, {1.0, 0.0, kOff, 0.0}, {1.0, 0.0, 0.0, kOff}};
+  anywhere.parameters = [](const VectorXd& a) {
+    const double mass = a.sum();
+    if (!(mass > 0.0)) return std::vector<double>();
+    return std::vector<double>{mass, kOff * a(1) / mass, kOff * a(2) / mass, kOff * a(3) / mass};
+  };
+  return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true), std::move(anywhere)};
+}
+
 // Over less than a radian it is a spring and a constant force.
 std::vector<LawShape> gravity(const MotionScale& scale) {
   constexpr double kTurned = 1.0;  // rad
@@ -364,7 +379,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "gravity") return gravity(scale);
   if (name == "asymmetric_viscous") return {asymmetric_viscous()};
   if (name == "sublinear_friction") return sublinear_friction(scale);
-  if (name == "payload") return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true)};
+  if (name == "payload") return payload();
   if (entry.parameters.size() > 1) return {};
   const bool is_positive = entry.parameters.front().range != ParameterRange::kAny;
   return {single_amplitude({1.0}, 0, is_positive)};
