@@ -252,13 +252,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  // Whether a law acts on one of these coordinates; a payload acts on all.
   [[nodiscard]] bool acts_on(std::size_t hypothesis, const std::vector<bool>& coordinates) const {
     const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
-    return own.empty() || std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
+    return std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
   }
-  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay: these
-  // share no more with it than the parameters of the model.
+  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay, and so
+  // does the place of a payload, which acts on all: these share no more with it than the parameters
+  // of the model.
   void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
                       std::vector<RefinedLaw>& laws) const {
     if (nearby == nullptr) return;
@@ -280,7 +280,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       }
     }
     for (std::size_t l = 0; is_any && l < laws.size(); ++l) {
-      laws[l].is_held = !acts_on(starts[l].hypothesis, touched);
+      laws[l].is_held = !laws[l].is_new && !acts_on(starts[l].hypothesis, touched);
     }
   }
 
@@ -297,8 +297,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   // A payload's column is over the drives' gains, which a fit estimates beside it: fits in turn,
   // until the gains that are found are those that were used.
   static bool depends_on_gains(const std::vector<RefinedLaw>& laws) {
-    return std::ranges::any_of(
-        laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
+    return std::ranges::any_of(laws, [](const RefinedLaw& law) {
+      return !law.is_held && law.law.inverse_gains.size() > 0;
+    });
   }
   [[nodiscard]] Eigen::VectorXd inverse_gains(const ExtendedFit& fit) const {
     Eigen::VectorXd gains = Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));

@@ -90,7 +90,6 @@ std::vector<LawShape> signal_shapes(const LawEntry& entry, const MotionScale& sc
 
 std::vector<LawShape> periodic_shapes(const LawEntry& entry, const CandidatePlace& place,
                                       const MotionScale& scale, const FrequencyBand& band) {
-  if (entry.use == LawUse::kPayload) return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true)};
   if (!entry.definition.empty()) return law_shapes(entry, place, scale);
   if (place.location.kind != LocationKind::kElement) return signal_shapes(entry, scale);
   if (entry.name == "payload") return payload();
