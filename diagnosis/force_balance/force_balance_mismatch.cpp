@@ -352,7 +352,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else if (!comes_back(laws)) {
       result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
     } else if (!is_within_reach(laws)) {
-      result.trouble = "a payload is farther from the flange than the robot is long";
+      result.trouble = "a payload is farther from the flange than a third of the robot's length";
     } else {
       result.usable = true;
       describe(starts, laws, fitted, result);
@@ -421,12 +421,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] bool is_within_reach(const std::vector<PlacedLaw>& laws) const {
+    constexpr double kShare = 1.0 / 3.0;  // of the robot's length
     double length = data_.robot.flange.translation().norm();
     for (const RobotJoint& joint : data_.robot.joints) length += joint.origin.translation().norm();
     return std::ranges::all_of(laws, [length](const PlacedLaw& law) {
       const auto& p = law.parameters;
       return law.entry->use != LawUse::kPayload ||
-             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
+             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= kShare * length;
     });
   }
 

@@ -314,13 +314,14 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
 // At the flange, and anywhere: masses there and a little off along each axis have its mass and its
 // first moments.
 std::vector<LawShape> payload() {
-  constexpr double kOff = 0.1;  // m
+  constexpr double kOff = 0.1, kFarthest = 0.5;  // m
   LawShape anywhere;
   anywhere.basis = {
       {1.0, 0.0, 0.0, 0.0}, {1.0, kOff, 0.0, 0.0}, {1.0, 0.0, kOff, 0.0}, {1.0, 0.0, 0.0, kOff}};
   anywhere.parameters = [](const VectorXd& a) {
     const double mass = a.sum();
-    if (!(mass > 0.0)) return std::vector<double>();
+    const bool is_near = kOff * a.tail<3>().norm() <= kFarthest * mass;
+    if (!(mass > 0.0) || !is_near) return std::vector<double>();
     return std::vector<double>{mass, kOff * a(1) / mass, kOff * a(2) / mass, kOff * a(3) / mass};
   };
   return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true), std::move(anywhere)};
