@@ -253,13 +253,12 @@ void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& 
       std::vector<Motion> parts = moving_parts(piece, speeds);
       std::ranges::move(parts, std::back_inserter(moving));
     }
-    const double left_out = duration_of(record.pieces) - duration_of(moving);
-    if (left_out > kStandingTime) {
-      data.remarks.push_back(fmt::format(
-          "{}: nothing moves for {} of {}: left out of the balance of forces, where dry friction "
-          "takes what it must at standstill",
-          record.name, seconds_words(left_out), seconds_words(duration_of(record.pieces))));
-    }
+    const double duration = duration_of(record.pieces), left_out = duration - duration_of(moving);
+    if (left_out <= kStandingShare * duration) continue;
+    data.remarks.push_back(fmt::format(
+        "{}: nothing moves for {} of {}: left out of the balance of forces, where dry friction "
+        "takes what it must at standstill",
+        record.name, seconds_words(left_out), seconds_words(duration)));
     record.pieces = std::move(moving);
   }
 }

@@ -4,7 +4,8 @@
 // moves.
 //
 // A joint stands where its speed stays below kStandingSpeed of its own root mean square over all
-// recordings for kStandingTime and longer; it never moves where its range is below kIdleRange of
+// recordings for kStandingTime and longer, where that is more than kStandingShare of a recording. It
+// never moves where its range is below kIdleRange of
 // the largest range among joints of its kind.
 #pragma once
 
@@ -17,7 +18,8 @@
 namespace graybox {
 
 inline constexpr double kStandingSpeed = 0.01;
-inline constexpr double kStandingTime = 0.5;  // s: shorter, it sticks as it slides
+inline constexpr double kStandingTime = 0.5;    // s: shorter, it sticks as it slides
+inline constexpr double kStandingShare = 0.05;  // of a recording's time: less does no harm
 inline constexpr double kIdleRange = 1e-3;
 
 // `is_prismatic`: of each joint.
