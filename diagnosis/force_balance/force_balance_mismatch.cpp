@@ -256,9 +256,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
     return std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
   }
-  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay, and so
-  // does the place of a payload, which acts on all: these share no more with it than the parameters
-  // of the model.
+  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay: these
+  // share no more with it than the parameters of the model. The place of a payload, which acts on
+  // all, moves with each, but where the drives' gains would have to settle every time.
   void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
                       std::vector<RefinedLaw>& laws) const {
     if (nearby == nullptr) return;
@@ -280,7 +280,10 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       }
     }
     for (std::size_t l = 0; is_any && l < laws.size(); ++l) {
-      laws[l].is_held = !laws[l].is_new && !acts_on(starts[l].hypothesis, touched);
+      const bool is_payload = hypotheses_[starts[l].hypothesis].acts_on.empty();
+      const bool is_touched = is_payload ? laws[l].law.inverse_gains.size() == 0
+                                         : acts_on(starts[l].hypothesis, touched);
+      laws[l].is_held = !laws[l].is_new && !is_touched;
     }
   }
 
@@ -352,7 +355,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     } else if (!comes_back(laws)) {
       result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
     } else if (!is_within_reach(laws)) {
-      result.trouble = "a payload is farther from the flange than a third of the robot's length";
+      result.trouble = "a payload is farther from the flange than the robot is long";
     } else {
       result.usable = true;
       describe(starts, laws, fitted, result);
@@ -421,13 +424,12 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] bool is_within_reach(const std::vector<PlacedLaw>& laws) const {
-    constexpr double kShare = 1.0 / 3.0;  // of the robot's length
     double length = data_.robot.flange.translation().norm();
     for (const RobotJoint& joint : data_.robot.joints) length += joint.origin.translation().norm();
     return std::ranges::all_of(laws, [length](const PlacedLaw& law) {
       const auto& p = law.parameters;
       return law.entry->use != LawUse::kPayload ||
-             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= kShare * length;
+             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
     });
   }
 
