@@ -4,9 +4,8 @@
 // moves.
 //
 // A joint stands where its speed stays below kStandingSpeed of its own root mean square over all
-// recordings for kStandingTime and longer, where that is more than kStandingShare of a recording. It
-// never moves where its range is below kIdleRange of
-// the largest range among joints of its kind.
+// recordings for kStandingTime and longer; what is less than kStandingShare of a recording stays. It
+// never moves where its range is below kIdleRange of the largest range among joints of its kind.
 #pragma once
 
 #include <span>
