@@ -256,12 +256,12 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
     return std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
   }
-  // Where a law is added, left out or exchanged, shapes of laws on other coordinates stay: these
-  // share no more with it than the parameters of the model. The place of a payload, which acts on
-  // all, moves with each, but where the drives' gains would have to settle every time.
+  // Where every drive has a gain of its own, coordinates share nothing but a payload: where a law is
+  // added, left out or exchanged, shapes of laws on other coordinates stay, and so does the place of
+  // a payload, for which the gains would have to settle every time.
   void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
                       std::vector<RefinedLaw>& laws) const {
-    if (nearby == nullptr) return;
+    if (nearby == nullptr || !data_.robot.channels.unknown_drive_gains) return;
     std::vector<bool> touched(static_cast<std::size_t>(coordinates()), false);
     bool is_any = false;
     const auto touch = [&](std::size_t hypothesis) {
@@ -280,10 +280,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       }
     }
     for (std::size_t l = 0; is_any && l < laws.size(); ++l) {
-      const bool is_payload = hypotheses_[starts[l].hypothesis].acts_on.empty();
-      const bool is_touched = is_payload ? laws[l].law.inverse_gains.size() == 0
-                                         : acts_on(starts[l].hypothesis, touched);
-      laws[l].is_held = !laws[l].is_new && !is_touched;
+      laws[l].is_held = !laws[l].is_new && !acts_on(starts[l].hypothesis, touched);
     }
   }
 
