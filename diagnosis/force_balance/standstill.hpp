@@ -17,8 +17,8 @@
 namespace graybox {
 
 inline constexpr double kStandingSpeed = 0.01;
-inline constexpr double kStandingTime = 0.5;    // s: shorter, it sticks as it slides
-inline constexpr double kStandingShare = 0.05;  // of a recording's time: less does no harm
+inline constexpr double kStandingTime = 0.5;   // s: shorter, it sticks as it slides
+inline constexpr double kStandingShare = 0.1;  // of a recording's time: less does little harm
 inline constexpr double kIdleRange = 1e-3;
 
 // `is_prismatic`: of each joint.
