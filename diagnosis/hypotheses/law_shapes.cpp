@@ -421,7 +421,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
   if (name == "play_and_slip") return {"dahl", "coulomb"};
   if (name == "mode") return {"inertia", "stiffness", "viscous"};
   if (name == "dead_zone") return {"stiffness"};
-  if (name == "balancer") return {"stiffness", "gravity", "offset"};
+  if (name == "balancer") return {"stiffness", "gravity"};
   if (name == "ripple") return {"gravity"};
   return {};
 }
