@@ -835,7 +835,9 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
     best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
     best.shapes = 0;
     const PlacedLaw law = placed(hypothesis, {}, inverse_gains(fit));
-    const std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
+    std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
+    // Where gains are known the mass alone shows, and its place follows in the refit.
+    if (place.location.is_flange && law.inverse_gains.size() == 0) shapes.resize(1);
     std::vector<std::vector<double>> every_basis;
     for (const LawShape& shape : shapes) {
       every_basis.insert(every_basis.end(), shape.basis.begin(), shape.basis.end());
