@@ -30,10 +30,14 @@ bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
          (hypothesis.is_compound && !state.compounds_are_open);
 }
 
-// Recordings kept out have spoken against it (law_rejection.hpp).
+// Recordings kept out have spoken against it (law_rejection.hpp); or nothing helps where it acts, and
+// it only generalises a law that was tried there.
 bool is_rejected(const SearchState& state, std::size_t hypothesis) {
   return std::ranges::any_of(state.result.rejected, [&](const RejectedLaw& rejected) {
-    return rejected.law.hypothesis == hypothesis;
+    const bool is_hopeless = !rejected.held_out.has_value();
+    return rejected.law.hypothesis == hypothesis ||
+           (is_hopeless && is_special_case(state.hypothesis(rejected.law.hypothesis),
+                                           state.hypothesis(hypothesis)));
   });
 }
 
