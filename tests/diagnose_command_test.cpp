@@ -267,6 +267,30 @@ TEST_F(Diagnose, FindsTheHarmonicsOfARealMotor) {
   EXPECT_EQ(without["verdict"], "unknown") << without["words"];
 }
 
+// One joint of a real robot, its weight and friction unknown; and a real encoder that counts
+// backwards.
+TEST_F(Diagnose, TellsARealJointsWeightAndARealEncodersSign) {
+  if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
+    GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  }
+  const std::string folder = std::string(GRAYBOX_SOURCE_DIR) + "/diagnosis/";
+  const Outcome joint = graybox("diagnose " + folder + "models/ur10e_joint_2.yaml " + folder +
+                                "campaigns/ur10e_joint_2.yaml --json");
+  ASSERT_EQ(joint.exit_code, 1) << joint.err;  // the other joints disturb it
+  const Json found = Json::parse(joint.out);
+  EXPECT_EQ(found["method"], "force_balance");
+  std::set<std::string> laws;
+  for (const Json& effect : found["physics"]) laws.insert(effect["law"].get<std::string>());
+  EXPECT_EQ(laws, (std::set<std::string>{"coulomb", "gravity"}));
+  EXPECT_LT(found["fit"]["after"]["validation"]["nrmse"].get<double>(), 35.0);
+  const Outcome bench = graybox("diagnose " + folder + "models/two_masses.yaml " + folder +
+                                "campaigns/two_masses_as_recorded.yaml --json");
+  ASSERT_EQ(bench.exit_code, 1) << bench.err;
+  const Json faults = Json::parse(bench.out)["channel_faults"];
+  ASSERT_EQ(faults.size(), 1U);
+  EXPECT_EQ(faults[0]["channels"], Json::array({"load_angle"}));
+}
+
 // An axis whose friction takes nearly all of the torque, and a disturbance: a short motion is best
 // forecast without the torque, so that a prediction says nothing about friction.
 void record_slow_axis(const std::string& file, unsigned seed) {
