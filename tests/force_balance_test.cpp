@@ -574,7 +574,8 @@ TEST_F(ForceBalance, FindsAPayloadThatEachDriveFeelsInAUnitOfItsOwn) {
   const auto data = problem();
   const Diagnosis diagnosis = diagnose(*data);
   ASSERT_EQ(names_of(*data, diagnosis), "payload at flange; ");
-  expect_offset_load(diagnosis.effects[0].law, 0.03);
+  // Gains that the bodies tell leave less to know the mass by.
+  expect_offset_load(diagnosis.effects[0].law, 0.2);
 }
 
 // First without, then with the load: it is looked for in the recordings that carry it.
