@@ -30,14 +30,10 @@ bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
          (hypothesis.is_compound && !state.compounds_are_open);
 }
 
-// Recordings kept out have spoken against it (law_rejection.hpp); or nothing helps where it acts, and
-// it only generalises a law that was tried there.
+// Recordings kept out have spoken against it (law_rejection.hpp).
 bool is_rejected(const SearchState& state, std::size_t hypothesis) {
   return std::ranges::any_of(state.result.rejected, [&](const RejectedLaw& rejected) {
-    const bool is_hopeless = !rejected.held_out.has_value();
-    return rejected.law.hypothesis == hypothesis ||
-           (is_hopeless && is_special_case(state.hypothesis(rejected.law.hypothesis),
-                                           state.hypothesis(hypothesis)));
+    return rejected.law.hypothesis == hypothesis;
   });
 }
 
