@@ -72,9 +72,7 @@ Json details_of(const OutputErrorFit& fit) {
   details["recordings"] = Json::array();
   for (const OutputErrorScore& score : fit.scores) {
     details["recordings"].push_back(
-        {{"name", score.name},
-         {"role", score.role == ExperimentRole::kEstimation ? "estimation" : "validation"},
-         {"score", json_of(score)}});
+        {{"name", score.name}, {"role", name_of(score.role)}, {"score", json_of(score)}});
   }
   details["equation_error"] = Json::array();
   for (const OutputErrorStart& start : fit.starts) {

@@ -19,10 +19,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kWeakError = 0.2;  // relative standard error above which a parameter is named
 
-const char* role_of(const RecordErrors& record) {
-  return record.role == ExperimentRole::kEstimation ? "estimation" : "validation";
-}
-
 Json json_of(const TorqueErrors& errors) {
   return {{"relative_error", errors.relative},
           {"nrmse", errors.nrmse},
@@ -39,7 +35,7 @@ Json records_json(const InverseDynamicsFit& fit) {
       joints.back().update(json_of(record.joints[j]));
     }
     list.push_back({{"name", record.name},
-                    {"role", role_of(record)},
+                    {"role", name_of(record.role)},
                     {"samples", record.samples},
                     {"total", json_of(record.total)},
                     {"joints", std::move(joints)}});
@@ -101,8 +97,8 @@ Identifiability identifiability_of(const InverseDynamicsFit& fit, const Eigen::V
 
 void describe_forces(const InverseDynamicsFit& fit, FitReport& report) {
   for (const RecordErrors& record : fit.records) {
-    std::string line = fmt::format("{} {}: |error|/|torque| {:.4g} %, by joint", role_of(record),
-                                   record.name, record.total.relative);
+    std::string line = fmt::format("{} {}: |error|/|torque| {:.4g} %, by joint",
+                                   name_of(record.role), record.name, record.total.relative);
     for (const TorqueErrors& joint : record.joints) line += fmt::format(" {:.4g}", joint.relative);
     report.notes.push_back(line + "; NRMSE");
     for (const TorqueErrors& joint : record.joints) {

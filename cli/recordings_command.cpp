@@ -50,7 +50,7 @@ Json json_of(const Experiment& experiment, const ExperimentRecording& recording)
     used += static_cast<std::size_t>(piece.time.size());
   }
   return {{"name", experiment.name},
-          {"role", experiment.role == ExperimentRole::kEstimation ? "estimation" : "validation"},
+          {"role", name_of(experiment.role)},
           {"samples", recording.samples},
           {"segments", recording.data.pieces.size()},
           {"used_samples", used},

@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::Outcome;
 using testing::read_text;
+using testing::replaced;
 using testing::write_text;
 
 const std::string kPlan = R"(format: graybox-plan/1
@@ -32,12 +33,6 @@ periods: 2
 frequencies: {from: 3, to: 60, count: 18, spacing: log}
 noise: 1e-4
 )";
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
 
 class FitCommand : public testing::CommandRunner {
  protected:

@@ -486,13 +486,18 @@ void over_gains(Motion& motion, double first, double second) {
   motion.torque.col(1) /= second;
 }
 
-TEST_F(RigidRobot, GainsOfDrivesFollowFromKnownBodies) {
-  Random random(22);
+std::string arm_of_known_bodies(Random& random) {
   std::string known = kArm;
   known.replace(known.find("rotor_inertia: unknown"), 22,
                 "rotor_inertia: 3e-4, body: " + body_text(random));
   known.replace(known.find("rotor_inertia: 2e-4"), 19,
                 "rotor_inertia: 2e-4, body: " + body_text(random));
+  return known;
+}
+
+TEST_F(RigidRobot, GainsOfDrivesFollowFromKnownBodies) {
+  Random random(22);
+  const std::string known = arm_of_known_bodies(random);
   Motion motion = multisine_motion(2, 200, 4.0);
   set_torque(motion, torques(model(known), motion, VectorXd(0)));
   over_gains(motion, 8.0, 0.25);
@@ -558,8 +563,7 @@ TEST_F(RigidRobot, LoadsAreInTheRecordingsThatCarryThem) {
 // robot of which nothing is known, they leave everything open.
 TEST_F(RigidRobot, GainsOfDrivesFollowFromAKnownLoad) {
   const RigidRobotModel newtons = model(kArm + kToolLoad + "known: [load.mass]\n");
-  std::vector<MotionRecord> records =
-      with_and_without_load(newtons, some_base_parameters(newtons));
+  std::vector<MotionRecord> records = with_and_without_load(newtons, some_base_parameters(newtons));
   for (MotionRecord& record : records) over_gains(record.pieces[0], 8.0, 0.25);
   const InverseDynamicsFit fit = fit_inverse_dynamics(
       model(kArm + kToolLoad + kUnknownGains + "known: [load.mass]\n"), records);
@@ -574,11 +578,7 @@ TEST_F(RigidRobot, GainsOfDrivesFollowFromAKnownLoad) {
 // With known bodies the mass of a load is refined beside the gains.
 TEST_F(RigidRobot, LoadsAreEstimatedBesideTheGainsOfDrives) {
   Random random(23);
-  std::string known = kArm;
-  known.replace(known.find("rotor_inertia: unknown"), 22,
-                "rotor_inertia: 3e-4, body: " + body_text(random));
-  known.replace(known.find("rotor_inertia: 2e-4"), 19,
-                "rotor_inertia: 2e-4, body: " + body_text(random));
+  const std::string known = arm_of_known_bodies(random);
   std::vector<MotionRecord> records =
       with_and_without_load(model(known + kToolLoad + "known: [load.mass]\n"), VectorXd(0));
   for (MotionRecord& record : records) over_gains(record.pieces[0], 8.0, 0.25);

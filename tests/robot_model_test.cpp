@@ -10,24 +10,20 @@
 
 #include "graybox/problems/error.hpp"
 #include "robot_test_support.hpp"
+#include "temporary_folder.hpp"
 
 namespace graybox {
 namespace {
 
 namespace fs = std::filesystem;
 
+using testing::replaced;
+
 std::string read(const fs::path& file) {
   std::ifstream stream(file);
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const auto at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << "the test's '" << from << "' is not in the file";
-  if (at != std::string::npos) text.replace(at, from.size(), to);
-  return text;
 }
 
 // The robot's two files in a folder of the test's own, each with one text replaced.

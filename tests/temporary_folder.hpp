@@ -1,6 +1,8 @@
 // A folder of a test's own, removed with all it holds.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -40,6 +42,13 @@ inline std::string read_text(const std::string& path) {
 
 inline void write_text(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
+}
+
+// The text with the first `from` replaced; fails the test where there is none.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << "the test's '" << from << "' is not in the text";
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
 }
 
 }  // namespace graybox::testing

@@ -252,6 +252,10 @@ const char* name_of(ChannelRole role) {
   return "other";
 }
 
+const char* name_of(ExperimentRole role) {
+  return role == ExperimentRole::kEstimation ? "estimation" : "validation";
+}
+
 Campaign read_campaign(const fs::path& path) {
   Campaign campaign;
   campaign.file = is_folder(path) ? path / "campaign.yaml" : path;

@@ -32,6 +32,7 @@ enum class InputHold { kZero, kFirst, kBandLimited };
 enum class ExperimentRole { kEstimation, kValidation };
 
 [[nodiscard]] const char* name_of(ChannelRole role);
+[[nodiscard]] const char* name_of(ExperimentRole role);
 
 // A column of a file and how its numbers become the channel: value = factor * recorded, in `unit`.
 struct Channel {
