@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -167,45 +168,48 @@ Diagnosis stopped_before_the_search(const SearchOptions& options) {
 struct Method {
   std::string name;  // periodic, force_balance, prediction_error
   std::string reason;
+  bool is_lumped = false;                // the model's format, which leaves a choice
+  std::optional<RigidRobotModel> drive;  // a lumped model that is measured as a whole
 };
 
 Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
   const std::string format = YamlField::load(arguments.model).at("format").text();
-  const bool is_lumped = format == "graybox-lumped/1";
-  const bool is_periodic = std::ranges::all_of(
-      campaign.experiments,
-      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
-  if (arguments.method == "prediction_error") return {arguments.method, "it was asked for"};
-  if (arguments.method == "force_balance" && is_lumped) {
-    if (measured_drive(load_lumped_model(arguments.model))) {
-      return {arguments.method, "it was asked for"};
-    }
+  Method method{"", "it was asked for", format == "graybox-lumped/1", {}};
+  if (method.is_lumped) method.drive = measured_drive(load_lumped_model(arguments.model));
+  if (arguments.method == "prediction_error" ||
+      (arguments.method == "force_balance" && method.drive)) {
+    method.name = arguments.method;
+    return method;
+  }
+  if (arguments.method == "force_balance" && method.is_lumped) {
     throw InputError(fmt::format(
         "--method force_balance: {} is not one mass whose only force and whose position "
         "or velocity are recorded: say prediction_error",
         arguments.model));
   }
   const bool is_rigid = format == "graybox-rigid-robot/1";
-  const std::string own = is_rigid ? "force_balance" : "periodic";
-  if (arguments.method != "auto" && arguments.method != own) {
+  method.name = is_rigid ? "force_balance" : "periodic";
+  if (arguments.method != "auto" && arguments.method != method.name) {
     throw InputError(fmt::format("--method {}: {} is a {} model: say {}{}", arguments.method,
-                                 arguments.model, format, own,
-                                 is_lumped ? " or prediction_error" : ""));
+                                 arguments.model, format, method.name,
+                                 method.is_lumped ? " or prediction_error" : ""));
   }
-  if (arguments.method == "auto" && is_lumped && !is_periodic) {
-    return {"prediction_error", "the recordings have no period ('excitation')"};
+  const bool is_periodic = std::ranges::all_of(
+      campaign.experiments,
+      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
+  if (arguments.method == "auto" && method.is_lumped && !is_periodic) {
+    method.name = "prediction_error";
+    method.reason = "the recordings have no period ('excitation')";
   }
-  return {own, is_rigid ? "the model is a rigid robot's" : "the recordings are periodic"};
+  return method;
 }
 
 // Where a lumped model leaves a choice.
-std::string method_line(const Arguments& arguments, const Method& method) {
-  if (method.name == "prediction_error") {
-    return fmt::format("By prediction error, since {}.", method.reason);
-  }
-  const std::string format = YamlField::load(arguments.model).at("format").text();
-  if (method.name != "force_balance" || format != "graybox-lumped/1") return "";
-  return fmt::format("By the balance of forces, since {}.", method.reason);
+std::string method_line(const Method& method) {
+  if (!method.is_lumped || method.name == "periodic") return "";
+  const bool is_balance = method.name == "force_balance";
+  return fmt::format("By {}, since {}.", is_balance ? "the balance of forces" : "prediction error",
+                     method.reason);
 }
 
 struct Answer {
@@ -219,10 +223,6 @@ struct Answer {
 
 Answer answer_by_prediction(const Arguments& arguments, const Campaign& campaign) {
   Answer answer;
-  if (!arguments.place_files.empty()) {
-    throw InputError(
-        "--places: a diagnosis by prediction error takes the places of the model alone");
-  }
   answer.by_prediction =
       diagnose_by_prediction(arguments.model, campaign, arguments.search, arguments.threads);
   answer.diagnosis = answer.by_prediction.diagnosis;
@@ -238,36 +238,45 @@ Answer answer_by_problem(Arguments& arguments, const Campaign& campaign,
     answer.diagnosis = stopped_before_the_search(arguments.search);
     return answer;
   }
-  if (drive == nullptr) {  // of a drive the other method may have them
+  // Laws of signals, which the other method of a drive may leave out, are none of its balance.
+  if (drive == nullptr) {
     require_known_laws(arguments.search.excluded_laws, answer.problem->hypotheses());
   }
   answer.diagnosis = diagnose(*answer.problem, arguments.search);
   return answer;
 }
 
-bool has_found_by_balance(const Diagnosis& diagnosis) {
-  return !diagnosis.channel_faults.empty() || !diagnosis.effects.empty();
+// None where the balance finds nothing, or can't be set up: the drive stands still, say.
+std::optional<Answer> found_by_balance(const RigidRobotModel& drive, Arguments& arguments,
+                                       const Campaign& campaign) {
+  try {
+    Answer answer = answer_by_problem(arguments, campaign, &drive);
+    const Diagnosis& diagnosis = answer.diagnosis;
+    if (!diagnosis.channel_faults.empty() || !diagnosis.effects.empty()) return answer;
+  } catch (const InputError&) {
+  }
+  return {};
 }
 
 // By the method chosen. Where the prediction error leaves doubt, and the drive is measured as a
 // whole, its force balance is asked, too, and answers if it has found something.
 Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign) {
-  std::optional<RigidRobotModel> drive;
-  if (YamlField::load(arguments.model).at("format").text() == "graybox-lumped/1") {
-    drive = measured_drive(load_lumped_model(arguments.model));
+  if (method.is_lumped && method.name != "periodic" && !arguments.place_files.empty()) {
+    throw InputError("--places: a lumped model in any motion is diagnosed at its own places alone");
   }
-  if (method.name == "force_balance") {
-    return answer_by_problem(arguments, campaign, drive ? &*drive : nullptr);
+  if (method.name != "prediction_error") {
+    return answer_by_problem(
+        arguments, campaign,
+        method.name == "force_balance" && method.drive ? &*method.drive : nullptr);
   }
-  if (method.name == "periodic") return answer_by_problem(arguments, campaign);
   Answer predicted = answer_by_prediction(arguments, campaign);
   const std::string& doubt = predicted.by_prediction.doubt;
-  if (arguments.method != "auto" || doubt.empty() || !drive) return predicted;
-  Answer balanced = answer_by_problem(arguments, campaign, &*drive);
-  if (!has_found_by_balance(balanced.diagnosis)) return predicted;
-  method = {"force_balance",
-            fmt::format("a diagnosis by prediction error is in doubt (failed: {})", doubt)};
-  return balanced;
+  if (arguments.method != "auto" || doubt.empty() || !method.drive) return predicted;
+  std::optional<Answer> balanced = found_by_balance(*method.drive, arguments, campaign);
+  if (!balanced) return predicted;
+  method.name = "force_balance";
+  method.reason = fmt::format("a diagnosis by prediction error is in doubt (failed: {})", doubt);
+  return *std::move(balanced);
 }
 
 int execute(Arguments& arguments) {
@@ -290,8 +299,9 @@ int execute(Arguments& arguments) {
   const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
   DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
-  if (answer.problem)
+  if (answer.problem) {
     std::ranges::copy(answer.problem->remarks(), std::back_inserter(files.warnings));
+  }
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
   verdict["method"] = method.name;
   if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
@@ -299,7 +309,7 @@ int execute(Arguments& arguments) {
     fmt::print("{}\n", verdict.dump());
   } else {
     fmt::print("verdict: {}\n", to_string(diagnosis.verdict));
-    if (const std::string line = method_line(arguments, method); !line.empty()) {
+    if (const std::string line = method_line(method); !line.empty()) {
       fmt::print("{}\n", line);
     }
     for (const std::string& line : verdict_words(diagnosis, hypotheses)) {
