@@ -26,20 +26,11 @@ struct Arguments {
   bool json = false;
 };
 
-const char* name_of_role(ExperimentRole role) {
-  return role == ExperimentRole::kEstimation ? "estimation" : "validation";
-}
-
-std::string ahead_words(const ModelPrediction& prediction, double ahead) {
-  if (prediction.of == "forces") return "NRMSE";
-  return ahead > 0.0 ? fmt::format("{:.3g} s", ahead) : std::string("free run");
-}
-
 Json json_of(const ModelPrediction& prediction, const Arguments& arguments) {
   Json rows = Json::array();
   for (const RecordingPrediction& recording : prediction.recordings) {
     for (const PredictedChannel& channel : recording.channels) {
-      Json row{{"recording", recording.recording}, {"role", name_of_role(recording.role)},
+      Json row{{"recording", recording.recording}, {"role", name_of(recording.role)},
                {"channel", channel.name},          {"unit", channel.unit},
                {"seconds_ahead", nullptr},         {"error", nullptr},
                {"deviation", channel.signal},      {"nrmse", nullptr}};
@@ -59,6 +50,7 @@ Json json_of(const ModelPrediction& prediction, const Arguments& arguments) {
 }
 
 std::string cell(const PredictedChannel& channel) {
+  if (std::isnan(channel.error)) return "too short";
   if (!std::isfinite(channel.error)) return "unbounded";
   if (!(channel.signal > 0.0)) return "constant";
   return fmt::format("{:.3g}", channel.nrmse());
@@ -79,8 +71,12 @@ std::string table_of(const ModelPrediction& prediction) {
   }
   std::string text =
       fmt::format("{:<{}}  role        {:<{}}", "recording", widest, "channel", widest_channel);
-  for (const double ahead : horizons)
-    text += fmt::format("  {:>9}", ahead_words(prediction, ahead));
+  std::vector<std::size_t> widths;
+  for (const double ahead : horizons) {
+    const std::string words = prediction_words(prediction, ahead);
+    widths.push_back(std::max<std::size_t>(9, words.size()));
+    text += fmt::format("  {:>{}}", words, widths.back());
+  }
   text += '\n';
   // Every horizon has the same recordings, in the same order.
   const std::size_t count =
@@ -88,10 +84,11 @@ std::string table_of(const ModelPrediction& prediction) {
   for (std::size_t i = 0; i < count; ++i) {
     const RecordingPrediction& first = prediction.recordings[i];
     for (std::size_t c = 0; c < first.channels.size(); ++c) {
-      text += fmt::format("{:<{}}  {:<10}  {:<{}}", first.recording, widest,
-                          name_of_role(first.role), first.channels[c].name, widest_channel);
+      text += fmt::format("{:<{}}  {:<10}  {:<{}}", first.recording, widest, name_of(first.role),
+                          first.channels[c].name, widest_channel);
       for (std::size_t h = 0; h < horizons.size(); ++h) {
-        text += fmt::format("  {:>9}", cell(prediction.recordings[h * count + i].channels[c]));
+        const PredictedChannel& channel = prediction.recordings[h * count + i].channels[c];
+        text += fmt::format("  {:>{}}", cell(channel), widths[h]);
       }
       text += '\n';
     }

@@ -38,12 +38,8 @@ std::string chart_of(const PredictionCurve& curve) {
 }
 
 std::string percent(double value) {
+  if (std::isnan(value)) return "too short";
   return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("leaves all bounds");
-}
-
-std::string ahead_words(const ModelPrediction& prediction, double ahead) {
-  if (prediction.of == "forces") return "at the measured motion";
-  return ahead > 0.0 ? fmt::format("{:.3g} s ahead", ahead) : std::string("free run");
 }
 
 std::string table_of(const ModelPrediction& prediction) {
@@ -52,18 +48,22 @@ std::string table_of(const ModelPrediction& prediction) {
       "<th>error (rms)</th><th>NRMSE [%]</th></tr>\n";
   for (const RecordingPrediction& recording : prediction.recordings) {
     for (const PredictedChannel& channel : recording.channels) {
-      const bool is_fit = recording.role == ExperimentRole::kEstimation;
       rows += fmt::format(
           "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3g} {}</td><td>{}</td></tr>\n",
-          html_escaped(recording.recording), is_fit ? "estimation" : "validation",
-          html_escaped(channel.name), ahead_words(prediction, recording.ahead), channel.error,
-          html_escaped(channel.unit), percent(channel.nrmse()));
+          html_escaped(recording.recording), name_of(recording.role), html_escaped(channel.name),
+          prediction_words(prediction, recording.ahead), channel.error, html_escaped(channel.unit),
+          percent(channel.nrmse()));
     }
   }
   return rows + "</table>\n";
 }
 
 }  // namespace
+
+std::string prediction_words(const ModelPrediction& prediction, double ahead) {
+  if (prediction.of == "forces") return "at measured motion";
+  return ahead > 0.0 ? fmt::format("{:.3g} s ahead", ahead) : std::string("free run");
+}
 
 ModelPrediction predict_recordings(const std::filesystem::path& model, const Campaign& campaign,
                                    const std::vector<std::filesystem::path>& physics, int threads) {

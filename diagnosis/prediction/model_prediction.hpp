@@ -19,7 +19,8 @@ namespace graybox {
 
 struct PredictedChannel {
   std::string name, unit;
-  double error = 0.0;   // rms; infinite where the model's motion leaves all bounds
+  // rms; infinite where the model's motion leaves all bounds, NaN where the recording is too short.
+  double error = 0.0;
   double signal = 0.0;  // standard deviation of what was measured
   [[nodiscard]] double nrmse() const { return 100.0 * error / signal; }  // %
 };
@@ -48,6 +49,9 @@ struct ModelPrediction {
 [[nodiscard]] ModelPrediction predict_recordings(
     const std::filesystem::path& model, const Campaign& campaign,
     const std::vector<std::filesystem::path>& physics = {}, int threads = 1);
+
+// "0.1 s ahead", "free run", "at measured motion".
+[[nodiscard]] std::string prediction_words(const ModelPrediction& prediction, double ahead);
 
 // One page with the table and the curves.
 [[nodiscard]] std::string prediction_page(const ModelPrediction& prediction,

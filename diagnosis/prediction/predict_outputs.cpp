@@ -3,7 +3,6 @@
 #include <limits>
 
 #include "graybox/diagnosis/prediction/kinds.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
 #include "graybox/diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
@@ -25,7 +24,8 @@ class OutputPrediction {
  public:
   OutputPrediction(const LumpedModel& model, const Campaign& campaign, int threads)
       : model_(as_given(model, kSearchFactor)), data_(model, campaign, threads), threads_(threads) {
-    choose_intensity();
+    const PredictionTask task = data_.windows(kFirstHorizon);
+    intensity_ = best_intensity(model_, data_, task, 0, threads).intensity;
   }
 
   ModelPrediction run() {
@@ -48,21 +48,6 @@ class OutputPrediction {
     return fitter.fit(model_, data_.output_scale(), {}, 0, false);
   }
 
-  // Of the force noise: what predicts best ten samples ahead.
-  void choose_intensity() {
-    const PredictionTask task = data_.windows(kFirstHorizon);
-    double least = std::numeric_limits<double>::infinity();
-    const std::vector<double> candidates = force_noise_intensities(data_);
-    intensity_ = candidates[1];
-    for (const double candidate : candidates) {
-      const PredictionFitter fitter(data_, task, candidate, threads_);
-      const PredictionFit fit = fitter.fit(model_, data_.output_scale(), {}, 0, false);
-      if (!fit.usable || !(fit.cost < least)) continue;
-      least = fit.cost;
-      intensity_ = candidate;
-    }
-  }
-
   void add(Index horizon, bool with_curves) {
     for (const ExperimentRole role : {ExperimentRole::kEstimation, ExperimentRole::kValidation}) {
       for (const PredictionRun& run : task_of(horizon, role).runs) {
@@ -77,10 +62,13 @@ class OutputPrediction {
   void add_run(const PredictionTask& task, Index horizon, bool with_curves) {
     const PredictionRun& run = task.runs.front();
     const OutputErrorRecording& recording = data_.recording(run.recording);
+    const bool is_long_enough = std::ranges::count(run.counted, 1) > 0;
     const PredictionFit run_fit = fit(task);
     VectorXd errors =
         VectorXd::Constant(data_.output_count(), std::numeric_limits<double>::infinity());
-    if (run_fit.usable) {
+    if (!is_long_enough) {
+      errors.setConstant(std::numeric_limits<double>::quiet_NaN());
+    } else if (run_fit.usable) {
       errors =
           PredictionFitter(data_, task, intensity_, threads_).errors(run_fit, data_.output_scale());
     }

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
 #include "graybox/diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
@@ -37,13 +36,7 @@ PredictionFit fitted(const LumpedModel& model, const PredictionData& data,
   const PredictionTask task = data.windows(kFirstHorizon);
   const ExtendedLumpedModel start =
       scaled_to_predict(with_zeros(model, data, hypotheses), data, threads);
-  PredictionFit best;
-  for (const double intensity : force_noise_intensities(data)) {
-    const PredictionFitter fitter(data, task, intensity, threads);
-    PredictionFit fit = fitter.fit(start, data.output_scale(), {}, kIterations);
-    if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
-  }
-  return best;
+  return best_intensity(start, data, task, kIterations, threads).fit;
 }
 
 std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
@@ -53,11 +46,10 @@ std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
 }
 
 double share_left(const PredictionFit& fit, const PredictionData& data) {
-  double counted = 0.0;
-  for (const PredictionRun& run : data.windows(kFirstHorizon).runs) {
-    counted += static_cast<double>(std::ranges::count(run.counted, 1));
-  }
-  return std::sqrt(fit.cost / (counted * static_cast<double>(data.output_count())));
+  const PredictionTask task = data.windows(kFirstHorizon);
+  const VectorXd& scale = data.output_scale();
+  const VectorXd error = PredictionFitter(data, task, 0.0, 1).errors(fit, scale);
+  return std::sqrt((error.array() / scale.array()).square().mean());
 }
 
 ChannelFault fault_of(const LumpedModel& model, const std::vector<bool>& reversed,

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
-
 namespace graybox {
 namespace {
 
@@ -102,6 +100,19 @@ std::optional<Index> last_mass(const Element& spring,
 std::vector<double> force_noise_intensities(const PredictionData& data) {
   const double unit = data.force_scale() * std::sqrt(data.sample_time());
   return {0.03 * unit, 0.3 * unit, 3.0 * unit};
+}
+
+IntensityFit best_intensity(const ExtendedLumpedModel& model, const PredictionData& data,
+                            const PredictionTask& task, int iterations, int threads) {
+  const std::vector<double> candidates = force_noise_intensities(data);
+  IntensityFit best{{}, candidates[1]};
+  for (const double intensity : candidates) {
+    const PredictionFitter fitter(data, task, intensity, threads);
+    PredictionFit fit = fitter.fit(model, data.output_scale(), {}, iterations, iterations > 0);
+    if (!fit.usable || (best.fit.usable && !(fit.cost < best.fit.cost))) continue;
+    best = {std::move(fit), intensity};
+  }
+  return best;
 }
 
 ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& data,

@@ -11,6 +11,7 @@
 
 #include "graybox/diagnosis/prediction_error/extended_lumped_model.hpp"
 #include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
 #include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
 
 namespace graybox {
@@ -21,6 +22,16 @@ inline constexpr Eigen::Index kFirstHorizon = 10;  // samples
 
 // Intensities of the force noise that are tried: decades about that of the forces.
 [[nodiscard]] std::vector<double> force_noise_intensities(const PredictionData& data);
+
+// The best of fits so far ahead (data.windows), one for each of these intensities; `iterations` 0:
+// the model as it is. Unusable where its motion leaves all bounds under each.
+struct IntensityFit {
+  PredictionFit fit;
+  double intensity = 0.0;
+};
+[[nodiscard]] IntensityFit best_intensity(const ExtendedLumpedModel& model,
+                                          const PredictionData& data, const PredictionTask& task,
+                                          int iterations, int threads);
 
 // The model with the encoders' zeros that it needs, as laws found.
 [[nodiscard]] ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& data,
