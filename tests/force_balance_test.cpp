@@ -12,6 +12,7 @@
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
@@ -21,11 +22,14 @@
 #include "graybox/problems/elements/law_catalogue.hpp"
 #include "graybox/problems/error.hpp"
 #include "graybox/problems/random.hpp"
+#include "temporary_folder.hpp"
 
 namespace graybox {
 namespace {
 
 namespace fs = std::filesystem;
+
+using testing::replaced;
 
 // A carriage moved along a sum of sines; the force is that of its mass, a law and noise.
 class ForceBalance : public ::testing::Test {
@@ -428,10 +432,6 @@ const std::string kOffsetLoad = R"(elements:
 known: [load.mass]
 )";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  return text.replace(text.find(from), from.size(), to);
-}
-
 // `drives`: recorded units of each joint's torque per N m.
 void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase, Random& random,
                const std::string& load = "",
@@ -600,6 +600,34 @@ TEST_F(ForceBalance, FindsTheLoadOfSomeRecordings) {
     ASSERT_EQ(names_of(*data, diagnosis), "payload at flange with load tool; ") << has_gains;
     expect_offset_load(diagnosis.effects[0].law, 0.03);
   }
+}
+
+// Whatever a load is called, the extended model can be read.
+TEST_F(ForceBalance, QuotesTheNamesOfLoads) {
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, load: \"2 kg: grey, {b}\"}\n");
+  Random random(5);
+  const RigidRobotModel robot = load_rigid_robot(folder_ / "drive.yaml");
+  for (const char* file : {"1.csv", "2.csv"}) write_arm(folder_ / file, robot, 0.3, random);
+  const auto data = problem();
+  const auto loaded = std::ranges::find_if(data->hypotheses(), [](const Hypothesis& hypothesis) {
+    return hypothesis.place == "flange with load 2 kg: grey, {b}";
+  });
+  ASSERT_NE(loaded, data->hypotheses().end());
+  EXPECT_EQ(loaded->location, "{kind: element, axis: flange, load: \"2 kg: grey, {b}\"}");
+}
+
+// A lift that stands while the arm on it moves; an arm alone that stands is not its own measure.
+TEST(Standstill, JointsOfOneKindAreComparedAndOthersWithWhatMoves) {
+  Motion piece;
+  piece.position = Eigen::MatrixXd::Constant(50, 3, 0.2);
+  piece.position.col(1) = Eigen::VectorXd::LinSpaced(50, -1.0, 1.0);
+  piece.position.col(2) = Eigen::VectorXd::LinSpaced(50, 0.0, 1e-4);
+  const std::vector<Motion> pieces{piece};
+  EXPECT_EQ(idle_joints(pieces, {true, false, false}), (std::vector<bool>{true, false, true}));
+  piece.position = Eigen::MatrixXd::Constant(50, 1, 0.2);
+  EXPECT_EQ(idle_joints(std::vector<Motion>{piece}, {false}), std::vector<bool>{false});
 }
 
 TEST(FixedPointIteration, EndsAtOnceForAStraightMap) {

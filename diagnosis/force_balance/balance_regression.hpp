@@ -7,8 +7,8 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
-// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation; where
-// recordings carry different loads, a tenth of each load's.
+// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
+// Where recordings carry different loads, a block has a tenth of each load's.
 //
 // Cost: O(N p^2) once, O(N p m) a fit with m columns, O(B (p + m)^3) for B blocks.
 #pragma once

@@ -1,5 +1,5 @@
-// Fixed points x = F(x) by Anderson's extrapolation (Journal of the ACM 12, 1965): the next x is the
-// one for which F(x) - x, straight in x through all points so far, is least. For a map that is
+// Fixed points x = F(x) by Anderson's extrapolation (Journal of the ACM 12, 1965). The next x is
+// the one for which F(x) - x, straight in x through the last points, is least. For a map that is
 // straight in n dimensions it ends after n + 1 evaluations.
 //
 //   FixedPointIteration iteration;

@@ -1,8 +1,10 @@
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 
 #include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/hypotheses/place_file.hpp"
@@ -177,8 +179,19 @@ void add_neighbours(const RigidRobotModel& robot, std::vector<CandidatePlace>& p
   }
 }
 
-// Of all recordings, and of each load that only some of them carry. On one axis a payload is an
-// inertia. Where drive gains are unknown, it acts on those joints whose gain is told.
+// A load has any name: what YAML would misread is quoted.
+std::string flange_yaml(const std::string& load) {
+  YAML::Emitter emitter;
+  emitter << YAML::Flow << YAML::BeginMap << YAML::Key << "kind" << YAML::Value << "element";
+  emitter << YAML::Key << "axis" << YAML::Value << "flange";
+  if (!load.empty()) emitter << YAML::Key << "load" << YAML::Value << load;
+  emitter << YAML::EndMap;
+  return emitter.c_str();
+}
+
+// A payload may be there in all recordings, or in those of one load where only some carry it. On
+// one axis it is an inertia. Where drive gains are unknown, it acts on those joints whose gain is
+// told.
 void add_flanges(ForceBalanceData& data) {
   if (data.robot.size() == 1) return;
   if (data.robot.channels.unknown_drive_gains && data.gain_parameters.empty()) return;
@@ -193,8 +206,7 @@ void add_flanges(ForceBalanceData& data) {
   for (const std::string& load : loads) {
     CandidatePlace place;
     place.location = flange_location(load);
-    place.yaml = load.empty() ? "{kind: element, axis: flange}"
-                              : fmt::format("{{kind: element, axis: flange, load: {}}}", load);
+    place.yaml = flange_yaml(load);
     data.places.push_back(std::move(place));
   }
 }
@@ -231,15 +243,13 @@ std::vector<bool> are_prismatic(const RigidRobotModel& robot) {
   return result;
 }
 
-std::string seconds_words(double seconds) { return fmt::format("{:.3g} s", seconds); }
-
 double duration_of(std::span<const Motion> pieces) {
   double duration = 0.0;
   for (const Motion& piece : pieces) duration += piece.time(piece.samples() - 1) - piece.time(0);
   return duration;
 }
 
-// Samples at which nothing moves, of all recordings.
+// Cuts samples at which nothing moves from all recordings.
 void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& data) {
   std::vector<Motion> all;
   for (const MotionRecord& record : records) {
@@ -256,9 +266,9 @@ void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& 
     const double duration = duration_of(record.pieces), left_out = duration - duration_of(moving);
     if (left_out <= kStandingShare * duration) continue;
     data.remarks.push_back(fmt::format(
-        "{}: nothing moves for {} of {}: left out of the balance of forces, where dry friction "
-        "takes what it must at standstill",
-        record.name, seconds_words(left_out), seconds_words(duration)));
+        "{}: nothing moves for {:.3g} s of {:.3g} s: left out of the balance of forces, where dry "
+        "friction takes what it must at standstill",
+        record.name, left_out, duration));
     record.pieces = std::move(moving);
   }
 }

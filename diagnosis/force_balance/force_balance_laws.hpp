@@ -16,7 +16,8 @@ struct PlacedLaw {
   const CandidatePlace* place = nullptr;
   const LawEntry* entry = nullptr;  // of the catalogue
   std::vector<double> parameters;
-  // Of a payload: 1/gain of each joint's drive, where the gains are unknown; 0: not told.
+  // A payload's force on a joint is over the gain of its drive: 1/gain of each, where the gains are
+  // unknown; 0: not told.
   Eigen::VectorXd inverse_gains = {};
 
   // Parameters in which the force is linear. Laws with memory have none; their force is multiplied

@@ -256,9 +256,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
     return std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
   }
-  // Where every drive has a gain of its own, coordinates share nothing but a payload: where a law is
-  // added, left out or exchanged, shapes of laws on other coordinates stay, and so does the place of
-  // a payload, for which the gains would have to settle every time.
+  // Where every drive has a gain of its own, coordinates share nothing but a payload. A law that is
+  // added, left out or exchanged then leaves the shapes of laws on other coordinates as they are,
+  // and the place of a payload, for which the gains would have to settle every time.
   void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
                       std::vector<RefinedLaw>& laws) const {
     if (nearby == nullptr || !data_.robot.channels.unknown_drive_gains) return;

@@ -50,7 +50,7 @@ struct ForceBalanceOptions {
     const std::filesystem::path& model, const Campaign& campaign,
     const ForceBalanceOptions& options = {});
 
-// The same of a lumped drive that is measured as a whole (measured_drive.hpp); no place files.
+// A lumped drive that is measured as a whole (measured_drive.hpp), in the same way; no place files.
 [[nodiscard]] std::unique_ptr<MismatchProblem> drive_balance_problem(
     const RigidRobotModel& drive, const Campaign& campaign,
     const ForceBalanceOptions& options = {});

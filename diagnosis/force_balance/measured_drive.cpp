@@ -41,7 +41,7 @@ bool take_channels(const LumpedModel& model, RobotChannels& channels) {
              model.outputs.size();
 }
 
-// Of a mass that is zero there is no parameter.
+// Null: a mass that is zero has no parameter.
 const LumpedParameter* mass_parameter(const LumpedModel& model) {
   return model.masses(0) > 0.0 ? &model.parameters.front() : nullptr;
 }

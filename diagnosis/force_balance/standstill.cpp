@@ -10,6 +10,7 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kFewestSamples = 20;
+constexpr double kSameAngle = 1e-9;  // rad or m
 
 Motion samples_of(const Motion& piece, Index first, Index count) {
   Motion part = piece;
@@ -51,15 +52,17 @@ std::vector<bool> idle_joints(std::span<const Motion> pieces,
     lowest = lowest.cwiseMin(piece.position.colwise().minCoeff().transpose());
     highest = highest.cwiseMax(piece.position.colwise().maxCoeff().transpose());
   }
+  const Eigen::VectorXd range = highest - lowest;
   std::vector<bool> idle;
   for (Index j = 0; j < joints; ++j) {
     double largest = 0.0;
     for (Index k = 0; k < joints; ++k) {
       const bool is_alike =
           is_prismatic[static_cast<std::size_t>(j)] == is_prismatic[static_cast<std::size_t>(k)];
-      if (is_alike) largest = std::max(largest, highest(k) - lowest(k));
+      if (is_alike) largest = std::max(largest, range(k));
     }
-    idle.push_back(highest(j) - lowest(j) < kIdleRange * largest);
+    const bool stands_alone = largest <= kSameAngle && range.maxCoeff() > kSameAngle;
+    idle.push_back(range(j) < kIdleRange * largest || stands_alone);
   }
   return idle;
 }

@@ -4,8 +4,9 @@
 // moves.
 //
 // A joint stands where its speed stays below kStandingSpeed of its own root mean square over all
-// recordings for kStandingTime and longer; what is less than kStandingShare of a recording stays. It
-// never moves where its range is below kIdleRange of the largest range among joints of its kind.
+// recordings for kStandingTime and longer; what is less than kStandingShare of a recording stays.
+// It never moves where its range is below kIdleRange of the largest range among joints of its kind,
+// or where no joint of its kind moves and another does.
 #pragma once
 
 #include <span>

@@ -39,8 +39,8 @@ struct MotionRecord {
 // go through the transmission; velocities and accelerations that are not named are parabolas'
 // slopes (time_derivative in preprocess.hpp). Throws InputError for recordings with errors, a robot
 // without channels, a channel that is not there or in a wrong unit, a payload's load that no
-// recording carries, and a campaign without estimation data. Where only velocities are named, positions are their integrals from zero on:
-// refused if the torques depend on positions.
+// recording carries, and a campaign without estimation data. Where only velocities are named,
+// positions are their integrals from zero on: refused if the torques depend on positions.
 [[nodiscard]] std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
                                                             const Campaign& campaign);
 

@@ -155,7 +155,7 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
   }
 }
 
-// Of mass one where it has a column.
+// A payload whose mass has a column is a body of mass one.
 void TorqueColumns::add_payload(const RigidRobotModel& robot, const Element& element,
                                 Index column) {
   const auto& values = element.parameters;
