@@ -45,15 +45,12 @@ Line taken_apart(const std::string& text) {
 // The last places of what a fit prints may differ from machine to machine.
 bool is_same(const Line& quoted, const Line& printed, bool is_beginning) {
   constexpr double kRelative = 0.05;
-  // Differences of evidence: one is nothing.
-  const double absolute = quoted.words.find("BIC") != std::string::npos ? 1.0 : 0.0;
   const bool same_words =
       is_beginning ? printed.words.starts_with(quoted.words) : printed.words == quoted.words;
   if (!same_words) return false;
   for (std::size_t i = 0; i < quoted.numbers.size(); ++i) {
     const double size = std::max(std::abs(quoted.numbers[i]), std::abs(printed.numbers[i]));
-    const double tolerance = std::max(absolute, kRelative * size);
-    if (std::abs(quoted.numbers[i] - printed.numbers[i]) > tolerance) return false;
+    if (std::abs(quoted.numbers[i] - printed.numbers[i]) > kRelative * size) return false;
   }
   return true;
 }
