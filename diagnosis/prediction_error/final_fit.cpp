@@ -133,20 +133,12 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
 }
 
-// A law without which the fit does as well, or recordings kept out are predicted better; or one
-// that few machines have and that takes less than its share of either error.
+// A law without which the fit does as well; or one that few machines have and that takes less
+// than its share of the cost. Recordings kept out have no say here: after the samples that are
+// seen their error is that of the state, of which the best law may have more than a poor one.
 bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const {
-  constexpr double kMisleads = 1.05;  // times the error kept out
   if (is_idle(without.fit, found_.fit)) return true;
-  double held_out_gain = 1.0;
-  if (without.held_out_error && found_.held_out_error) {
-    const auto square = [](const JudgedModel& model) {
-      return (model.held_out_error->array() / model.held_out_scale.array()).square().mean();
-    };
-    held_out_gain = 1.0 - square(found_) / square(without);
-    if (1.0 - held_out_gain > kMisleads * kMisleads) return true;
-  }
-  const double gain = std::min(held_out_gain, 1.0 - found_.fit.cost / without.fit.cost);
+  const double gain = 1.0 - found_.fit.cost / without.fit.cost;
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
 }
 
@@ -154,13 +146,11 @@ bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& witho
 // it stood in for may then fall to the others.
 void FinalFit::drop_idle_laws() {
   while (!found_.fit.model.laws.empty()) {
-    judge_held_out(found_);
     std::optional<JudgedModel> poorest;
     double least = kMissed;
     for (const PlacedFinding& law : found_.fit.model.laws) {
       JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
       if (!poorer.fit.usable) continue;
-      judge_held_out(poorer);
       const double z = is_worth_nothing(law.hypothesis, poorer) ? -kMissed : z_over(poorer);
       if (z >= least) continue;
       least = z;
