@@ -514,6 +514,24 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
   expect_offset_load(diagnosis.effects[0].law, 0.02);
 }
 
+TEST_F(ForceBalance, FindsFrictionBesideAPayloadOfTheModel) {
+  const std::string friction = R"(  - {name: friction, location: {kind: element, joint: elbow, axis: arm}, law: viscous,
+     parameters: {damping: {value: 2, unit: N m s/rad}}}
+known: [)";
+  const std::string truth_text =
+      kLiftingArm + replaced(kOffsetLoad, "known: [", friction + "friction.damping, ");
+  std::ofstream(folder_ / "truth.yaml") << truth_text;
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm << replaced(kOffsetLoad, "value: 2", "value: 1");
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  Random random(5);
+  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
+  write_arm(folder_ / "1.csv", truth, 0.0, random);
+  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  const auto data = problem();
+  EXPECT_NE(names_of(*data, diagnose(*data)).find("viscous at elbow.arm; "), std::string::npos);
+}
+
 // A single joint of an arm moves, with a pause in which friction holds what it must; the others
 // stand, and their drives give what friction left of the weights.
 TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {

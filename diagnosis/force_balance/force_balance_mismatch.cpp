@@ -700,7 +700,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     if (place.units.deflection == "m") own.stiffness = 0.0;  // gravity may make a joint topple
     own.damping = 0.0;
     for (const Element& element : data_.robot.elements) {
-      const bool is_there = element.location.output == place.output;
+      const bool is_there = are_one_place(element.location, place);
       if (is_there && element.law_name == "viscous") own.damping += element.parameters[0];
     }
     const ForceBalanceRows& rows = data_.estimation;

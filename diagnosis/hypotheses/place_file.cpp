@@ -16,14 +16,6 @@ std::string in_flow_style(const YamlField& field) {
   return emitter.c_str();
 }
 
-bool are_one_place(const Location& a, const Location& b) {
-  if (a.kind != b.kind || a.is_flange != b.is_flange) return false;
-  if (a.kind != LocationKind::kElement) return a.channel == b.channel;
-  if (a.is_flange) return a.load == b.load;
-  return (a.output == b.output && a.input == b.input) ||
-         (a.output == -b.output && a.input == -b.input);
-}
-
 CandidatePlace candidate(const YamlField& field, const Places& model) {
   CandidatePlace place;
   place.location = model.resolve(field);

@@ -85,7 +85,9 @@ MeasuredRecord excited_in(const MeasuredRecord& record, const Band& band, double
   VectorXd times(transform.grid());
   for (Index c = 0; c < result.input.rows(); ++c) {
     transform.to_times(result.input.row(c).head(first + count).transpose(), times);
-    result.input_period.row(c) = times(Eigen::seq(0, Eigen::last, 2)).transpose();
+    for (Index t = 0; t < result.input_period.cols(); ++t) {
+      result.input_period(c, t) = times(2 * t);
+    }
   }
   return result;
 }

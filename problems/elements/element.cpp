@@ -134,6 +134,14 @@ Location flange_location(const std::string& load) {
   return location;
 }
 
+bool are_one_place(const Location& a, const Location& b) {
+  if (a.kind != b.kind || a.is_flange != b.is_flange) return false;
+  if (a.kind != LocationKind::kElement) return a.channel == b.channel;
+  if (a.is_flange) return a.load == b.load;
+  return (a.output == b.output && a.input == b.input) ||
+         (a.output == -b.output && a.input == -b.input);
+}
+
 bool read_fixed(const YamlField& parameter) {
   return parameter.has("fixed") && parameter.at("fixed").choice({"true", "false"}) == "true";
 }

@@ -56,6 +56,9 @@ struct Location {
 // (campaign.hpp), in all if empty.
 [[nodiscard]] Location flange_location(const std::string& load = "");
 
+// Whether they are one place of a model, whichever direction each calls positive.
+[[nodiscard]] bool are_one_place(const Location& a, const Location& b);
+
 struct Element {
   std::string name;
   Location location;
