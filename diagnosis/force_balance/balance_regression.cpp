@@ -1,6 +1,5 @@
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
@@ -12,6 +11,9 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr int kMaxIterations = 50;
+constexpr int kTrialIterations = 6;       // of each start
+constexpr double kLeastNoise = 1e-4;      // of that of the model alone, to weigh by
+constexpr double kLeftOut = 100.0;        // times its noise: a coordinate all but left out
 constexpr double kNoiseTolerance = 1e-6;  // relative change
 constexpr double kNoiseFloor = 1e-7;      // of the force's root mean square
 // What must be left of a column's square beside the others.
@@ -60,11 +62,50 @@ LinearSolution solve(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& right
 
 }  // namespace
 
-// The normal equations of one fit by block and coordinate: [Q, L].
+// The normal equations of one fit: [Q, L], in units of noise().
 struct BalanceRegression::System {
-  std::vector<Eigen::MatrixXd> matrix;
-  std::vector<Eigen::VectorXd> right;
-  Eigen::VectorXd length;  // of the laws' columns, which are divided by it
+  struct Equations {
+    Eigen::MatrixXd matrix;
+    Eigen::VectorXd right;
+    double force = 0.0;
+
+    [[nodiscard]] double square(const Eigen::VectorXd& x) const {
+      return std::max(0.0, force - 2.0 * x.dot(right) + x.dot(matrix * x));
+    }
+    void operator+=(const Equations& other) {
+      matrix += other.matrix;
+      right += other.right;
+      force += other.force;
+    }
+  };
+  std::vector<Equations> parts;   // by block and coordinate, index()
+  std::vector<Equations> totals;  // by coordinate
+  Eigen::VectorXd length;         // of the laws' columns, which are divided by it
+
+  // Least squares of all blocks, or of all but one of this coordinate's parts each.
+  [[nodiscard]] LinearSolution solution(const Eigen::VectorXd& relative_noise,
+                                        std::span<const Equations> left_out = {}) const {
+    Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(totals[0].right.size(), totals[0].right.size());
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(totals[0].right.size());
+    for (std::size_t j = 0; j < totals.size(); ++j) {
+      const double deviation = relative_noise(static_cast<Index>(j));
+      const double weight = 1.0 / (deviation * deviation);
+      matrix += weight * totals[j].matrix;
+      right += weight * totals[j].right;
+      if (left_out.empty()) continue;
+      matrix -= weight * left_out[j].matrix;
+      right -= weight * left_out[j].right;
+    }
+    return solve(matrix, right);
+  }
+};
+
+// A noise and what fits best under it.
+struct BalanceRegression::Settled {
+  Eigen::VectorXd relative_noise;
+  LinearSolution solution;
+
+  [[nodiscard]] double deviance() const { return relative_noise.array().log().sum(); }
 };
 
 std::vector<bool> extend_basis(const Eigen::MatrixXd& columns, Eigen::MatrixXd& basis) {
@@ -100,7 +141,6 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
   basis_ = basis(noise_);
   triangle_ = basis_.transpose() * scaled_model(rows, noise_);
   scaled_force_ = stacked(rows.force, noise_);
-  projected_force_ = scaled_force_ - basis_ * (basis_.transpose() * scaled_force_);
   const Index p = basis_.cols();
   for (const std::vector<Rows>& block : blocks_) {
     for (Index j = 0; j < coordinates(); ++j) {
@@ -149,26 +189,13 @@ Eigen::MatrixXd BalanceRegression::basis(const Eigen::VectorXd& noise) const {
   return factor.householderQ() * Eigen::MatrixXd::Identity(columns.rows(), columns.cols());
 }
 
-Eigen::MatrixXd BalanceRegression::projected(const BalanceColumns& columns) const {
-  const Index samples = rows_.samples();
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples * coordinates(), columns.count);
-  Eigen::MatrixXd shares = Eigen::MatrixXd::Zero(basis_.cols(), columns.count);
-  for (Index j = 0; j < coordinates(); ++j) {
-    const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];
-    if (own.size() == 0) continue;
-    auto block = result.middleRows(j * samples, samples);
-    block = own / noise_(j);
-    shares.noalias() += basis_.middleRows(j * samples, samples).transpose() * block;
-  }
-  result.noalias() -= basis_ * shares;
-  return result;
-}
-
 BalanceRegression::System BalanceRegression::system(std::span<const BalanceColumns> laws) const {
+  using Equations = System::Equations;
   const Index p = basis_.cols();
   Index m = 0;
   for (const BalanceColumns& law : laws) m += law.count;
   System result;
+  result.parts.resize(static_cast<std::size_t>(kBlocks * coordinates()));
   result.length = Eigen::VectorXd::Zero(m);
   const Index samples = rows_.samples();
   for (Index j = 0; j < coordinates(); ++j) {
@@ -182,103 +209,168 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
     result.length += columns.colwise().squaredNorm().transpose();
     for (Index b = 0; b < kBlocks; ++b) {
       const Products& fixed = products_[index(b, j)];
-      Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(p + m, p + m);
-      Eigen::VectorXd right = Eigen::VectorXd::Zero(p + m);
-      matrix.topLeftCorner(p, p) = fixed.basis;
-      right.head(p) = fixed.basis_force;
-      for (const Rows& part : blocks_[static_cast<std::size_t>(b)]) {
-        const auto own = columns.middleRows(part.first, part.count);
-        const Index first = j * samples + part.first;
-        matrix.bottomLeftCorner(m, p).noalias() +=
-            own.transpose() * basis_.middleRows(first, part.count);
-        matrix.bottomRightCorner(m, m).noalias() += own.transpose() * own;
-        right.tail(m).noalias() += own.transpose() * scaled_force_.segment(first, part.count);
+      Equations& part = result.parts[index(b, j)];
+      part = {Eigen::MatrixXd::Zero(p + m, p + m), Eigen::VectorXd::Zero(p + m), fixed.force};
+      part.matrix.topLeftCorner(p, p) = fixed.basis;
+      part.right.head(p) = fixed.basis_force;
+      for (const Rows& rows : blocks_[static_cast<std::size_t>(b)]) {
+        const auto own = columns.middleRows(rows.first, rows.count);
+        const Index first = j * samples + rows.first;
+        part.matrix.bottomLeftCorner(m, p).noalias() +=
+            own.transpose() * basis_.middleRows(first, rows.count);
+        part.matrix.bottomRightCorner(m, m).noalias() += own.transpose() * own;
+        part.right.tail(m).noalias() += own.transpose() * scaled_force_.segment(first, rows.count);
       }
-      matrix.topRightCorner(p, m) = matrix.bottomLeftCorner(m, p).transpose();
-      result.matrix.push_back(std::move(matrix));
-      result.right.push_back(std::move(right));
+      part.matrix.topRightCorner(p, m) = part.matrix.bottomLeftCorner(m, p).transpose();
     }
   }
   result.length = result.length.cwiseSqrt();
   Eigen::VectorXd unit = Eigen::VectorXd::Ones(p + m);
   unit.tail(m) = result.length.cwiseInverse();
-  for (Eigen::MatrixXd& matrix : result.matrix)
-    matrix = unit.asDiagonal() * matrix * unit.asDiagonal();
-  for (Eigen::VectorXd& right : result.right) right.array() *= unit.array();
+  for (Equations& part : result.parts) {
+    part.matrix = unit.asDiagonal() * part.matrix * unit.asDiagonal();
+    part.right.array() *= unit.array();
+  }
+  for (Index j = 0; j < coordinates(); ++j) {
+    Equations& total = result.totals.emplace_back(result.parts[index(0, j)]);
+    for (Index b = 1; b < kBlocks; ++b) total += result.parts[index(b, j)];
+  }
   return result;
+}
+
+// Iterations from the noise of `state`; ends without full rank where a fit has none.
+void BalanceRegression::settle(const System& system, int iterations, Settled& state) const {
+  const Index joints = coordinates();
+  const double freedom =
+      static_cast<double>(rows_.samples()) -
+      static_cast<double>(system.totals[0].right.size()) / static_cast<double>(joints);
+  const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_.force).cwiseQuotient(noise_);
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    state.solution = system.solution(state.relative_noise);
+    if (!state.solution.full_rank) return;
+    Eigen::VectorXd next(joints);
+    for (Index j = 0; j < joints; ++j) {
+      const double square =
+          system.totals[static_cast<std::size_t>(j)].square(state.solution.values);
+      next(j) = std::max(std::sqrt(square / freedom), floor(j));
+    }
+    const double change = ((next - state.relative_noise).array() / next.array()).abs().maxCoeff();
+    state.relative_noise = next;
+    if (change < kNoiseTolerance || joints == 1) return;
+  }
+}
+
+// The most likely noise that the starts lead to.
+BalanceRegression::Settled BalanceRegression::settled(const System& system) const {
+  const Index joints = coordinates();
+  Settled best{Eigen::VectorXd::Ones(joints), {}};
+  if (joints > 1) {
+    settle(system, kTrialIterations, best);
+    for (Index j = 0; best.solution.full_rank && j < joints; ++j) {
+      Settled trial{Eigen::VectorXd::Ones(joints), {}};
+      trial.relative_noise(j) = kLeftOut;
+      settle(system, kTrialIterations, trial);
+      if (trial.solution.full_rank && trial.deviance() < best.deviance()) best = trial;
+    }
+  }
+  settle(system, kMaxIterations, best);
+  return best;
 }
 
 BalanceFit BalanceRegression::fit(std::span<const BalanceColumns> laws) const {
   const System own = system(laws);
-  const Index p = basis_.cols(), m = own.length.size(), joints = coordinates();
+  const Index p = basis_.cols(), m = own.length.size();
   BalanceFit fit;
   if (m > 0 && !(own.length.minCoeff() > 0.0)) return fit;
-  const auto at = [](Index b, Index j) { return static_cast<std::size_t>(j * kBlocks + b); };
-  // In units of noise(): squared errors of all blocks but `left_out`, by coordinate.
-  const auto square = [&](const Eigen::VectorXd& x, Index b, Index j) {
-    const Eigen::VectorXd& right = own.right[at(b, j)];
-    return std::max(
-        0.0, products_[index(b, j)].force - 2.0 * x.dot(right) + x.dot(own.matrix[at(b, j)] * x));
-  };
-  const auto solution = [&](const Eigen::VectorXd& weights, Index left_out) {
-    Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(p + m, p + m);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(p + m);
-    for (Index j = 0; j < joints; ++j) {
-      for (Index b = 0; b < kBlocks; ++b) {
-        if (b == left_out) continue;
-        matrix += weights(j) * own.matrix[at(b, j)];
-        right += weights(j) * own.right[at(b, j)];
-      }
-    }
-    return solve(matrix, right);
-  };
-  const double freedom = static_cast<double>(rows_.samples()) -
-                         static_cast<double>(p + m) / static_cast<double>(joints);
-  const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_.force).cwiseQuotient(noise_);
-  Eigen::VectorXd relative = Eigen::VectorXd::Ones(joints);
-  LinearSolution found;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    found = solution(relative.cwiseAbs2().cwiseInverse(), -1);
-    if (!found.full_rank) return fit;
-    Eigen::VectorXd next(joints);
-    for (Index j = 0; j < joints; ++j) {
-      double sum = 0.0;
-      for (Index b = 0; b < kBlocks; ++b) sum += square(found.values, b, j);
-      next(j) = std::max(std::sqrt(sum / freedom), floor(j));
-    }
-    const double change = ((next - relative).array() / next.array()).abs().maxCoeff();
-    relative = next;
-    if (change < kNoiseTolerance || joints == 1) break;
-  }
+  const Settled state = settled(own);
+  if (!state.solution.full_rank) return fit;
+  const Eigen::VectorXd& found = state.solution.values;
   fit.full_rank = true;
-  fit.noise = relative.cwiseProduct(noise_);
-  fit.amplitudes = found.values.tail(m).cwiseQuotient(own.length);
-  fit.model = found.values.head(p);
-  if (p > 0) fit.model = triangle_.triangularView<Eigen::Upper>().solve(found.values.head(p));
-  fit.residuals = rows_.force;
-  for (Index j = 0; j < joints; ++j) {
-    if (p > 0) fit.residuals.col(j) -= rows_.model.in[static_cast<std::size_t>(j)] * fit.model;
+  fit.noise = state.relative_noise.cwiseProduct(noise_);
+  fit.amplitudes = found.tail(m).cwiseQuotient(own.length);
+  fit.model = found.head(p);
+  if (p > 0) fit.model = triangle_.triangularView<Eigen::Upper>().solve(found.head(p));
+  fit.residuals = residuals(laws, fit);
+  fit.held_out = predicted_by_others(own, state);
+  return fit;
+}
+
+Eigen::MatrixXd BalanceRegression::residuals(std::span<const BalanceColumns> laws,
+                                             const BalanceFit& fit) const {
+  Eigen::MatrixXd result = rows_.force;
+  for (Index j = 0; j < coordinates(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    if (fit.model.size() > 0) result.col(j) -= rows_.model.in[at] * fit.model;
     Index first = 0;
     for (const BalanceColumns& law : laws) {
-      const Eigen::MatrixXd& columns = law.in[static_cast<std::size_t>(j)];
+      const Eigen::MatrixXd& columns = law.in[at];
       if (columns.size() > 0) {
-        fit.residuals.col(j) -= columns * fit.amplitudes.segment(first, law.count);
+        result.col(j) -= columns * fit.amplitudes.segment(first, law.count);
       }
       first += law.count;
     }
   }
-  fit.held_out.resize(kBlocks, joints);
-  const Eigen::VectorXd weights = relative.cwiseAbs2().cwiseInverse();
+  return result;
+}
+
+// Mean squared errors: blocks x coordinates.
+Eigen::MatrixXd BalanceRegression::predicted_by_others(const System& system,
+                                                       const Settled& state) const {
+  Eigen::MatrixXd result(kBlocks, coordinates());
   for (Index b = 0; b < kBlocks; ++b) {
-    const LinearSolution others = solution(weights, b);
+    const auto of_block =
+        std::span(system.parts).subspan(index(b, 0), static_cast<std::size_t>(coordinates()));
+    const LinearSolution others = system.solution(state.relative_noise, of_block);
     const auto count = static_cast<double>(samples_of(b));
-    for (Index j = 0; j < joints; ++j) {
-      fit.held_out(b, j) = others.full_rank
-                               ? square(others.values, b, j) * noise_(j) * noise_(j) / count
-                               : std::numeric_limits<double>::infinity();
+    for (Index j = 0; j < coordinates(); ++j) {
+      result(b, j) = others.full_rank
+                         ? of_block[static_cast<std::size_t>(j)].square(others.values) * noise_(j) *
+                               noise_(j) / count
+                         : std::numeric_limits<double>::infinity();
     }
   }
-  return fit;
+  return result;
+}
+
+BalanceProjection::BalanceProjection(const BalanceRegression& regression,
+                                     const Eigen::VectorXd& noise)
+    : regression_(regression),
+      noise_(noise.cwiseMax(kLeastNoise * regression.noise_)),
+      weights_(regression.noise_.cwiseQuotient(noise_)) {
+  const ForceBalanceRows& rows = regression.rows_;
+  const Index p = regression.basis_.cols();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(p, p);
+  BalanceColumns force;
+  force.count = 1;
+  for (Index j = 0; j < rows.coordinates(); ++j) {
+    for (Index b = 0; b < BalanceRegression::kBlocks; ++b) {
+      normal += weights_(j) * weights_(j) * regression.products_[regression.index(b, j)].basis;
+    }
+    force.in.emplace_back(rows.force.col(j));
+  }
+  normal_.compute(normal);
+  force_ = columns(force).col(0);
+}
+
+Eigen::MatrixXd BalanceProjection::columns(const BalanceColumns& columns) const {
+  const Index samples = regression_.rows_.samples(), joints = regression_.coordinates();
+  const Eigen::MatrixXd& basis = regression_.basis_;
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples * joints, columns.count);
+  Eigen::MatrixXd shares = Eigen::MatrixXd::Zero(basis.cols(), columns.count);
+  for (Index j = 0; j < joints; ++j) {
+    const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];
+    if (own.size() == 0) continue;
+    auto block = result.middleRows(j * samples, samples);
+    block = own / noise_(j);
+    shares.noalias() += weights_(j) * basis.middleRows(j * samples, samples).transpose() * block;
+  }
+  if (basis.cols() == 0) return result;
+  shares = normal_.solve(shares).eval();
+  for (Index j = 0; j < joints; ++j) {
+    result.middleRows(j * samples, samples).noalias() -=
+        weights_(j) * basis.middleRows(j * samples, samples) * shares;
+  }
+  return result;
 }
 
 }  // namespace graybox

@@ -7,12 +7,19 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
+// The s_j are those of greatest likelihood, least sum of ln s_j. There may be several minima: one
+// law less fits some coordinates well and others badly, or the reverse. So the iteration starts
+// from equal s_j, relative to those of the model alone, and once for each coordinate with that
+// coordinate all but left out.
+//
 // Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
 // Where recordings carry different loads, a block has a tenth of each load's.
 //
-// Cost: O(N p^2) once, O(N p m) a fit with m columns, O(B (p + m)^3) for B blocks.
+// Cost: O(N p^2) once, O(N p m) a fit with m columns, O((B + n) (p + m)^3) for B blocks and n
+// coordinates.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <span>
 #include <vector>
@@ -39,19 +46,12 @@ class BalanceRegression {
   // `rows` must outlive it. The model's columns must be independent.
   explicit BalanceRegression(const ForceBalanceRows& rows);
 
-  // s_j of the model alone: the unit of projected().
+  // s_j of the model alone.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
   [[nodiscard]] BalanceFit fit(std::span<const BalanceColumns> laws) const;
 
-  // Over noise(), less what the model's columns imitate; rows of all coordinates, one after
-  // another.
-  [[nodiscard]] Eigen::MatrixXd projected(const BalanceColumns& columns) const;
-  [[nodiscard]] const Eigen::VectorXd& projected_force() const { return projected_force_; }
-
-  // Orthonormal columns for the span of the model's, over `noise` instead of noise().
-  [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
-
  private:
+  friend class BalanceProjection;
   // Products of [Q, force] with themselves in one block and coordinate.
   struct Products {
     Eigen::MatrixXd basis;
@@ -59,6 +59,7 @@ class BalanceRegression {
     double force = 0.0;
   };
   struct System;  // of one fit
+  struct Settled;
 
   [[nodiscard]] Eigen::Index coordinates() const { return rows_.coordinates(); }
   [[nodiscard]] std::size_t index(Eigen::Index block, Eigen::Index coordinate) const {
@@ -66,18 +67,42 @@ class BalanceRegression {
   }
   void cut_into_blocks();
   [[nodiscard]] Eigen::Index samples_of(Eigen::Index block) const;
+  [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
   [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;
+  void settle(const System& system, int iterations, Settled& state) const;
+  [[nodiscard]] Settled settled(const System& system) const;
+  [[nodiscard]] Eigen::MatrixXd residuals(std::span<const BalanceColumns> laws,
+                                          const BalanceFit& fit) const;
+  [[nodiscard]] Eigen::MatrixXd predicted_by_others(const System& system,
+                                                    const Settled& state) const;
 
   const ForceBalanceRows& rows_;
   Eigen::VectorXd noise_;
   Eigen::MatrixXd basis_;     // Q, coordinate after coordinate
   Eigen::MatrixXd triangle_;  // R
-  Eigen::VectorXd scaled_force_, projected_force_;
+  Eigen::VectorXd scaled_force_;
   struct Rows {
     Eigen::Index first = 0, count = 0;
   };
   std::vector<std::vector<Rows>> blocks_;
   std::vector<Products> products_;
+};
+
+// Rows over a noise of one's own, less what the model's columns imitate there. Coordinates follow
+// one another. Cost: O(N p m) for m columns.
+class BalanceProjection {
+ public:
+  // `regression` must outlive it.
+  BalanceProjection(const BalanceRegression& regression, const Eigen::VectorXd& noise);
+
+  [[nodiscard]] Eigen::MatrixXd columns(const BalanceColumns& columns) const;
+  [[nodiscard]] const Eigen::VectorXd& force() const { return force_; }
+
+ private:
+  const BalanceRegression& regression_;
+  Eigen::VectorXd noise_, weights_;     // relative to the regression's
+  Eigen::LLT<Eigen::MatrixXd> normal_;  // Q^T W^2 Q
+  Eigen::VectorXd force_;
 };
 
 // Adds what an orthonormal basis lacks of each column; whether more than 1e-5 of its length was

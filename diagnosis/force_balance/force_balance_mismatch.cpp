@@ -34,6 +34,8 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
+constexpr int kNoiseRounds = 4;        // of refinements of shapes
+constexpr double kSettledNoise = 1.2;  // largest ratio of a coordinate's noise to that before
 
 // Columns of several terms over `noise`: coordinate after coordinate.
 Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
@@ -54,6 +56,13 @@ void append(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns) {
 
 double centred_square(const Eigen::MatrixXd& values) {
   return (values.rowwise() - values.colwise().mean()).squaredNorm();
+}
+
+// Root mean squares by coordinate.
+Eigen::VectorXd rms_of(const Eigen::MatrixXd& residuals) {
+  const Eigen::VectorXd rms =
+      (residuals.colwise().squaredNorm() / static_cast<double>(residuals.rows())).cwiseSqrt();
+  return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
 }
 
 // A parameter of a law or of the model, as one column of the information about all.
@@ -121,13 +130,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     hold_untouched(starts, nearby, refined);
     const std::vector<RefinedLaw> given = refined;
-    ExtendedFit result = fit_refined(starts, refined);
+    ExtendedFit result = fit_refined(starts, refined, noise_of(nearby));
     if (depends_on_gains(refined)) settle_gains(starts, refined, result);
     // Without one of their number, laws that are known may leave their ranges; as they are they
     // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
-      ExtendedFit held = fit_amplitudes(starts, given);
+      ExtendedFit held = described(starts, with_amplitudes(given));
       if (held.usable) return held;
     }
     return result;
@@ -284,14 +293,46 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
+  // Of each coordinate, as a fit leaves it.
+  [[nodiscard]] Eigen::VectorXd noise_of(const ExtendedFit* fit) const {
+    if (fit == nullptr || !fit->usable) return regression_.noise();
+    return rms_of(residuals(*fit, data_.estimation));
+  }
+
+  // Shapes and the noise that weighs the coordinates, in turn: a law that takes most of the force
+  // of one coordinate gives it a weight under which the shapes of laws that it shares are others.
   [[nodiscard]] ExtendedFit fit_refined(std::span<const LawStart> starts,
-                                        std::vector<RefinedLaw>& refined) const {
-    if (refine_shapes(data_, regression_, refined, options_.keep_going)) {
-      return fit_amplitudes(starts, refined);
+                                        std::vector<RefinedLaw>& refined,
+                                        Eigen::VectorXd noise) const {
+    for (int round = 1;; ++round) {
+      const BalanceProjection projection(regression_, noise);
+      if (!refine_shapes(data_, projection, refined, options_.keep_going)) {
+        ExtendedFit result;
+        result.trouble = "the laws' shapes could not be refined";
+        return result;
+      }
+      AmplitudeFit fit = with_amplitudes(refined);
+      const bool has_shapes = std::ranges::any_of(refined, [](const RefinedLaw& law) {
+        return !law.is_held && !law.law.refined().empty();
+      });
+      if (!fit.fitted.full_rank || !has_shapes || coordinates() == 1 || round == kNoiseRounds ||
+          is_settled(noise, fit.fitted.noise)) {
+        return described(starts, fit);
+      }
+      noise = fit.fitted.noise;
+      for (std::size_t l = 0; l < refined.size(); ++l) {
+        refined[l].law = fit.laws[l];
+        refined[l].is_new = false;
+      }
     }
-    ExtendedFit result;
-    result.trouble = "the laws' shapes could not be refined";
-    return result;
+  }
+
+  [[nodiscard]] bool is_settled(const Eigen::VectorXd& noise, const Eigen::VectorXd& next) const {
+    for (Index j = 0; j < coordinates(); ++j) {
+      const double change = std::abs(std::log(next(j) / noise(j)));
+      if (!is_idle(j) && change > std::log(kSettledNoise)) return false;
+    }
+    return true;
   }
 
   // A payload's column is over the drives' gains, which a fit estimates beside it: fits in turn,
@@ -327,36 +368,44 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         laws[l].is_new = false;
         if (laws[l].law.inverse_gains.size() > 0) laws[l].law.inverse_gains = next;
       }
-      result = fit_refined(starts, laws);
+      result = fit_refined(starts, laws, noise_of(&result));
     }
   }
 
-  // With the laws' shapes as they are.
-  [[nodiscard]] ExtendedFit fit_amplitudes(std::span<const LawStart> starts,
-                                           std::span<const RefinedLaw> refined) const {
+  // Laws of given shapes, their amplitudes fitted where the data tell these apart.
+  struct AmplitudeFit {
     std::vector<PlacedLaw> laws;
     std::vector<BalanceColumns> columns;
+    BalanceFit fitted;
+  };
+  [[nodiscard]] AmplitudeFit with_amplitudes(std::span<const RefinedLaw> refined) const {
+    AmplitudeFit result;
     for (const RefinedLaw& law : refined) {
-      laws.push_back(law.law);
-      columns.push_back(law_columns(law.law, data_, data_.estimation));
+      result.laws.push_back(law.law);
+      result.columns.push_back(law_columns(law.law, data_, data_.estimation));
     }
+    result.fitted = regression_.fit(result.columns);
+    if (result.fitted.full_rank) set_amplitudes(result.laws, result.fitted.amplitudes);
+    return result;
+  }
+
+  [[nodiscard]] ExtendedFit described(std::span<const LawStart> starts,
+                                      const AmplitudeFit& fit) const {
     ExtendedFit result;
-    const BalanceFit fitted = regression_.fit(columns);
-    if (fitted.full_rank) set_amplitudes(laws, fitted.amplitudes);
-    if (!fitted.full_rank) {
+    if (!fit.fitted.full_rank) {
       result.trouble = "the data can't tell its parameters apart";
-    } else if (!within_ranges(laws)) {
+    } else if (!within_ranges(fit.laws)) {
       result.trouble = "a law's parameter leaves its range";
-    } else if (!slides(laws)) {
+    } else if (!slides(fit.laws)) {
       result.trouble = "a friction never slides: it is a damper here";
-    } else if (!comes_back(laws)) {
+    } else if (!comes_back(fit.laws)) {
       result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
-    } else if (!is_within_reach(laws)) {
+    } else if (!is_within_reach(fit.laws)) {
       result.trouble = "a payload is farther from the flange than the robot is long";
     } else {
       result.usable = true;
-      describe(starts, laws, fitted, result);
-      const std::vector<double> wald = wald_statistics(columns, fitted);
+      describe(starts, fit.laws, fit.fitted, result);
+      const std::vector<double> wald = wald_statistics(fit.columns, fit.fitted);
       for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
     }
     return result;
@@ -787,13 +836,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 };
 
 // ---- scores -------------------------------------------------------------------------------------
-
-// Root mean squares by coordinate.
-Eigen::VectorXd rms_of(const Eigen::MatrixXd& residuals) {
-  const Eigen::VectorXd rms =
-      (residuals.colwise().squaredNorm() / static_cast<double>(residuals.rows())).cwiseSqrt();
-  return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
-}
 
 ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                                        int null_draws, std::uint64_t seed) const {

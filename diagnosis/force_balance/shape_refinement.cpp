@@ -22,9 +22,9 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // One law's columns, projected, at the last parameters asked for.
 class ProjectedLaw {
  public:
-  ProjectedLaw(const ForceBalanceData& data, const BalanceRegression& regression,
+  ProjectedLaw(const ForceBalanceData& data, const BalanceProjection& projection,
                const RefinedLaw& law)
-      : data_(data), regression_(regression), law_(law.law) {
+      : data_(data), projection_(projection), law_(law.law) {
     if (!law.is_new) widest_transition_ = law.scale->rate(kSliding);
     set(law_.parameters);
   }
@@ -32,7 +32,7 @@ class ProjectedLaw {
   void set(const std::vector<double>& parameters) {
     if (columns_.size() > 0 && parameters == law_.parameters) return;
     law_.parameters = parameters;
-    columns_ = regression_.projected(law_columns(law_, data_, data_.estimation));
+    columns_ = projection_.columns(law_columns(law_, data_, data_.estimation));
   }
   [[nodiscard]] const PlacedLaw& law() const { return law_; }
   [[nodiscard]] double widest_transition() const { return widest_transition_; }
@@ -42,7 +42,7 @@ class ProjectedLaw {
     actual.set_amplitudes(amplitudes);
     const std::vector<std::size_t> refined = law_.refined();
     Eigen::MatrixXd result =
-        regression_.projected(law_slopes(actual, refined, data_, data_.estimation));
+        projection_.columns(law_slopes(actual, refined, data_, data_.estimation));
     // Where amplitudes scale refined parameters, too, the step was in the scaled ones.
     const std::vector<std::size_t> scaled = law_.scaled();
     for (std::size_t k = 0; k < refined.size(); ++k) {
@@ -55,7 +55,7 @@ class ProjectedLaw {
 
  private:
   const ForceBalanceData& data_;
-  const BalanceRegression& regression_;
+  const BalanceProjection& projection_;
   PlacedLaw law_;
   // A friction that has been found stays one; a new one that would rather be a damper shows itself.
   double widest_transition_ = kInfinity;
@@ -186,10 +186,10 @@ double refine(ShapeProblem& problem, int steps, const std::function<bool()>& kee
 // Parameters of the laws' shapes at the amplitudes that suit them best, least rest first.
 std::vector<std::vector<double>> best_shapes(const RefinedLaw& law, std::vector<ProjectedLaw>& laws,
                                              std::size_t own, const ForceBalanceData& data,
-                                             const BalanceRegression& regression) {
+                                             const BalanceProjection& projection) {
   Index others = 0;
   for (std::size_t l = 0; l < laws.size(); ++l) others += l == own ? 0 : laws[l].columns().cols();
-  Eigen::MatrixXd fixed(regression.projected_force().size(), others);
+  Eigen::MatrixXd fixed(projection.force().size(), others);
   others = 0;
   for (std::size_t l = 0; l < laws.size(); ++l) {
     if (l == own) continue;
@@ -198,12 +198,12 @@ std::vector<std::vector<double>> best_shapes(const RefinedLaw& law, std::vector<
   }
   Eigen::MatrixXd basis(fixed.rows(), 0);
   (void)extend_basis(fixed, basis);
-  const Eigen::VectorXd& force = regression.projected_force();
+  const Eigen::VectorXd& force = projection.force();
   const Eigen::VectorXd rest = force - basis * (basis.transpose() * force);
   std::vector<std::pair<double, std::vector<double>>> found;
   for (const LawShape& shape : law_shapes(*law.law.entry, *law.law.place, *law.scale)) {
     Eigen::MatrixXd columns =
-        regression.projected(basis_columns(law.law, shape.basis, data, data.estimation));
+        projection.columns(basis_columns(law.law, shape.basis, data, data.estimation));
     if (!columns.allFinite()) continue;
     columns -= basis * (basis.transpose() * columns);
     const Eigen::MatrixXd gram = columns.transpose() * columns;
@@ -222,11 +222,11 @@ std::vector<std::vector<double>> best_shapes(const RefinedLaw& law, std::vector<
 
 // The best of several starts, the other laws' shapes held.
 bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::size_t own,
-                const ForceBalanceData& data, const BalanceRegression& regression,
+                const ForceBalanceData& data, const BalanceProjection& projection,
                 const std::function<bool()>& keep_going) {
   std::vector<std::vector<double>> starts{law.law.parameters};
   if (law.law.refined().size() > 1) {
-    for (std::vector<double>& start : best_shapes(law, laws, own, data, regression)) {
+    for (std::vector<double>& start : best_shapes(law, laws, own, data, projection)) {
       if (starts.size() >= kStarts) break;
       if (start != law.law.parameters) starts.push_back(std::move(start));
     }
@@ -236,7 +236,7 @@ bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::siz
   bool interrupted = false;
   for (const std::vector<double>& start : starts) {
     laws[own].set(start);
-    ShapeProblem problem(laws, {own}, regression.projected_force());
+    ShapeProblem problem(laws, {own}, projection.force());
     const double square = refine(problem, kOwnSteps, keep_going, interrupted);
     if (interrupted) return false;
     if (square < least) {
@@ -250,21 +250,21 @@ bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::siz
 
 }  // namespace
 
-bool refine_shapes(const ForceBalanceData& data, const BalanceRegression& regression,
+bool refine_shapes(const ForceBalanceData& data, const BalanceProjection& projection,
                    std::vector<RefinedLaw>& laws, const std::function<bool()>& keep_going) {
   std::vector<ProjectedLaw> projected;
   std::vector<std::size_t> moving;
   for (std::size_t l = 0; l < laws.size(); ++l) {
-    projected.emplace_back(data, regression, laws[l]);
+    projected.emplace_back(data, projection, laws[l]);
     if (!laws[l].is_held && !laws[l].law.refined().empty()) moving.push_back(l);
   }
   if (moving.empty()) return true;
   for (const std::size_t l : moving) {
     if (!laws[l].is_new) continue;
-    if (!refine_new(laws[l], projected, l, data, regression, keep_going)) return false;
+    if (!refine_new(laws[l], projected, l, data, projection, keep_going)) return false;
   }
   bool interrupted = false;
-  ShapeProblem all(projected, moving, regression.projected_force());
+  ShapeProblem all(projected, moving, projection.force());
   if (moving.size() > 1 || !laws[moving.front()].is_new) {
     if (!std::isfinite(refine(all, kCommonSteps, keep_going, interrupted)) || interrupted) {
       return false;

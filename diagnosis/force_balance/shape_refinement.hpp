@@ -28,7 +28,7 @@ struct RefinedLaw {
 };
 
 // False if no refinement ended with finite values, or on request.
-[[nodiscard]] bool refine_shapes(const ForceBalanceData& data, const BalanceRegression& regression,
+[[nodiscard]] bool refine_shapes(const ForceBalanceData& data, const BalanceProjection& projection,
                                  std::vector<RefinedLaw>& laws,
                                  const std::function<bool()>& keep_going);
 
