@@ -35,7 +35,7 @@ constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
 constexpr int kNoiseRounds = 4;        // of refinements of shapes
-constexpr double kSettledNoise = 1.2;  // largest ratio of a coordinate's noise to that before
+constexpr double kSettledNoise = 1.1;  // largest ratio of a coordinate's noise to that before
 
 // Columns of several terms over `noise`: coordinate after coordinate.
 Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
@@ -311,20 +311,36 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         result.trouble = "the laws' shapes could not be refined";
         return result;
       }
-      AmplitudeFit fit = with_amplitudes(refined);
+      const AmplitudeFit fit = with_amplitudes(refined);
       const bool has_shapes = std::ranges::any_of(refined, [](const RefinedLaw& law) {
         return !law.is_held && !law.law.refined().empty();
       });
-      if (!fit.fitted.full_rank || !has_shapes || coordinates() == 1 || round == kNoiseRounds ||
-          is_settled(noise, fit.fitted.noise)) {
+      if (!fit.fitted.full_rank || !has_shapes || coordinates() == 1 || round == kNoiseRounds) {
         return described(starts, fit);
       }
-      noise = fit.fitted.noise;
+      const Eigen::VectorXd next = noise_where_payloads_may_move(refined, fit);
+      if (is_settled(noise, next)) return described(starts, fit);
+      noise = next;
       for (std::size_t l = 0; l < refined.size(); ++l) {
         refined[l].law = fit.laws[l];
         refined[l].is_new = false;
       }
     }
+  }
+
+  // A payload's place decides which coordinates it suits. With its slopes beside its mass the noise
+  // is that of the best place, as far as this is near.
+  [[nodiscard]] Eigen::VectorXd noise_where_payloads_may_move(
+      const std::vector<RefinedLaw>& refined, const AmplitudeFit& fit) const {
+    std::vector<BalanceColumns> columns = fit.columns;
+    for (std::size_t l = 0; l < refined.size(); ++l) {
+      const PlacedLaw& law = fit.laws[l];
+      if (refined[l].is_held || law.entry->use != LawUse::kPayload) continue;
+      columns.push_back(law_slopes(law, law.refined(), data_, data_.estimation));
+    }
+    if (columns.size() == fit.columns.size()) return fit.fitted.noise;
+    const BalanceFit moved = regression_.fit(columns);
+    return moved.full_rank ? moved.noise : fit.fitted.noise;
   }
 
   [[nodiscard]] bool is_settled(const Eigen::VectorXd& noise, const Eigen::VectorXd& next) const {
