@@ -293,6 +293,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
+  // Laws of given shapes, their amplitudes fitted where the data tell these apart.
+  struct AmplitudeFit {
+    std::vector<PlacedLaw> laws;
+    std::vector<BalanceColumns> columns;
+    BalanceFit fitted;
+  };
+
   // Of each coordinate, as a fit leaves it.
   [[nodiscard]] Eigen::VectorXd noise_of(const ExtendedFit* fit) const {
     if (fit == nullptr || !fit->usable) return regression_.noise();
@@ -388,12 +395,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  // Laws of given shapes, their amplitudes fitted where the data tell these apart.
-  struct AmplitudeFit {
-    std::vector<PlacedLaw> laws;
-    std::vector<BalanceColumns> columns;
-    BalanceFit fitted;
-  };
   [[nodiscard]] AmplitudeFit with_amplitudes(std::span<const RefinedLaw> refined) const {
     AmplitudeFit result;
     for (const RefinedLaw& law : refined) {
