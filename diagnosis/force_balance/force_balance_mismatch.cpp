@@ -34,8 +34,11 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
-constexpr int kNoiseRounds = 4;        // of refinements of shapes
-constexpr double kSettledNoise = 1.1;  // largest ratio of a coordinate's noise to that before
+constexpr int kNoiseRounds = 4;  // of refinements of shapes
+// Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
+// place, which hangs on it.
+constexpr double kSettledNoise = 1.5;
+constexpr double kSettledPlace = 1.1;
 
 // Columns of several terms over `noise`: coordinate after coordinate.
 Eigen::MatrixXd stacked(const BalanceColumns& columns, const Eigen::VectorXd& noise,
@@ -325,8 +328,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (!fit.fitted.full_rank || !has_shapes || coordinates() == 1 || round == kNoiseRounds) {
         return described(starts, fit);
       }
-      const Eigen::VectorXd next = noise_where_payloads_may_move(refined, fit);
-      if (is_settled(noise, next)) return described(starts, fit);
+      const std::vector<BalanceColumns> places = payload_slopes(refined, fit);
+      const Eigen::VectorXd next = places.empty() ? fit.fitted.noise : noise_beside(fit, places);
+      if (is_settled(noise, next, places.empty() ? kSettledNoise : kSettledPlace)) {
+        return described(starts, fit);
+      }
       noise = next;
       for (std::size_t l = 0; l < refined.size(); ++l) {
         refined[l].law = fit.laws[l];
@@ -337,23 +343,29 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   // A payload's place decides which coordinates it suits. With its slopes beside its mass the noise
   // is that of the best place, as far as this is near.
-  [[nodiscard]] Eigen::VectorXd noise_where_payloads_may_move(
-      const std::vector<RefinedLaw>& refined, const AmplitudeFit& fit) const {
-    std::vector<BalanceColumns> columns = fit.columns;
+  [[nodiscard]] std::vector<BalanceColumns> payload_slopes(const std::vector<RefinedLaw>& refined,
+                                                           const AmplitudeFit& fit) const {
+    std::vector<BalanceColumns> slopes;
     for (std::size_t l = 0; l < refined.size(); ++l) {
       const PlacedLaw& law = fit.laws[l];
       if (refined[l].is_held || law.entry->use != LawUse::kPayload) continue;
-      columns.push_back(law_slopes(law, law.refined(), data_, data_.estimation));
+      slopes.push_back(law_slopes(law, law.refined(), data_, data_.estimation));
     }
-    if (columns.size() == fit.columns.size()) return fit.fitted.noise;
-    const BalanceFit moved = regression_.fit(columns);
-    return moved.full_rank ? moved.noise : fit.fitted.noise;
+    return slopes;
+  }
+  [[nodiscard]] Eigen::VectorXd noise_beside(const AmplitudeFit& fit,
+                                             const std::vector<BalanceColumns>& more) const {
+    std::vector<BalanceColumns> columns = fit.columns;
+    columns.insert(columns.end(), more.begin(), more.end());
+    const BalanceFit beside = regression_.fit(columns);
+    return beside.full_rank ? beside.noise : fit.fitted.noise;
   }
 
-  [[nodiscard]] bool is_settled(const Eigen::VectorXd& noise, const Eigen::VectorXd& next) const {
+  [[nodiscard]] bool is_settled(const Eigen::VectorXd& noise, const Eigen::VectorXd& next,
+                                double largest_ratio) const {
     for (Index j = 0; j < coordinates(); ++j) {
       const double change = std::abs(std::log(next(j) / noise(j)));
-      if (!is_idle(j) && change > std::log(kSettledNoise)) return false;
+      if (!is_idle(j) && change > std::log(largest_ratio)) return false;
     }
     return true;
   }

@@ -56,6 +56,8 @@ class CandidateRefits {
 
   // Stays valid until all are forgotten.
   const ExtendedFit& refit(const std::vector<LawStart>& laws, const ExtendedFit& nearby);
+  // All of these at once; refit() has them then.
+  void refit_all(const std::vector<std::vector<LawStart>>& asked, const ExtendedFit& nearby);
 
   // Each candidate beside the laws kept, the best first; those that can't be used are left out.
   // `pace`: a law that takes part in a race only. `outpaced`: becomes those that the race excluded.
@@ -84,7 +86,6 @@ class CandidateRefits {
                             const std::vector<ExtendedFit>& fits, const ExtendedFit& best) const;
   std::optional<ExtendedFit> fit_to_few(const std::vector<LawStart>& laws,
                                         const ExtendedFit& nearby);
-  void refit_all(const std::vector<std::vector<LawStart>>& asked, const ExtendedFit& nearby);
   void keep_usable_in_order(std::vector<Trial>& trials, const ExtendedFit& nearby) const;
   bool proceed_to(const std::string& what, const LawStart& law, const std::string& how = {}) const;
   [[nodiscard]] FitComparison compare() const { return {*problem_, *options_}; }
