@@ -146,6 +146,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] bool fits_at_once() const override { return true; }
+  [[nodiscard]] bool holds_untouched_laws() const override { return coordinates() > 1; }
   [[nodiscard]] std::vector<ExtendedFit> fit_each(std::span<const std::vector<LawStart>> laws,
                                                   const ExtendedFit* nearby) const override {
     std::vector<ExtendedFit> fits(laws.size());
@@ -268,12 +269,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const std::vector<std::size_t>& own = hypotheses_[hypothesis].acts_on;
     return std::ranges::any_of(own, [&](std::size_t j) { return coordinates[j]; });
   }
-  // Where every drive has a gain of its own, coordinates share nothing but a payload. A law that is
-  // added, left out or exchanged then leaves the shapes of laws on other coordinates as they are,
-  // and the place of a payload, for which the gains would have to settle every time.
+  // A law that is added, left out or exchanged leaves the shapes of laws on other coordinates as
+  // they are: these share no more than the bodies' parameters, and nothing where every drive has a
+  // gain of its own. There the place of a payload is held, too, for which the gains would have to
+  // settle every time.
   void hold_untouched(std::span<const LawStart> starts, const ExtendedFit* nearby,
                       std::vector<RefinedLaw>& laws) const {
-    if (nearby == nullptr || !data_.robot.channels.unknown_drive_gains) return;
+    if (nearby == nullptr) return;
     std::vector<bool> touched(static_cast<std::size_t>(coordinates()), false);
     bool is_any = false;
     const auto touch = [&](std::size_t hypothesis) {
@@ -292,7 +294,10 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       }
     }
     for (std::size_t l = 0; is_any && l < laws.size(); ++l) {
-      laws[l].is_held = !laws[l].is_new && !acts_on(starts[l].hypothesis, touched);
+      const bool is_free_payload = hypotheses_[starts[l].hypothesis].acts_on.empty() &&
+                                   !data_.robot.channels.unknown_drive_gains;
+      laws[l].is_held =
+          !laws[l].is_new && !is_free_payload && !acts_on(starts[l].hypothesis, touched);
     }
   }
 

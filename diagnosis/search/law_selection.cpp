@@ -146,6 +146,7 @@ void add_laws(SearchState& state) {
     if (best == nullptr && !state.problem->noise_is_known()) {
       if (std::optional<ExtendedFit> group = group_of_laws(state, trials)) {
         state.result.after = *std::move(group);
+        settle_shapes(state);
         continue;
       }
     }
@@ -157,6 +158,7 @@ void add_laws(SearchState& state) {
     }
     if (is_hopeless(state, best->fit)) return;
     state.result.after = best->fit;
+    settle_shapes(state);
   }
 }
 
@@ -181,6 +183,13 @@ void add_missing_laws(SearchState& state) {
     add_laws(state);
   }
   state.compounds_are_open = true;
+}
+
+void settle_shapes(SearchState& state) {
+  ExtendedFit& after = state.result.after;
+  if (!state.problem->holds_untouched_laws() || after.laws.empty()) return;
+  const ExtendedFit& settled = state.refits.refit(starts_of(after), after);
+  if (settled.usable && settled.deviance <= after.deviance) after = settled;
 }
 
 bool stands_out(const SearchState& state, const ExtendedFit& with) {
