@@ -146,7 +146,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] bool fits_at_once() const override { return true; }
-  [[nodiscard]] bool holds_untouched_laws() const override { return coordinates() > 1; }
+  [[nodiscard]] bool holds_untouched_laws() const override {
+    return coordinates() > 1 && !data_.robot.channels.unknown_drive_gains;
+  }
   [[nodiscard]] std::vector<ExtendedFit> fit_each(std::span<const std::vector<LawStart>> laws,
                                                   const ExtendedFit* nearby) const override {
     std::vector<ExtendedFit> fits(laws.size());

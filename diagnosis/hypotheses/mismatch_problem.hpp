@@ -260,8 +260,8 @@ class MismatchProblem {
   }
   // Whether fit_each() uses threads for several fits at once, not within each.
   [[nodiscard]] virtual bool fits_at_once() const { return false; }
-  // Whether fit() holds the shapes of laws that a law which comes or goes does not touch. With the
-  // laws of `nearby` as they are it holds none.
+  // Whether fit() holds shapes of laws that would answer, a little, to a law that comes or goes
+  // elsewhere. With the laws of `nearby` as they are it holds none.
   [[nodiscard]] virtual bool holds_untouched_laws() const { return false; }
   [[nodiscard]] virtual ScoreTable scores(const ExtendedFit& fit,
                                           std::span<const std::size_t> hypotheses, int null_draws,
