@@ -9,6 +9,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
@@ -514,14 +515,69 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
   expect_offset_load(diagnosis.effects[0].law, 0.02);
 }
 
+// What holds the shoulder up is as strong as the load. A payload that spares the shoulder its
+// counterbalance suits no other joint.
+TEST_F(ForceBalance, FindsAPayloadBesideACounterbalance) {
+  const std::string counterbalance = R"(
+  - {name: spring, location: {kind: element, joint: shoulder, axis: arm}, law: stiffness,
+     parameters: {stiffness: {value: 40, unit: N m/rad}}}
+  - {name: preload, location: {kind: element, joint: shoulder, axis: arm}, law: offset,
+     parameters: {value: {value: 15, unit: N m}}}
+known: [spring.stiffness, preload.value, )";
+  std::ofstream(folder_ / "truth.yaml")
+      << kLiftingArm << replaced(kOffsetLoad, "\nknown: [", counterbalance);
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  Random random(5);
+  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
+  write_arm(folder_ / "1.csv", truth, 0.0, random);
+  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  EXPECT_EQ(diagnosis.effects.size(), 3U) << names_of(*data, diagnosis);
+  const auto payload = std::ranges::find_if(diagnosis.effects, [&](const FoundEffect& effect) {
+    return named(*data, effect).law == "payload";
+  });
+  ASSERT_NE(payload, diagnosis.effects.end()) << names_of(*data, diagnosis);
+  expect_offset_load(payload->law, 0.05);
+}
+
+// Two forces of one parameter: 2 by the first, 5 by the second, which is ten times less noisy. Equal
+// weights lead to the first, where the second is off by 3; the other way round is more likely.
+TEST(BalanceRegression, TakesTheMostLikelyNoiseOfSeveral) {
+  constexpr Eigen::Index kSamples = 400;
+  ForceBalanceRows rows;
+  Random random(3);
+  BalanceColumns column{{Eigen::MatrixXd(kSamples, 1), Eigen::MatrixXd(kSamples, 1)}, 1};
+  rows.force.resize(kSamples, 2);
+  Motion& piece = rows.pieces.emplace_back();
+  piece.time = Eigen::VectorXd::LinSpaced(kSamples, 0.0, 4.0);
+  for (Eigen::Index t = 0; t < kSamples; ++t) {
+    const double x = std::sin(0.1 * static_cast<double>(t));
+    column.in[0](t, 0) = column.in[1](t, 0) = x;
+    rows.force(t, 0) = 2.0 * x + 0.1 * random.normal();
+    rows.force(t, 1) = 5.0 * x + 0.01 * random.normal();
+  }
+  rows.measured = rows.force;
+  rows.model = {{Eigen::MatrixXd(kSamples, 0), Eigen::MatrixXd(kSamples, 0)}, 0};
+  const BalanceFit fit = BalanceRegression(rows).fit({&column, 1});
+  ASSERT_TRUE(fit.full_rank);
+  EXPECT_NEAR(fit.amplitudes(0), 5.0, 0.01);
+  EXPECT_NEAR(fit.noise(1), 0.01, 0.002);
+  EXPECT_NEAR(fit.noise(0), 3.0 * std::sqrt(0.5), 0.1);
+}
+
 TEST_F(ForceBalance, FindsFrictionBesideAPayloadOfTheModel) {
-  const std::string friction = R"(  - {name: friction, location: {kind: element, joint: elbow, axis: arm}, law: viscous,
+  const std::string friction =
+      R"(  - {name: friction, location: {kind: element, joint: elbow, axis: arm}, law: viscous,
      parameters: {damping: {value: 2, unit: N m s/rad}}}
 known: [)";
   const std::string truth_text =
       kLiftingArm + replaced(kOffsetLoad, "known: [", friction + "friction.damping, ");
   std::ofstream(folder_ / "truth.yaml") << truth_text;
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm << replaced(kOffsetLoad, "value: 2", "value: 1");
+  std::ofstream(folder_ / "drive.yaml")
+      << kLiftingArm << replaced(kOffsetLoad, "value: 2", "value: 1");
   write_arm_campaign(folder_ / "campaign.yaml",
                      "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
   Random random(5);
