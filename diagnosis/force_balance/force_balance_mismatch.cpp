@@ -430,21 +430,29 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     ExtendedFit result;
     if (!fit.fitted.full_rank) {
       result.trouble = "the data can't tell its parameters apart";
-    } else if (!within_ranges(fit.laws)) {
-      result.trouble = "a law's parameter leaves its range";
-    } else if (!slides(fit.laws)) {
-      result.trouble = "a friction never slides: it is a damper here";
-    } else if (!comes_back(fit.laws)) {
-      result.trouble = "less than a wave of a ripple was recorded: it is a spring here";
-    } else if (!is_within_reach(fit.laws)) {
-      result.trouble = "a payload is farther from the flange than the robot is long";
-    } else {
-      result.usable = true;
-      describe(starts, fit.laws, fit.fitted, result);
-      const std::vector<double> wald = wald_statistics(fit.columns, fit.fitted);
-      for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
+      return result;
     }
+    for (std::size_t l = 0; l < fit.laws.size(); ++l) {
+      const std::string trouble = trouble_with(fit.laws[l]);
+      if (trouble.empty()) continue;
+      result.trouble = trouble;
+      result.impossible.push_back(l);
+    }
+    if (!result.impossible.empty()) return result;
+    result.usable = true;
+    describe(starts, fit.laws, fit.fitted, result);
+    const std::vector<double> wald = wald_statistics(fit.columns, fit.fitted);
+    for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
     return result;
+  }
+
+  // Why a law with these parameters can't be there; empty if it can.
+  [[nodiscard]] std::string trouble_with(const PlacedLaw& law) const {
+    if (!is_within_ranges(law)) return "a law's parameter leaves its range";
+    if (!slides(law)) return "a friction never slides: it is a damper here";
+    if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
+    if (!is_within_reach(law)) return "a payload is farther from the flange than the robot is long";
+    return "";
   }
 
   void list_hypotheses() {
@@ -492,51 +500,44 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  [[nodiscard]] bool slides(const std::vector<PlacedLaw>& laws) const {
-    for (const PlacedLaw& law : laws) {
-      const auto place = static_cast<std::size_t>(law.place - data_.places.data());
-      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        if (law.entry->parameters[i].name == "transition_velocity" &&
-            law.parameters[i] > scales_[place].rate(kSliding)) {
-          return false;
-        }
+  [[nodiscard]] const MotionScale& scale_of(const PlacedLaw& law) const {
+    return scales_[static_cast<std::size_t>(law.place - data_.places.data())];
+  }
+
+  [[nodiscard]] bool slides(const PlacedLaw& law) const {
+    for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+      if (law.entry->parameters[i].name == "transition_velocity" &&
+          law.parameters[i] > scale_of(law).rate(kSliding)) {
+        return false;
       }
     }
     return true;
   }
 
-  [[nodiscard]] bool is_within_reach(const std::vector<PlacedLaw>& laws) const {
+  [[nodiscard]] bool is_within_reach(const PlacedLaw& law) const {
+    if (law.entry->use != LawUse::kPayload) return true;
     double length = data_.robot.flange.translation().norm();
     for (const RobotJoint& joint : data_.robot.joints) length += joint.origin.translation().norm();
-    return std::ranges::all_of(laws, [length](const PlacedLaw& law) {
-      const auto& p = law.parameters;
-      return law.entry->use != LawUse::kPayload ||
-             Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
-    });
+    const auto& p = law.parameters;
+    return Eigen::Vector3d(p[1], p[2], p[3]).norm() <= length;
   }
 
   // A wave that was not recorded as a whole is a guess.
-  [[nodiscard]] bool comes_back(const std::vector<PlacedLaw>& laws) const {
-    for (const PlacedLaw& law : laws) {
-      const auto place = static_cast<std::size_t>(law.place - data_.places.data());
-      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        const bool is_wave =
-            law.entry->name == "ripple" && law.entry->parameters[i].name == "period";
-        if (is_wave && law.parameters[i] > scales_[place].range) return false;
-      }
+  [[nodiscard]] bool comes_back(const PlacedLaw& law) const {
+    for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+      const bool is_wave = law.entry->name == "ripple" && law.entry->parameters[i].name == "period";
+      if (is_wave && law.parameters[i] > scale_of(law).range) return false;
     }
     return true;
   }
 
-  static bool within_ranges(const std::vector<PlacedLaw>& laws) {
-    for (const PlacedLaw& law : laws) {
-      for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-        const ParameterRange range = law.entry->parameters[i].range;
-        const double value = law.parameters[i];
-        if (range == ParameterRange::kPositive && !(value > 0.0)) return false;
-        if (range == ParameterRange::kNonNegative && !(value >= 0.0)) return false;
-        if (range == ParameterRange::kUnitInterval && !(value >= 0.0 && value <= 1.0)) return false;
-      }
+  static bool is_within_ranges(const PlacedLaw& law) {
+    for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+      const ParameterRange range = law.entry->parameters[i].range;
+      const double value = law.parameters[i];
+      if (range == ParameterRange::kPositive && !(value > 0.0)) return false;
+      if (range == ParameterRange::kNonNegative && !(value >= 0.0)) return false;
+      if (range == ParameterRange::kUnitInterval && !(value >= 0.0 && value <= 1.0)) return false;
     }
     return true;
   }

@@ -118,6 +118,9 @@ struct HeldOutPrediction {
 struct ExtendedFit {
   bool usable = false;  // converged
   std::string trouble;  // why not
+  // Where it is that laws beside one another became impossible (a friction that drives): which, by
+  // their place among those asked for, rising.
+  std::vector<std::size_t> impossible;
   std::vector<LawParameterEstimate> model_parameters;
   std::vector<FittedLaw> laws;
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share

@@ -8,6 +8,7 @@
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/diagnosis/search/law_pruning.hpp"
+#include "graybox/diagnosis/search/plain_laws.hpp"
 #include "graybox/diagnosis/search/renewal.hpp"
 
 namespace graybox {
@@ -172,6 +173,7 @@ std::set<int> ranks(const SearchState& state) {
 
 void add_missing_laws(SearchState& state) {
   if (state.result.after.laws.empty()) {
+    begin_with_plain_laws(state);
     for (const int rank : ranks(state)) {
       state.highest_rank = rank;
       state.compounds_are_open = false;
