@@ -27,7 +27,9 @@
 
 namespace graybox {
 
-// Rank of laws that few machines have: they must gain more to be believed.
+// Ranks of laws that every machine has, the friction of its joints, of which less is asked; and of
+// laws that few machines have: they must gain more to be believed.
+inline constexpr int kExpectedRank = 0;
 inline constexpr int kRareRank = 3;
 
 struct Hypothesis {

@@ -105,18 +105,26 @@ bool FitComparison::every_law_stands(const ExtendedFit& fit) const {
 bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFit& with,
                                     double errors) const {
   const HeldOutGain gain = held_out_gain(without, with);
+  if (highest_rank_added(without, with) <= kExpectedRank)
+    errors = std::min(errors, kExpectedErrors);
   return gain.mean >= least_gain(without, with) && gain.mean > errors * gain.standard_error;
 }
 
 double FitComparison::least_gain(const ExtendedFit& without, const ExtendedFit& with) const {
-  const auto all = problem_->hypotheses();
-  const bool is_rare = std::ranges::any_of(with.laws, [&](const FittedLaw& law) {
+  const bool is_rare = highest_rank_added(without, with) >= kRareRank;
+  return is_rare ? options_->rare_gain : options_->held_out_gain;
+}
+
+int FitComparison::highest_rank_added(const ExtendedFit& without, const ExtendedFit& with) const {
+  int highest = kExpectedRank;
+  for (const FittedLaw& law : with.laws) {
     const auto count = [&law](const ExtendedFit& fit) {
       return std::ranges::count(fit.laws, law.hypothesis, &FittedLaw::hypothesis);
     };
-    return all[law.hypothesis].rank >= kRareRank && count(with) > count(without);
-  });
-  return is_rare ? options_->rare_gain : options_->held_out_gain;
+    if (count(with) <= count(without)) continue;
+    highest = std::max(highest, problem_->hypotheses()[law.hypothesis].rank);
+  }
+  return highest;
 }
 
 double FitComparison::disadvantage(const ExtendedFit& fit, const ExtendedFit& reference) const {

@@ -13,6 +13,8 @@ namespace graybox {
 // Standard errors of prediction that keep a law and exclude a rival, where the noise is not known:
 // fewer than bring a law in, so that no law comes and goes.
 inline constexpr double kExclusionErrors = 2.0;
+// Those that bring a law in that every machine has (kExpectedRank).
+inline constexpr double kExpectedErrors = 2.0;
 
 // Twice the negative logarithm of the evidence, up to a constant that all fits of a problem share.
 [[nodiscard]] double evidence(const ExtendedFit& fit);
@@ -64,7 +66,7 @@ class FitComparison {
   // Laws that make up for each other have amplitudes that the data do not determine.
   [[nodiscard]] bool every_law_stands(const ExtendedFit& fit) const;
   // Where the noise is not known. A rare law that only `with` has must gain more
-  // (SearchOptions::rare_gain).
+  // (SearchOptions::rare_gain); of laws that every machine has kExpectedErrors are enough.
   [[nodiscard]] bool predicts_better(const ExtendedFit& without, const ExtendedFit& with,
                                      double errors) const;
 
@@ -90,6 +92,9 @@ class FitComparison {
   [[nodiscard]] bool contradicts(const ExtendedFit& fit, const ExtendedFit& other) const;
 
  private:
+  // Of the laws that `with` has beside those of `without`.
+  [[nodiscard]] int highest_rank_added(const ExtendedFit& without, const ExtendedFit& with) const;
+
   const MismatchProblem* problem_;
   const SearchOptions* options_;
 };
