@@ -33,23 +33,37 @@ bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
 
 bool has_size(const FittedLaw& law) { return std::ranges::any_of(law.parameters, sets_size); }
 
-// In the channels on which the law acts. None where channels are not told apart.
+// Of an error without the law: what the law changes elsewhere through what coordinates share.
+constexpr double kChanged = 0.1;
+
+bool is_changed(const ChannelRest& before, const ChannelRest& after) {
+  if (!before.held_out_nrmse || !after.held_out_nrmse) return false;
+  return std::abs(*after.held_out_nrmse - *before.held_out_nrmse) >
+         kChanged * *before.held_out_nrmse;
+}
+
+// In the channels on which the law acts, and those that it changes: a payload gives way to what
+// is missing at one joint, and all others suffer. None where channels are not told apart.
 std::optional<HeldOutEffect> effect_where_it_acts(const SearchState& state, std::size_t hypothesis,
                                                   const ExtendedFit& without,
                                                   const ExtendedFit& with) {
-  const std::vector<std::size_t>& acts_on = state.hypothesis(hypothesis).acts_on;
-  if (acts_on.empty()) return {};
+  std::vector<std::size_t> channels = state.hypothesis(hypothesis).acts_on;
+  if (channels.empty()) return {};
   const std::vector<ChannelRest> before = state.problem->channel_rests(without),
                                  after = state.problem->channel_rests(with);
+  for (std::size_t channel = 0; channel < before.size(); ++channel) {
+    const bool is_there = std::ranges::count(channels, channel) > 0;
+    if (!is_there && is_changed(before[channel], after[channel])) channels.push_back(channel);
+  }
   double with_law = 0.0, without_law = 0.0;
   HeldOutEffect effect;
-  for (const std::size_t channel : acts_on) {
+  for (const std::size_t channel : channels) {
     if (!before.at(channel).held_out_nrmse || !after.at(channel).held_out_nrmse) return {};
     without_law += std::pow(*before[channel].held_out_nrmse, 2);
     with_law += std::pow(*after[channel].held_out_nrmse, 2);
     effect.channels += (effect.channels.empty() ? "" : " and ") + before[channel].channel;
   }
-  const auto count = static_cast<double>(acts_on.size());
+  const auto count = static_cast<double>(channels.size());
   effect.error_without = std::sqrt(without_law / count);
   effect.error_with = std::sqrt(with_law / count);
   if (without_law > 0.0) effect.gain = 1.0 - with_law / without_law;
