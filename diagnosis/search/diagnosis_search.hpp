@@ -19,7 +19,9 @@
 //      behind there to all. Where the noise is not known, it may have any memory, and n is not
 //      known either. There a law must be significant by a Wald test that allows for memory, and
 //      must predict: with contiguous blocks of the recordings kept out in turn, the squared error
-//      falls by `held_out_gain` at least and by `held_out_errors` standard errors over the blocks.
+//      falls by `held_out_gain` at least and by `held_out_errors` standard errors over the blocks,
+//      of the friction that every joint has by two. There a robot with several joints begins with
+//      all plain laws at once (plain_laws.hpp).
 //      Where none does, up to four laws are taken together, each the one that predicts best beside
 //      those before, if beside the others each passes the same tests: one of several harmonics of a
 //      ripple drowns in the others. Laws of a lower rank (Hypothesis::rank) are taken first, as

@@ -17,7 +17,8 @@
 
 namespace graybox {
 
-// In the channels on which the law acts, where the noise is not known and channels are told apart.
+// Where the noise is not known and channels are told apart: in those on which the law acts, and
+// those whose error it changes by more than a tenth through what they share.
 [[nodiscard]] std::optional<HeldOutEffect> held_out_effect(const SearchState& state,
                                                            std::size_t hypothesis,
                                                            const ExtendedFit& without,
