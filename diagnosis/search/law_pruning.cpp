@@ -77,6 +77,12 @@ void prune_laws(SearchState& state) {
 
 namespace {
 
+// By one standard error (Breiman and others 1984).
+bool excels(const ExtendedFit& fit, const ExtendedFit& than) {
+  const HeldOutGain gain = held_out_gain(than, fit);
+  return gain.mean > gain.standard_error;
+}
+
 // Whether a special case of it took its place or, of a law that few machines have, one that more
 // have.
 bool give_way_to_plainer_law(SearchState& state, std::size_t law, const ExtendedFit& without) {
@@ -93,12 +99,17 @@ bool give_way_to_plainer_law(SearchState& state, std::size_t law, const Extended
   }
   if (plainer.empty()) return false;
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
-  if (trials.empty() || trials.front().fit.parameter_count > state.result.after.parameter_count ||
-      state.compare.excludes(state.result.after, trials.front().fit)) {
-    return false;
+  for (const Trial& trial : trials) {
+    const bool is_special = is_special_case(state.hypothesis(trial.hypothesis), richer);
+    if (trial.fit.parameter_count > state.result.after.parameter_count) continue;
+    if (is_special ? state.compare.excludes(state.result.after, trial.fit)
+                   : excels(state.result.after, trial.fit)) {
+      continue;
+    }
+    state.result.after = trial.fit;
+    return true;
   }
-  state.result.after = trials.front().fit;
-  return true;
+  return false;
 }
 
 bool give_way_to_sum(SearchState& state, std::size_t law, const ExtendedFit& without) {
