@@ -77,39 +77,25 @@ void prune_laws(SearchState& state) {
 
 namespace {
 
-// By one standard error (Breiman and others 1984).
-bool excels(const ExtendedFit& fit, const ExtendedFit& than) {
-  const HeldOutGain gain = held_out_gain(than, fit);
-  return gain.mean > gain.standard_error;
-}
-
-// Whether a special case of it took its place or, of a law that few machines have, one that more
-// have.
-bool give_way_to_plainer_law(SearchState& state, std::size_t law, const ExtendedFit& without) {
+// Whether a plainer law took its place.
+bool give_way_to_special_case(SearchState& state, std::size_t law, const ExtendedFit& without) {
   const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
-  const bool is_rare = richer.rank >= kRareRank;
-  if (richer.special_cases.empty() && !is_rare) return false;
+  if (richer.special_cases.empty()) return false;
   std::vector<LawStart> plainer;
-  const auto is_plainer = [&richer, is_rare](const Hypothesis& candidate) {
-    const bool is_commoner = is_rare && candidate.rank < kRareRank;
-    return is_special_case(candidate, richer) || (is_commoner && candidate.place == richer.place);
+  const auto is_plainer = [&richer](const Hypothesis& candidate) {
+    return is_special_case(candidate, richer);
   };
   for (const HypothesisScore& score : rank_hypotheses(state, without, 0, is_plainer).scores) {
     if (!score.start.parameters.empty()) plainer.push_back(score.start);
   }
   if (plainer.empty()) return false;
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
-  for (const Trial& trial : trials) {
-    const bool is_special = is_special_case(state.hypothesis(trial.hypothesis), richer);
-    if (trial.fit.parameter_count > state.result.after.parameter_count) continue;
-    if (is_special ? state.compare.excludes(state.result.after, trial.fit)
-                   : excels(state.result.after, trial.fit)) {
-      continue;
-    }
-    state.result.after = trial.fit;
-    return true;
+  if (trials.empty() || trials.front().fit.parameter_count > state.result.after.parameter_count ||
+      state.compare.excludes(state.result.after, trials.front().fit)) {
+    return false;
   }
-  return false;
+  state.result.after = trials.front().fit;
+  return true;
 }
 
 bool give_way_to_sum(SearchState& state, std::size_t law, const ExtendedFit& without) {
@@ -128,7 +114,7 @@ void simplify_laws(SearchState& state) {
     if (found.special_cases.empty() && state.problem->noise_is_known()) continue;
     const ExtendedFit without = fit_without(state, state.result.after, law);
     if (!without.usable) continue;
-    if (give_way_to_plainer_law(state, law, without) || give_way_to_sum(state, law, without)) {
+    if (give_way_to_special_case(state, law, without) || give_way_to_sum(state, law, without)) {
       law = static_cast<std::size_t>(-1);  // the others stand in another order now
     }
   }

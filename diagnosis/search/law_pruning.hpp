@@ -20,7 +20,7 @@ namespace graybox {
 void prune_laws(SearchState& state);
 
 // A law that only generalises another of fewer parameters gives way to it unless it is better
-// beyond the margin, and one that few machines have to one at its place that more have; one that a sum of plainer laws imitates gives way to the sum
+// beyond the margin; one that a sum of plainer laws imitates gives way to the sum
 // (plainer_sums.hpp).
 void simplify_laws(SearchState& state);
 
