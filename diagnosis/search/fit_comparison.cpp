@@ -27,30 +27,6 @@ double excess(const ExtendedFit& fit) {
   return fit.estimation.chi_square - fit.estimation.degrees_of_freedom;
 }
 
-namespace {
-
-// The same of all blocks together, in which blocks of large errors weigh more; its standard error
-// by the jackknife over blocks (Efron and Tibshirani 1993, Chapter 11).
-HeldOutGain pooled_gain(const ExtendedFit& without, const ExtendedFit& with) {
-  constexpr double kLeast = 1e-300;  // zeros gain nothing
-  const Eigen::MatrixXd before = without.held_out, after = with.held_out;
-  const auto gain = [&](const Eigen::RowVectorXd& less_before,
-                        const Eigen::RowVectorXd& less_after) {
-    const Eigen::ArrayXd of_before = (before.colwise().sum() - less_before).array() + kLeast;
-    const Eigen::ArrayXd of_after = (after.colwise().sum() - less_after).array() + kLeast;
-    return (of_before / of_after).log().sum();
-  };
-  const Eigen::Index blocks = before.rows();
-  Eigen::VectorXd left_out(blocks);
-  for (Eigen::Index b = 0; b < blocks; ++b) left_out(b) = gain(before.row(b), after.row(b));
-  const Eigen::RowVectorXd none = Eigen::RowVectorXd::Zero(before.cols());
-  const double square = (left_out.array() - left_out.mean()).square().sum();
-  const auto count = static_cast<double>(blocks);
-  return {gain(none, none), std::sqrt((count - 1.0) / count * square)};
-}
-
-}  // namespace
-
 HeldOutGain held_out_gain(const ExtendedFit& without, const ExtendedFit& with) {
   // Blocks whose parameters the others do not determine can't be predicted.
   if (!with.held_out.allFinite()) return {-std::numeric_limits<double>::infinity(), 0.0};
@@ -131,13 +107,7 @@ bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFi
   const HeldOutGain gain = held_out_gain(without, with);
   if (highest_rank_added(without, with) <= kExpectedRank)
     errors = std::min(errors, kExpectedErrors);
-  const double least = least_gain(without, with);
-  const auto is_enough = [least, errors](const HeldOutGain& found) {
-    return found.mean >= least && found.mean > errors * found.standard_error;
-  };
-  if (is_enough(gain)) return true;
-  const bool is_finite = std::isfinite(gain.mean) && without.held_out.rows() > 1;
-  return gain.mean > 0.0 && is_finite && is_enough(pooled_gain(without, with));
+  return gain.mean >= least_gain(without, with) && gain.mean > errors * gain.standard_error;
 }
 
 double FitComparison::least_gain(const ExtendedFit& without, const ExtendedFit& with) const {
