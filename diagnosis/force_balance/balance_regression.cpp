@@ -82,7 +82,7 @@ struct BalanceRegression::System {
   std::vector<Equations> totals;  // by coordinate
   Eigen::VectorXd length;         // of the laws' columns, which are divided by it
 
-  // Least squares of all blocks, or of all but one of this coordinate's parts each.
+  // Least squares of all blocks, or of all but one, of which `left_out` has the parts.
   [[nodiscard]] LinearSolution solution(const Eigen::VectorXd& relative_noise,
                                         std::span<const Equations> left_out = {}) const {
     Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(totals[0].right.size(), totals[0].right.size());

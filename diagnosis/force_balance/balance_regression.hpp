@@ -7,9 +7,9 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
-// The s_j are those of greatest likelihood, least sum of ln s_j. There may be several minima: one
-// law less fits some coordinates well and others badly, or the reverse. So the iteration starts
-// from equal s_j, relative to those of the model alone, and once for each coordinate with that
+// The s_j are the most likely ones: those of the least sum of ln s_j. It may have several minima,
+// for where a law is missing, what coordinates share suits some of them or the others. So the
+// iteration starts from the s_j of the model alone, and once for each coordinate with that
 // coordinate all but left out.
 //
 // Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
@@ -100,7 +100,8 @@ class BalanceProjection {
 
  private:
   const BalanceRegression& regression_;
-  Eigen::VectorXd noise_, weights_;     // relative to the regression's
+  Eigen::VectorXd noise_;
+  Eigen::VectorXd weights_;             // W: the regression's noise over this one
   Eigen::LLT<Eigen::MatrixXd> normal_;  // Q^T W^2 Q
   Eigen::VectorXd force_;
 };

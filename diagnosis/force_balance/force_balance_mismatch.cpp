@@ -316,8 +316,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return rms_of(residuals(*fit, data_.estimation));
   }
 
-  // Shapes and the noise that weighs the coordinates, in turn: a law that takes most of the force
-  // of one coordinate gives it a weight under which the shapes of laws that it shares are others.
+  // Shapes and the noise that weighs the coordinates, in turn: a law that explains most of what one
+  // coordinate measures gives it a weight under which laws of several coordinates are others.
   [[nodiscard]] ExtendedFit fit_refined(std::span<const LawStart> starts,
                                         std::vector<RefinedLaw>& refined,
                                         Eigen::VectorXd noise) const {

@@ -19,6 +19,8 @@ constexpr double kSpeaksForAnother = 10.0;
 // they make of others.
 constexpr double kDecided = 10.0;
 
+constexpr int kNoRank = -1;  // below those of Hypothesis
+
 }  // namespace
 
 double evidence(const ExtendedFit& fit) { return fit.deviance + fit.laws_information; }
@@ -105,8 +107,9 @@ bool FitComparison::every_law_stands(const ExtendedFit& fit) const {
 bool FitComparison::predicts_better(const ExtendedFit& without, const ExtendedFit& with,
                                     double errors) const {
   const HeldOutGain gain = held_out_gain(without, with);
-  if (highest_rank_added(without, with) <= kExpectedRank)
+  if (highest_rank_added(without, with) == kExpectedRank) {
     errors = std::min(errors, kExpectedErrors);
+  }
   return gain.mean >= least_gain(without, with) && gain.mean > errors * gain.standard_error;
 }
 
@@ -116,7 +119,7 @@ double FitComparison::least_gain(const ExtendedFit& without, const ExtendedFit& 
 }
 
 int FitComparison::highest_rank_added(const ExtendedFit& without, const ExtendedFit& with) const {
-  int highest = kExpectedRank;
+  int highest = kNoRank;
   for (const FittedLaw& law : with.laws) {
     const auto count = [&law](const ExtendedFit& fit) {
       return std::ranges::count(fit.laws, law.hypothesis, &FittedLaw::hypothesis);

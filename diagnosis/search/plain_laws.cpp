@@ -44,8 +44,9 @@ ExtendedFit fit_what_is_possible(SearchState& state, std::vector<LawStart> laws,
 // for once more at the end.
 ExtendedFit with_all_plain_laws(SearchState& state) {
   ExtendedFit fit = state.result.after;
-  for (const int rank : {0, 1, 2, kRareRank - 1}) {
+  for (int step = kExpectedRank; step <= kRareRank; ++step) {
     if (!state.proceed("fitting all plain laws at once")) return fit;
+    const int rank = std::min(step, kRareRank - 1);
     const ScoreTable table = rank_hypotheses(
         state, fit, 0, [rank](const Hypothesis& hypothesis) { return is_plain(hypothesis, rank); });
     std::vector<LawStart> laws = starts_of(fit);
@@ -95,8 +96,8 @@ void begin_with_plain_laws(SearchState& state) {
     if (!left) break;
     fit = *std::move(left);
   }
-  if (fit.laws.empty() || !state.compare.predicts_better(state.result.after, fit,
-                                                         state.options.held_out_errors)) {
+  if (fit.laws.empty() ||
+      !state.compare.predicts_better(state.result.after, fit, state.options.held_out_errors)) {
     return;
   }
   state.result.after = std::move(fit);
