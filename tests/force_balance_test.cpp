@@ -484,6 +484,20 @@ void write_arm_campaign(const fs::path& file, const std::string& experiments) {
   campaign << "experiments:\n" << experiments;
 }
 
+// Two recordings of an arm that moves as `truth` says, the second kept out, and the model for them.
+void record_arm(const fs::path& folder, const std::string& truth, const std::string& model,
+                const Eigen::Vector3d& drives = Eigen::Vector3d::Ones(), std::uint64_t seed = 5,
+                double memory = 0.0) {
+  std::ofstream(folder / "truth.yaml") << truth;
+  std::ofstream(folder / "drive.yaml") << model;
+  write_arm_campaign(folder / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  Random random(seed);
+  const RigidRobotModel robot = load_rigid_robot(folder / "truth.yaml");
+  write_arm(folder / "1.csv", robot, 0.0, random, "", drives, memory);
+  write_arm(folder / "2.csv", robot, 0.8, random, "", drives, memory);
+}
+
 std::string names_of(const MismatchProblem& problem, const Diagnosis& diagnosis) {
   std::string names;
   for (const FoundEffect& effect : diagnosis.effects) {
@@ -505,14 +519,7 @@ void expect_offset_load(const FittedLaw& law, double largest_error) {
 }
 
 TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
-  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  Random random(5);
-  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
-  write_arm(folder_ / "1.csv", truth, 0.0, random);
-  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  record_arm(folder_, kLiftingArm + kOffsetLoad, kLiftingArm);
   const auto data = problem();
   const Diagnosis diagnosis = diagnose(*data);
   ASSERT_EQ(diagnosis.effects.size(), 1U);
@@ -524,16 +531,11 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
 TEST_F(ForceBalance, FindsNothingInAnArmThatIsWhole) {
   const char* given = std::getenv("GRAYBOX_TEST_RUNS");
   const int runs = given != nullptr ? std::atoi(given) : 3;
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  const RigidRobotModel truth = load_rigid_robot(folder_ / "drive.yaml");
   int with_laws = 0;
   for (const double memory : {0.0, 0.9, 0.98}) {
     for (int run = 0; run < runs; ++run) {
-      Random random(static_cast<std::uint64_t>(1000 * run + 7));
-      write_arm(folder_ / "1.csv", truth, 0.0, random, "", Eigen::Vector3d::Ones(), memory);
-      write_arm(folder_ / "2.csv", truth, 0.8, random, "", Eigen::Vector3d::Ones(), memory);
+      record_arm(folder_, kLiftingArm, kLiftingArm, Eigen::Vector3d::Ones(),
+                 static_cast<std::uint64_t>(1000 * run + 7), memory);
       const auto data = problem();
       const Diagnosis diagnosis = diagnose(*data);
       if (diagnosis.effects.empty()) continue;
@@ -554,15 +556,8 @@ TEST_F(ForceBalance, FindsAPayloadBesideACounterbalance) {
   - {name: preload, location: {kind: element, joint: shoulder, axis: arm}, law: offset,
      parameters: {value: {value: 15, unit: N m}}}
 known: [spring.stiffness, preload.value, )";
-  std::ofstream(folder_ / "truth.yaml")
-      << kLiftingArm << replaced(kOffsetLoad, "\nknown: [", counterbalance);
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  Random random(5);
-  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
-  write_arm(folder_ / "1.csv", truth, 0.0, random);
-  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  record_arm(folder_, kLiftingArm + replaced(kOffsetLoad, "\nknown: [", counterbalance),
+             kLiftingArm);
   const auto data = problem();
   const Diagnosis diagnosis = diagnose(*data);
   EXPECT_EQ(diagnosis.effects.size(), 3U) << names_of(*data, diagnosis);
@@ -573,8 +568,8 @@ known: [spring.stiffness, preload.value, )";
   expect_offset_load(payload->law, 0.05);
 }
 
-// Two forces of one parameter: 2 by the first, 5 by the second, which is ten times less noisy. Equal
-// weights lead to the first, where the second is off by 3; the other way round is more likely.
+// Two forces of one parameter: 2 by the first, 5 by the second, which is ten times less noisy.
+// Equal weights lead to the first, where the second is off by 3; the other way is more likely.
 TEST(BalanceRegression, TakesTheMostLikelyNoiseOfSeveral) {
   constexpr Eigen::Index kSamples = 400;
   ForceBalanceRows rows;
@@ -605,15 +600,7 @@ TEST_F(ForceBalance, FindsFrictionBesideAPayloadOfTheModel) {
 known: [)";
   const std::string truth_text =
       kLiftingArm + replaced(kOffsetLoad, "known: [", friction + "friction.damping, ");
-  std::ofstream(folder_ / "truth.yaml") << truth_text;
-  std::ofstream(folder_ / "drive.yaml")
-      << kLiftingArm << replaced(kOffsetLoad, "value: 2", "value: 1");
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  Random random(5);
-  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
-  write_arm(folder_ / "1.csv", truth, 0.0, random);
-  write_arm(folder_ / "2.csv", truth, 0.8, random);
+  record_arm(folder_, truth_text, kLiftingArm + replaced(kOffsetLoad, "value: 2", "value: 1"));
   const auto data = problem();
   EXPECT_NE(names_of(*data, diagnose(*data)).find("viscous at elbow.arm; "), std::string::npos);
 }
@@ -667,14 +654,7 @@ const std::string kInDriveUnits =
     replaced(kLiftingArm, "torque_of: arm", "torque_of: arm\n  drive_gains: unknown");
 
 TEST_F(ForceBalance, FindsAPayloadThatEachDriveFeelsInAUnitOfItsOwn) {
-  std::ofstream(folder_ / "truth.yaml") << kLiftingArm << kOffsetLoad;
-  std::ofstream(folder_ / "drive.yaml") << kInDriveUnits;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  Random random(5);
-  const RigidRobotModel truth = load_rigid_robot(folder_ / "truth.yaml");
-  write_arm(folder_ / "1.csv", truth, 0.0, random, "", kDrives);
-  write_arm(folder_ / "2.csv", truth, 0.8, random, "", kDrives);
+  record_arm(folder_, kLiftingArm + kOffsetLoad, kInDriveUnits, kDrives);
   const auto data = problem();
   const Diagnosis diagnosis = diagnose(*data);
   ASSERT_EQ(names_of(*data, diagnosis), "payload at flange; ");

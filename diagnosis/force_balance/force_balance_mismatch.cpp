@@ -310,7 +310,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     BalanceFit fitted;
   };
 
-  // Of each coordinate, as a fit leaves it.
+  // What a fit leaves of each coordinate, root mean square.
   [[nodiscard]] Eigen::VectorXd noise_of(const ExtendedFit* fit) const {
     if (fit == nullptr || !fit->usable) return regression_.noise();
     return rms_of(residuals(*fit, data_.estimation));

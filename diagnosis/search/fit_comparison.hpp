@@ -92,7 +92,7 @@ class FitComparison {
   [[nodiscard]] bool contradicts(const ExtendedFit& fit, const ExtendedFit& other) const;
 
  private:
-  // Of the laws that `with` has beside those of `without`; below all ranks if it has none.
+  // The highest rank of a law that `with` has and `without` has not; below all ranks if none.
   [[nodiscard]] int highest_rank_added(const ExtendedFit& without, const ExtendedFit& with) const;
 
   const MismatchProblem* problem_;

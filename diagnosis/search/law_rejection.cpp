@@ -33,7 +33,7 @@ bool is_beyond_chance(const SearchState& state, const ExtendedFit& without,
 
 bool has_size(const FittedLaw& law) { return std::ranges::any_of(law.parameters, sets_size); }
 
-// Of an error without the law: what the law changes elsewhere through what coordinates share.
+// Share of a channel's error by which a law that acts elsewhere must change it to be asked there.
 constexpr double kChanged = 0.1;
 
 bool is_changed(const ChannelRest& before, const ChannelRest& after) {
