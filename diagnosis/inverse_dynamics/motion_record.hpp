@@ -2,7 +2,7 @@
 // joint coordinates: the input of inverse dynamics.
 //
 //   const RigidRobotModel robot = load_rigid_robot("robot.yaml");
-//   const std::vector<MotionRecord> records = read_motion_records(robot, read_campaign("campaign"));
+//   const auto records = read_motion_records(robot, read_campaign("campaign"));
 #pragma once
 
 #include <Eigen/Core>

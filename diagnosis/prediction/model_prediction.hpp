@@ -1,6 +1,6 @@
 // How well a model predicts recordings as it stands: nothing is fitted.
 //
-//   lumped models    the outputs, so many samples ahead and in free run (predictor.hpp); the initial
+//   lumped models    the outputs, some samples ahead and in free run (predictor.hpp); the initial
 //                    state comes from what the predictor sees first
 //   rigid robots     the forces, by inverse dynamics along the measured motion
 //

@@ -38,7 +38,7 @@ void find_and_exchange_laws(SearchState& state) {
   simplify_laws(state);
   if (!state.problem->noise_is_known()) exchange_laws(state);
   prune_laws(state);  // beside laws made plainer another may no longer be missed
-  settle_shapes(state);
+  state.settle_shapes();
   if (state.problem->noise_is_known()) weigh_rivals(state);  // which may exchange laws
 }
 

@@ -79,7 +79,12 @@ bool FitComparison::significant(const ExtendedFit& without, const ExtendedFit& w
   if (problem_->noise_is_known()) {
     return chi_square_tail(without.deviance - with.deviance, added) < options_->level / count;
   }
-  return stands_by_itself(without, with, with.laws.size() - 1) &&
+  return is_borne_out(without, with, with.laws.size() - 1);
+}
+
+bool FitComparison::is_borne_out(const ExtendedFit& without, const ExtendedFit& with,
+                                 std::size_t law) const {
+  return stands_by_itself(without, with, law) &&
          predicts_better(without, with, options_->held_out_errors);
 }
 

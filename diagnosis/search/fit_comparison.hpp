@@ -63,6 +63,9 @@ class FitComparison {
   // others still are.
   [[nodiscard]] bool stands_by_itself(const ExtendedFit& without, const ExtendedFit& with,
                                       std::size_t law) const;
+  // Both: this law of `with` stands by itself, and `with` predicts better by `held_out_errors`.
+  [[nodiscard]] bool is_borne_out(const ExtendedFit& without, const ExtendedFit& with,
+                                  std::size_t law) const;
   // Laws that make up for each other have amplitudes that the data do not determine.
   [[nodiscard]] bool every_law_stands(const ExtendedFit& fit) const;
   // Where the noise is not known. A rare law that only `with` has must gain more

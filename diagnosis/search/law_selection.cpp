@@ -92,10 +92,7 @@ bool each_is_missed(SearchState& state, const ExtendedFit& with, std::size_t fir
   }
   for (std::size_t law = first; law < with.laws.size(); ++law) {
     const ExtendedFit without = fit_without(state, with, law);
-    if (!without.usable || !state.compare.stands_by_itself(without, with, law) ||
-        !state.compare.predicts_better(without, with, state.options.held_out_errors)) {
-      return false;
-    }
+    if (!without.usable || !state.compare.is_borne_out(without, with, law)) return false;
   }
   return true;
 }
@@ -147,7 +144,7 @@ void add_laws(SearchState& state) {
     if (best == nullptr && !state.problem->noise_is_known()) {
       if (std::optional<ExtendedFit> group = group_of_laws(state, trials)) {
         state.result.after = *std::move(group);
-        settle_shapes(state);
+        state.settle_shapes();
         continue;
       }
     }
@@ -159,7 +156,7 @@ void add_laws(SearchState& state) {
     }
     if (is_hopeless(state, best->fit)) return;
     state.result.after = best->fit;
-    settle_shapes(state);
+    state.settle_shapes();
   }
 }
 
@@ -185,13 +182,6 @@ void add_missing_laws(SearchState& state) {
     add_laws(state);
   }
   state.compounds_are_open = true;
-}
-
-void settle_shapes(SearchState& state) {
-  ExtendedFit& after = state.result.after;
-  if (!state.problem->holds_untouched_laws() || after.laws.empty()) return;
-  const ExtendedFit& settled = state.refits.refit(starts_of(after), after);
-  if (settled.usable && settled.deviance <= after.deviance) after = settled;
 }
 
 bool stands_out(const SearchState& state, const ExtendedFit& with) {

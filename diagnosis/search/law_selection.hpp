@@ -8,9 +8,6 @@ namespace graybox {
 // As many as are significant, beside those that are there.
 void add_missing_laws(SearchState& state);
 
-// Refines the shapes that the fits of candidates held, where these hold any.
-void settle_shapes(SearchState& state);
-
 // A law more than those found so far, though what these leave is no more than noise.
 [[nodiscard]] bool stands_out(const SearchState& state, const ExtendedFit& with);
 

@@ -8,7 +8,6 @@
 
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/diagnosis/search/law_pruning.hpp"
-#include "graybox/diagnosis/search/law_selection.hpp"
 
 namespace graybox {
 namespace {
@@ -61,19 +60,13 @@ ExtendedFit with_all_plain_laws(SearchState& state) {
   return fit;
 }
 
-bool is_needed(const SearchState& state, const ExtendedFit& without, const ExtendedFit& with,
-               std::size_t law) {
-  return state.compare.stands_by_itself(without, with, law) &&
-         state.compare.predicts_better(without, with, state.options.held_out_errors);
-}
-
 // The fit without the law that is missed least; none where each is needed.
 std::optional<ExtendedFit> without_the_least(SearchState& state, const ExtendedFit& fit) {
   std::optional<ExtendedFit> left;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t law = 0; law < fit.laws.size(); ++law) {
     ExtendedFit without = fit_without(state, fit, law);
-    if (!without.usable || is_needed(state, without, fit, law)) continue;
+    if (!without.usable || state.compare.is_borne_out(without, fit, law)) continue;
     const double gain = held_out_gain(without, fit).mean;
     if (gain >= least) continue;
     least = gain;
@@ -101,7 +94,7 @@ void begin_with_plain_laws(SearchState& state) {
     return;
   }
   state.result.after = std::move(fit);
-  settle_shapes(state);
+  state.settle_shapes();
 }
 
 }  // namespace graybox

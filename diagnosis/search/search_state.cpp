@@ -34,6 +34,13 @@ std::size_t SearchState::effect_limit() const {
   return problem->noise_is_known() ? kLawsOfKnownNoise : kLawsOfUnknownNoise;
 }
 
+void SearchState::settle_shapes() {
+  ExtendedFit& after = result.after;
+  if (!problem->holds_untouched_laws() || after.laws.empty()) return;
+  const ExtendedFit& settled = refits.refit(starts_of(after), after);
+  if (settled.usable && settled.deviance <= after.deviance) after = settled;
+}
+
 void SearchState::go_on_with(std::unique_ptr<MismatchProblem> freed) {
   compare = FitComparison(*freed, options);
   refits.start_anew(*freed);

@@ -41,6 +41,8 @@ struct SearchState {
   // Laws that may be found.
   [[nodiscard]] std::size_t effect_limit() const;
 
+  // Refines the shapes that the fits of candidates held, where these hold any.
+  void settle_shapes();
   // The same problem, its recordings freed of more.
   void go_on_with(std::unique_ptr<MismatchProblem> freed);
   // What the report shows of the model without laws.

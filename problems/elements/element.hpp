@@ -11,7 +11,7 @@
 // kind: element. A force law acts on the coordinates q by the force -b_out f(z, z', x) with
 // z = b_in^T q; b_in = b_out unless the location says what drives it (cross-coupling, transmission
 // error):
-//     location: {kind: element, joint: joint_5, axis: motor, driven_by: {joint: joint_4, axis: arm}}
+//     location: {kind: element, joint: j_5, axis: motor, driven_by: {joint: j_4, axis: arm}}
 // kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one
 // signal apply in the order of the list, delays last.
 //
