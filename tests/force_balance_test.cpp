@@ -13,7 +13,6 @@
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
-#include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
@@ -712,18 +711,6 @@ TEST(Standstill, JointsOfOneKindAreComparedAndOthersWithWhatMoves) {
   EXPECT_EQ(idle_joints(pieces, {true, false, false}), (std::vector<bool>{true, false, true}));
   piece.position = Eigen::MatrixXd::Constant(50, 1, 0.2);
   EXPECT_EQ(idle_joints(std::vector<Motion>{piece}, {false}), std::vector<bool>{false});
-}
-
-TEST(FixedPointIteration, EndsAtOnceForAStraightMap) {
-  Eigen::Matrix3d slope;
-  slope << 0.9, 0.3, -0.2, 0.1, -1.4, 0.5, 0.0, 0.2, 0.95;  // by itself it runs away
-  const Eigen::Vector3d constant(1.0, -2.0, 0.5);
-  const Eigen::Vector3d truth =
-      (Eigen::Matrix3d::Identity() - slope).colPivHouseholderQr().solve(constant);
-  FixedPointIteration iteration;
-  Eigen::VectorXd x = Eigen::Vector3d(0.3, 0.1, -0.7);
-  for (int k = 0; k < 5; ++k) x = iteration.next(x, slope * x + constant);
-  EXPECT_LT((x - truth).norm(), 1e-8 * truth.norm());
 }
 
 TEST_F(ForceBalance, RefusesTooFewSamples) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace graybox {
 namespace {
@@ -138,17 +139,27 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
     noise_ = next;
     if (change < kNoiseTolerance || rows.model.count == 0) break;
   }
+  compress();
+}
+
+BalanceRegression::BalanceRegression(const ForceBalanceRows& rows, Eigen::VectorXd noise)
+    : rows_(rows), noise_(std::move(noise)) {
+  cut_into_blocks();
+  compress();
+}
+
+void BalanceRegression::compress() {
   basis_ = basis(noise_);
-  triangle_ = basis_.transpose() * scaled_model(rows, noise_);
-  scaled_force_ = stacked(rows.force, noise_);
+  triangle_ = basis_.transpose() * scaled_model(rows_, noise_);
+  scaled_force_ = stacked(rows_.force, noise_);
   const Index p = basis_.cols();
   for (const std::vector<Rows>& block : blocks_) {
     for (Index j = 0; j < coordinates(); ++j) {
       Products& sums = products_.emplace_back(
           Products{Eigen::MatrixXd::Zero(p, p), Eigen::VectorXd::Zero(p), 0.0});
       for (const Rows& part : block) {
-        const auto q = basis_.middleRows(j * rows.samples() + part.first, part.count);
-        const auto y = scaled_force_.segment(j * rows.samples() + part.first, part.count);
+        const auto q = basis_.middleRows(j * rows_.samples() + part.first, part.count);
+        const auto y = scaled_force_.segment(j * rows_.samples() + part.first, part.count);
         sums.basis.noalias() += q.transpose() * q;
         sums.basis_force.noalias() += q.transpose() * y;
         sums.force += y.squaredNorm();

@@ -43,10 +43,12 @@ class BalanceRegression {
  public:
   static constexpr Eigen::Index kBlocks = 10;
 
-  // `rows` must outlive it. The model's columns must be independent.
+  // `rows` must outlive it. The model's columns must be independent. With `noise` the noise of the
+  // model alone is not asked for.
   explicit BalanceRegression(const ForceBalanceRows& rows);
+  BalanceRegression(const ForceBalanceRows& rows, Eigen::VectorXd noise);
 
-  // s_j of the model alone.
+  // s_j of the model alone, or those given.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
   [[nodiscard]] BalanceFit fit(std::span<const BalanceColumns> laws) const;
 
@@ -66,6 +68,7 @@ class BalanceRegression {
     return static_cast<std::size_t>(block * coordinates() + coordinate);
   }
   void cut_into_blocks();
+  void compress();
   [[nodiscard]] Eigen::Index samples_of(Eigen::Index block) const;
   [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
   [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;

@@ -6,14 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <string_view>
 #include <utility>
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
-#include "graybox/diagnosis/force_balance/fixed_point.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+#include "graybox/diagnosis/force_balance/payload_tangent.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
 #include "graybox/diagnosis/force_balance/wiring_faults.hpp"
@@ -134,12 +135,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     hold_untouched(starts, nearby, refined);
     const std::vector<RefinedLaw> given = refined;
     ExtendedFit result = fit_refined(starts, refined, noise_of(nearby));
-    if (depends_on_gains(refined)) settle_gains(starts, refined, result);
+    settle_gains(starts, refined, result);
     // Without one of their number, laws that are known may leave their ranges; as they are they
     // remain.
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
-      ExtendedFit held = described(starts, with_amplitudes(given));
+      const FitBalance balance = balance_of(given);
+      ExtendedFit held = described(starts, with_amplitudes(balance.regression(), given));
       if (held.usable) return held;
     }
     return result;
@@ -321,14 +323,16 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] ExtendedFit fit_refined(std::span<const LawStart> starts,
                                         std::vector<RefinedLaw>& refined,
                                         Eigen::VectorXd noise) const {
+    const FitBalance balance = balance_of(refined);
+    const BalanceRegression& regression = balance.regression();
     for (int round = 1;; ++round) {
-      const BalanceProjection projection(regression_, noise);
+      const BalanceProjection projection(regression, noise);
       if (!refine_shapes(data_, projection, refined, options_.keep_going)) {
         ExtendedFit result;
         result.trouble = "the laws' shapes could not be refined";
         return result;
       }
-      const AmplitudeFit fit = with_amplitudes(refined);
+      const AmplitudeFit fit = with_amplitudes(regression, refined);
       const bool has_shapes = std::ranges::any_of(refined, [](const RefinedLaw& law) {
         return !law.is_held && !law.law.refined().empty();
       });
@@ -336,7 +340,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         return described(starts, fit);
       }
       const std::vector<BalanceColumns> places = payload_slopes(refined, fit);
-      const Eigen::VectorXd next = places.empty() ? fit.fitted.noise : noise_beside(fit, places);
+      const Eigen::VectorXd next = places.empty() ? fit.fitted.noise : noise_beside(regression, fit, places);
       if (is_settled(noise, next, places.empty() ? kSettledNoise : kSettledPlace)) {
         return described(starts, fit);
       }
@@ -360,11 +364,12 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     return slopes;
   }
-  [[nodiscard]] Eigen::VectorXd noise_beside(const AmplitudeFit& fit,
-                                             const std::vector<BalanceColumns>& more) const {
+  [[nodiscard]] static Eigen::VectorXd noise_beside(const BalanceRegression& regression,
+                                                    const AmplitudeFit& fit,
+                                                    const std::vector<BalanceColumns>& more) {
     std::vector<BalanceColumns> columns = fit.columns;
     columns.insert(columns.end(), more.begin(), more.end());
-    const BalanceFit beside = regression_.fit(columns);
+    const BalanceFit beside = regression.fit(columns);
     return beside.full_rank ? beside.noise : fit.fitted.noise;
   }
 
@@ -377,13 +382,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return true;
   }
 
-  // A payload's column is over the drives' gains, which a fit estimates beside it: fits in turn,
-  // until the gains that are found are those that were used.
-  static bool depends_on_gains(const std::vector<RefinedLaw>& laws) {
-    return std::ranges::any_of(laws, [](const RefinedLaw& law) {
-      return !law.is_held && law.law.inverse_gains.size() > 0;
-    });
-  }
   [[nodiscard]] Eigen::VectorXd inverse_gains(const ExtendedFit& fit) const {
     Eigen::VectorXd gains = Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
     for (Index j = 0; j < gains.size(); ++j) {
@@ -394,33 +392,67 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     return gains;
   }
-  // `result`: of the first of these fits.
+  // Where gains are unknown a payload's force is over them: fits about the payload and the gains
+  // that were found, until these stay. `result`: of the first of these fits.
   void settle_gains(std::span<const LawStart> starts, std::vector<RefinedLaw>& laws,
                     ExtendedFit& result) const {
-    FixedPointIteration iteration;
-    for (int round = 1; result.usable && round < kGainRounds; ++round) {
-      const auto payload = std::ranges::find_if(
-          laws, [](const RefinedLaw& law) { return law.law.inverse_gains.size() > 0; });
-      const Eigen::VectorXd used = payload->law.inverse_gains, found = inverse_gains(result);
-      const double largest = kGainTolerance * found.cwiseAbs().maxCoeff();
-      if ((found - used).lpNorm<Eigen::Infinity>() <= largest) return;
-      const Eigen::VectorXd next = iteration.next(used, found);
+    const bool is_asked = std::ranges::any_of(laws, [](const RefinedLaw& law) {
+      return !law.is_held && law.law.inverse_gains.size() > 0;
+    });
+    for (int round = 1; is_asked && result.usable && round < kGainRounds; ++round) {
+      bool is_settled = true;
       for (std::size_t l = 0; l < laws.size(); ++l) {
-        laws[l].law = placed_of(result, result.laws[l]);
+        const PlacedLaw used = std::exchange(laws[l].law, placed_of(result, result.laws[l]));
+        is_settled = is_settled && (used.inverse_gains.size() == 0 ||
+                                    (!laws[l].is_new && are_same_payload(used, laws[l].law)));
         laws[l].is_new = false;
-        if (laws[l].law.inverse_gains.size() > 0) laws[l].law.inverse_gains = next;
       }
+      if (is_settled) return;
       result = fit_refined(starts, laws, noise_of(&result));
     }
   }
+  static bool are_same_payload(const PlacedLaw& one, const PlacedLaw& other) {
+    const Eigen::VectorXd gains = one.inverse_gains - other.inverse_gains;
+    const Eigen::Map<const Eigen::Vector4d> body(one.parameters.data());
+    const Eigen::Map<const Eigen::Vector4d> other_body(other.parameters.data());
+    return gains.lpNorm<Eigen::Infinity>() <=
+               kGainTolerance * one.inverse_gains.lpNorm<Eigen::Infinity>() &&
+           (body - other_body).norm() <= kGainTolerance * body.norm();
+  }
 
-  [[nodiscard]] AmplitudeFit with_amplitudes(std::span<const RefinedLaw> refined) const {
+  // The regression of one fit: that of the recordings, or about the payload that it begins with,
+  // where its force is over unknown gains.
+  class FitBalance {
+   public:
+    explicit FitBalance(const BalanceRegression& recorded) : regression_(&recorded) {}
+    FitBalance(ForceBalanceRows rows, const Eigen::VectorXd& noise)
+        : rows_(std::make_unique<ForceBalanceRows>(std::move(rows))),
+          own_(std::make_unique<BalanceRegression>(*rows_, noise)),
+          regression_(own_.get()) {}
+    [[nodiscard]] const BalanceRegression& regression() const { return *regression_; }
+
+   private:
+    std::unique_ptr<ForceBalanceRows> rows_;
+    std::unique_ptr<BalanceRegression> own_;
+    const BalanceRegression* regression_;
+  };
+  [[nodiscard]] FitBalance balance_of(std::span<const RefinedLaw> laws) const {
+    std::vector<PlacedLaw> payloads;
+    for (const RefinedLaw& law : laws) {
+      if (!law.is_new && law.law.inverse_gains.size() > 0) payloads.push_back(law.law);
+    }
+    if (payloads.empty()) return FitBalance(regression_);
+    return {about_payloads(data_, payloads), regression_.noise()};
+  }
+
+  [[nodiscard]] AmplitudeFit with_amplitudes(const BalanceRegression& regression,
+                                             std::span<const RefinedLaw> refined) const {
     AmplitudeFit result;
     for (const RefinedLaw& law : refined) {
       result.laws.push_back(law.law);
       result.columns.push_back(law_columns(law.law, data_, data_.estimation));
     }
-    result.fitted = regression_.fit(result.columns);
+    result.fitted = regression.fit(result.columns);
     if (result.fitted.full_rank) set_amplitudes(result.laws, result.fitted.amplitudes);
     return result;
   }

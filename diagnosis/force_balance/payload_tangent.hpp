@@ -1,0 +1,22 @@
+// The balance of forces about the payloads that a fit has found, where the drives' gains are unknown.
+//
+// There a joint measures e_j = (bodies_j + m P_j) / g_j with P_j the force of a unit payload, which
+// is no sum of columns: both m and 1/g_j are asked for. About m0, P0 and s0_j = 1/g_j it is one,
+//
+//     e_j + s0_j m0 P0_j = (bodies_j + m0 P0_j) / g_j + m s0_j P_j
+//
+// (Gauss and Newton). Where a payload outweighs the bodies, as at a wrist, fits that take gains and
+// payload in turn run away from each other; this one does not.
+#pragma once
+
+#include <span>
+
+#include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+
+namespace graybox {
+
+// The rows with what `payloads` (with inverse_gains) carry in the columns of the gains.
+[[nodiscard]] ForceBalanceRows about_payloads(const ForceBalanceData& data,
+                                              std::span<const PlacedLaw> payloads);
+
+}  // namespace graybox
