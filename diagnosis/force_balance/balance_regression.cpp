@@ -36,9 +36,10 @@ Eigen::VectorXd stacked(const Eigen::MatrixXd& samples, const Eigen::VectorXd& n
   return scaled.reshaped();
 }
 
-Eigen::VectorXd rms_of(const Eigen::MatrixXd& force) {
-  Eigen::VectorXd rms =
-      (force.colwise().squaredNorm() / static_cast<double>(force.rows())).cwiseSqrt();
+// Of the samples that count.
+Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& force) {
+  Eigen::VectorXd rms = force.colwise().norm();
+  for (Index j = 0; j < rms.size(); ++j) rms(j) /= std::sqrt(std::max(1.0, rows.counted(j)));
   const double largest = rms.maxCoeff();
   return (rms.array() > 0.0).select(rms, largest > 0.0 ? largest : 1.0);
 }
@@ -125,7 +126,7 @@ std::vector<bool> extend_basis(const Eigen::MatrixXd& columns, Eigen::MatrixXd& 
 
 BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows) {
   cut_into_blocks();
-  const Eigen::VectorXd rms = rms_of(rows.force);
+  const Eigen::VectorXd rms = rms_of(rows, rows.force);
   noise_ = rms;
   // The noise of the model alone first: projected() weighs coordinates by it.
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
@@ -133,7 +134,7 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
     const Eigen::VectorXd force = stacked(rows.force, noise_);
     const Eigen::VectorXd rest = force - q * (q.transpose() * force);
     const Eigen::VectorXd next =
-        (rms_of(rest.reshaped(rows.samples(), coordinates())).array() * noise_.array())
+        (rms_of(rows, rest.reshaped(rows.samples(), coordinates())).array() * noise_.array())
             .max(kNoiseFloor * rms.array());
     const double change = ((next - noise_).array() / next.array()).abs().maxCoeff();
     noise_ = next;
@@ -186,9 +187,11 @@ void BalanceRegression::cut_into_blocks() {
   }
 }
 
-Eigen::Index BalanceRegression::samples_of(Index block) const {
-  Index count = 0;
-  for (const Rows& part : blocks_[static_cast<std::size_t>(block)]) count += part.count;
+double BalanceRegression::counted(Index block, Index coordinate) const {
+  double count = 0.0;
+  for (const Rows& part : blocks_[static_cast<std::size_t>(block)]) {
+    count += rows_.counted(coordinate, part.first, part.count);
+  }
   return count;
 }
 
@@ -252,10 +255,9 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
 // Iterations from the noise of `state`; ends without full rank where a fit has none.
 void BalanceRegression::settle(const System& system, int iterations, Settled& state) const {
   const Index joints = coordinates();
-  const double freedom =
-      static_cast<double>(rows_.samples()) -
+  const double share =
       static_cast<double>(system.totals[0].right.size()) / static_cast<double>(joints);
-  const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_.force).cwiseQuotient(noise_);
+  const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_, rows_.force).cwiseQuotient(noise_);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     state.solution = system.solution(state.relative_noise);
     if (!state.solution.full_rank) return;
@@ -263,7 +265,7 @@ void BalanceRegression::settle(const System& system, int iterations, Settled& st
     for (Index j = 0; j < joints; ++j) {
       const double square =
           system.totals[static_cast<std::size_t>(j)].square(state.solution.values);
-      next(j) = std::max(std::sqrt(square / freedom), floor(j));
+      next(j) = std::max(std::sqrt(square / std::max(1.0, rows_.counted(j) - share)), floor(j));
     }
     const double change = ((next - state.relative_noise).array() / next.array()).abs().maxCoeff();
     state.relative_noise = next;
@@ -332,8 +334,12 @@ Eigen::MatrixXd BalanceRegression::predicted_by_others(const System& system,
     const auto of_block =
         std::span(system.parts).subspan(index(b, 0), static_cast<std::size_t>(coordinates()));
     const LinearSolution others = system.solution(state.relative_noise, of_block);
-    const auto count = static_cast<double>(samples_of(b));
     for (Index j = 0; j < coordinates(); ++j) {
+      const double count = counted(b, j);
+      if (count == 0.0) {  // nothing to predict
+        result(b, j) = 1.0;
+        continue;
+      }
       result(b, j) = others.full_rank
                          ? of_block[static_cast<std::size_t>(j)].square(others.values) * noise_(j) *
                                noise_(j) / count

@@ -69,7 +69,7 @@ class BalanceRegression {
   }
   void cut_into_blocks();
   void compress();
-  [[nodiscard]] Eigen::Index samples_of(Eigen::Index block) const;
+  [[nodiscard]] double counted(Eigen::Index block, Eigen::Index coordinate) const;
   [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
   [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;
   void settle(const System& system, int iterations, Settled& state) const;

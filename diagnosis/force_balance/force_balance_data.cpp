@@ -1,6 +1,7 @@
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -27,14 +28,16 @@ constexpr double kDependent = 1e-6;
 // Every stride-th sample.
 Motion thinned(const Motion& piece, Eigen::Index stride) {
   const auto kept = Eigen::seq(Eigen::Index{0}, Eigen::last, stride);
-  return {piece.time(kept),
-          piece.position(kept, Eigen::all),
-          piece.velocity(kept, Eigen::all),
-          piece.acceleration(kept, Eigen::all),
-          piece.torque(kept, Eigen::all),
-          piece.filters,
-          piece.position_is_recorded,
-          piece.load};
+  Motion result{piece.time(kept),
+                piece.position(kept, Eigen::all),
+                piece.velocity(kept, Eigen::all),
+                piece.acceleration(kept, Eigen::all),
+                piece.torque(kept, Eigen::all),
+                piece.filters,
+                piece.position_is_recorded,
+                piece.load};
+  if (piece.stands.size() > 0) result.stands = piece.stands(kept, Eigen::all);
+  return result;
 }
 
 void thin(std::vector<Motion>& pieces) {
@@ -43,6 +46,19 @@ void thin(std::vector<Motion>& pieces) {
   const Eigen::Index stride = samples / kMostSamples + 1;
   if (stride == 1) return;
   for (Motion& piece : pieces) piece = thinned(piece, stride);
+}
+
+void leave_out_standing_forces(ForceBalanceRows& rows) {
+  if (rows.counts.size() == 0) return;
+  rows.force.array() *= rows.counts.array();
+  for (BalanceColumns* columns : {&rows.model, &rows.flange_body}) {
+    rows.leave_out_standing(*columns);
+  }
+  for (Eigen::Index j = 0; j < rows.coordinates(); ++j) {
+    const Eigen::ArrayXd counts = rows.counts.col(j);
+    const double mean = rows.measured.col(j).dot(counts.matrix()) / std::max(1.0, counts.sum());
+    rows.measured.col(j) = (counts > 0.0).select(rows.measured.col(j), mean);
+  }
 }
 
 // Rows of all pieces, in order.
@@ -62,9 +78,15 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                    Eigen::MatrixXd(samples, kStandardParameters)),
                       kStandardParameters};
+  const bool is_any_standing =
+      std::ranges::any_of(rows.pieces, [](const Motion& piece) { return piece.stands.any(); });
+  if (is_any_standing) rows.counts = Eigen::MatrixXd::Ones(samples, joints);
   RigidBodyRegressor bodies(robot);
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
+    if (is_any_standing && piece.stands.size() > 0) {
+      rows.counts.middleRows(row, piece.samples()) = (!piece.stands).cast<double>();
+    }
     rows.filtered.emplace_back(piece);
     const Eigen::MatrixXd remembered = columns.remembered(piece);
     const Eigen::Index first = row;
@@ -90,6 +112,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
       }
     }
   }
+  leave_out_standing_forces(rows);
   return rows;
 }
 
@@ -103,6 +126,15 @@ Eigen::MatrixXd stacked(const BalanceColumns& columns) {
     rows += block.rows();
   }
   return result;
+}
+
+// What the model states of one joint: the force that an acceleration of 1 takes.
+double known_inertia(TorqueColumns& columns) {
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(1), one = Eigen::VectorXd::Ones(1);
+  columns.evaluate(none, none, none);
+  const double at_rest = columns.known()(0);
+  columns.evaluate(none, none, one);
+  return columns.known()(0) - at_rest;
 }
 
 void keep(const std::vector<Eigen::Index>& chosen, BalanceColumns& columns) {
@@ -249,8 +281,25 @@ double duration_of(std::span<const Motion> pieces) {
   return duration;
 }
 
-// Cuts samples at which nothing moves from all recordings.
-void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& data) {
+// "joint_1 3.2 s, joint_4 5 s": how long each stands, of those that do.
+std::string standing_times(const RigidRobotModel& robot, std::span<const Motion> pieces) {
+  std::vector<std::string> joints;
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    double samples = 0.0, standing = 0.0;
+    for (const Motion& piece : pieces) {
+      samples += static_cast<double>(piece.samples());
+      standing += static_cast<double>(piece.stands.col(static_cast<Eigen::Index>(j)).count());
+    }
+    if (standing == 0.0) continue;
+    joints.push_back(
+        fmt::format("{} {:.3g} s", robot.joints[j].name, duration_of(pieces) * standing / samples));
+  }
+  return fmt::format("{}", fmt::join(joints, ", "));
+}
+
+// Marks where joints stand, and cuts samples at which nothing moves from all recordings.
+void leave_out_standstill(const RigidRobotModel& robot, std::vector<MotionRecord>& records,
+                          ForceBalanceData& data) {
   std::vector<Motion> all;
   for (const MotionRecord& record : records) {
     all.insert(all.end(), record.pieces.begin(), record.pieces.end());
@@ -258,17 +307,18 @@ void leave_out_standstill(std::vector<MotionRecord>& records, ForceBalanceData& 
   if (all.empty()) return;
   const Eigen::VectorXd speeds = root_mean_square_speeds(all);
   for (MotionRecord& record : records) {
+    for (Motion& piece : record.pieces) mark_standstill(piece, speeds);
+    const std::string times = standing_times(robot, record.pieces);
+    if (times.empty()) continue;
+    data.remarks.push_back(fmt::format(
+        "{}: of {:.3g} s these joints stand still: {}. Their forces there are left out of the "
+        "balance, for dry friction takes what it must at standstill",
+        record.name, duration_of(record.pieces), times));
     std::vector<Motion> moving;
     for (const Motion& piece : record.pieces) {
-      std::vector<Motion> parts = moving_parts(piece, speeds);
+      std::vector<Motion> parts = moving_parts(piece);
       std::ranges::move(parts, std::back_inserter(moving));
     }
-    const double duration = duration_of(record.pieces), left_out = duration - duration_of(moving);
-    if (left_out <= kStandingShare * duration) continue;
-    data.remarks.push_back(fmt::format(
-        "{}: nothing moves for {:.3g} s of {:.3g} s: left out of the balance of forces, where dry "
-        "friction takes what it must at standstill",
-        record.name, left_out, duration));
     record.pieces = std::move(moving);
   }
 }
@@ -313,13 +363,31 @@ void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows&
 
 }  // namespace
 
+double ForceBalanceRows::counted(Eigen::Index coordinate) const {
+  return counted(coordinate, 0, samples());
+}
+
+double ForceBalanceRows::counted(Eigen::Index coordinate, Eigen::Index first,
+                                 Eigen::Index rows) const {
+  if (counts.size() == 0) return static_cast<double>(rows);
+  return counts.col(coordinate).segment(first, rows).sum();
+}
+
+void ForceBalanceRows::leave_out_standing(BalanceColumns& columns) const {
+  if (counts.size() == 0) return;
+  for (std::size_t j = 0; j < columns.in.size(); ++j) {
+    if (columns.in[j].size() == 0) continue;
+    columns.in[j].array().colwise() *= counts.col(static_cast<Eigen::Index>(j)).array();
+  }
+}
+
 ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Campaign& campaign,
                                          std::span<const std::filesystem::path> place_files) {
   std::vector<Motion> fitted, held_out;
   std::vector<std::string> fitted_names, held_out_names;
   ForceBalanceData data;
   std::vector<MotionRecord> records = read_motion_records(robot, campaign);
-  leave_out_standstill(records, data);
+  leave_out_standstill(robot, records, data);
   for (MotionRecord& record : records) {
     const bool is_fitted = record.role == ExperimentRole::kEstimation;
     for (Motion& piece : record.pieces) {
@@ -346,6 +414,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   data.robot = robot;
   data.position_is_recorded = !robot.channels.position.empty();
   for (ForceBalanceRows* rows : {&data.estimation, &data.validation}) silence(data.idle, *rows);
+  if (robot.size() == 1) data.known_inertia = known_inertia(columns);
   keep_base_parameters(columns, data);
   add_joint_places(robot, data.places);
   if (robot.channels.unknown_drive_gains) {

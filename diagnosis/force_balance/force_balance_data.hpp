@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,10 +34,18 @@ struct ForceBalanceRows {
   std::vector<Motion> pieces;  // in the order of the rows
   std::vector<FilteredMotion> filtered;  // of each piece, for laws
   std::vector<std::string> names;        // of each piece's recording
+  // Samples x coordinates, 0 where a joint stands still and its force is left out: all columns are
+  // zero there and what was measured is its mean. Else 1. Empty: all count.
+  Eigen::MatrixXd counts;
 
   [[nodiscard]] bool empty() const { return pieces.empty(); }
   [[nodiscard]] Eigen::Index samples() const { return measured.rows(); }
   [[nodiscard]] Eigen::Index coordinates() const { return measured.cols(); }
+  // Samples of a coordinate that count.
+  [[nodiscard]] double counted(Eigen::Index coordinate) const;
+  [[nodiscard]] double counted(Eigen::Index coordinate, Eigen::Index first,
+                               Eigen::Index rows) const;
+  void leave_out_standing(BalanceColumns& columns) const;
 };
 
 struct BalanceCoordinate {
@@ -59,6 +68,8 @@ struct ForceBalanceData {
   std::vector<Eigen::Index> gain_parameters;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
+  // Of a robot of one joint that the model states, kg m^2 or kg; NaN of others.
+  double known_inertia = std::numeric_limits<double>::quiet_NaN();
   std::vector<bool> idle;            // joints that never move (standstill.hpp)
   std::vector<std::string> remarks;  // what was left out, a sentence each
 };

@@ -50,11 +50,13 @@ BalanceColumns payload_columns(const PlacedLaw& law, std::span<const double> par
 BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
                           const ForceBalanceData& data, const ForceBalanceRows& rows) {
   if (law.entry->use == LawUse::kPayload) return payload_columns(law, parameters, data, rows);
-  const Eigen::VectorXd& output = law.place->location.output;
-  if (law.entry->use == LawUse::kInertia) {
-    return along(output, parameters[0] * inertia_samples(*law.place, rows));
-  }
-  return along(output, law_samples(*law.place, *law.entry->make(parameters), rows));
+  const Eigen::VectorXd samples =
+      law.entry->use == LawUse::kInertia
+          ? Eigen::VectorXd(parameters[0] * inertia_samples(*law.place, rows))
+          : law_samples(*law.place, *law.entry->make(parameters), rows);
+  BalanceColumns columns = along(law.place->location.output, samples);
+  rows.leave_out_standing(columns);
+  return columns;
 }
 
 void append(BalanceColumns&& more, BalanceColumns& columns) {
@@ -165,6 +167,15 @@ BalanceColumns basis_columns(const PlacedLaw& law, std::span<const std::vector<d
 
 namespace {
 
+// Whether all joints stand that a place moves with.
+bool stands(const CandidatePlace& place, const Motion& piece, Eigen::Index sample) {
+  if (piece.stands.size() == 0) return false;
+  for (Eigen::Index j = 0; j < place.location.input.size(); ++j) {
+    if (place.location.input(j) != 0.0 && !piece.stands(sample, j)) return false;
+  }
+  return true;
+}
+
 bool needs_position(const LawEntry& entry) {
   if (entry.use != LawUse::kForce) return false;
   std::vector<double> parameters(entry.parameters.size());
@@ -203,6 +214,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
     const RecordedPlaceMotion motion = motion_at(place, piece);
     const double mean = motion.deflection.mean();
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {
+      if (stands(place, piece, t)) continue;
       scale.deflections.push_back(std::abs(motion.deflection(t)));
       scale.excursions.push_back(std::abs(motion.deflection(t) - mean));
       scale.rates.push_back(std::abs(motion.rate(t)));

@@ -62,10 +62,10 @@ double centred_square(const Eigen::MatrixXd& values) {
   return (values.rowwise() - values.colwise().mean()).squaredNorm();
 }
 
-// Root mean squares by coordinate.
-Eigen::VectorXd rms_of(const Eigen::MatrixXd& residuals) {
-  const Eigen::VectorXd rms =
-      (residuals.colwise().squaredNorm() / static_cast<double>(residuals.rows())).cwiseSqrt();
+// Root mean squares by coordinate, of the samples that count.
+Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
+  Eigen::VectorXd rms = residuals.colwise().norm();
+  for (Index j = 0; j < rms.size(); ++j) rms(j) /= std::sqrt(std::max(1.0, rows.counted(j)));
   return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
 }
 
@@ -105,7 +105,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const Eigen::MatrixXd rest = unpredicted(data_.estimation, first.residuals);
     for (Index j = 0; j < coordinates(); ++j) {
       noises_.emplace_back(rest.col(j));
-      effective_.push_back(is_idle(j) ? 0.0 : noises_.back().effective_samples());
+      const double moving =
+          data_.estimation.counted(j) / static_cast<double>(data_.estimation.samples());
+      effective_.push_back(is_idle(j) ? 0.0 : moving * noises_.back().effective_samples());
     }
     list_hypotheses();
   }
@@ -315,7 +317,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   // What a fit leaves of each coordinate, root mean square.
   [[nodiscard]] Eigen::VectorXd noise_of(const ExtendedFit* fit) const {
     if (fit == nullptr || !fit->usable) return regression_.noise();
-    return rms_of(residuals(*fit, data_.estimation));
+    return rms_of(data_.estimation, residuals(*fit, data_.estimation));
   }
 
   // Shapes and the noise that weighs the coordinates, in turn: a law that explains most of what one
@@ -340,7 +342,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         return described(starts, fit);
       }
       const std::vector<BalanceColumns> places = payload_slopes(refined, fit);
-      const Eigen::VectorXd next = places.empty() ? fit.fitted.noise : noise_beside(regression, fit, places);
+      const Eigen::VectorXd next =
+          places.empty() ? fit.fitted.noise : noise_beside(regression, fit, places);
       if (is_settled(noise, next, places.empty() ? kSettledNoise : kSettledPlace)) {
         return described(starts, fit);
       }
@@ -481,6 +484,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   // Why a law with these parameters can't be there; empty if it can.
   [[nodiscard]] std::string trouble_with(const PlacedLaw& law) const {
     if (!is_within_ranges(law)) return "a law's parameter leaves its range";
+    if (!keeps_order(*law.entry, law.parameters)) {
+      return "friction at rest is less than when sliding: no Stribeck effect";
+    }
     if (!slides(law)) return "a friction never slides: it is a damper here";
     if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
     if (!is_within_reach(law)) return "a payload is farther from the flange than the robot is long";
@@ -539,7 +545,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] bool slides(const PlacedLaw& law) const {
     for (std::size_t i = 0; i < law.parameters.size(); ++i) {
       if (law.entry->parameters[i].name == "transition_velocity" &&
-          law.parameters[i] > scale_of(law).rate(kSliding)) {
+          law.parameters[i] > widest_transition(scale_of(law))) {
         return false;
       }
     }
@@ -815,6 +821,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   void describe_physics(const PlacedLaw& law, PhysicalContext::OfLaw& own) const {
     const Location& place = law.place->location;
     if (place.input != place.output) return;  // driven from elsewhere, it may well feed energy in
+    own.inertia = data_.known_inertia;
     if (place.units.deflection == "m") own.stiffness = 0.0;  // gravity may make a joint topple
     own.damping = 0.0;
     for (const Element& element : data_.robot.elements) {
@@ -909,7 +916,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                                        int null_draws, std::uint64_t seed) const {
   const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
-  const Eigen::VectorXd rms = rms_of(rest);
+  const Eigen::VectorXd rms = rms_of(data_.estimation, rest);
   const Index samples = rest.rows();
   const double worth = sample_count() / static_cast<double>(rest.size());
   Eigen::MatrixXd right(rest.size(), 1 + null_draws);
@@ -919,8 +926,10 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   Random random(seed);
   for (Index b = 1; b <= null_draws; ++b) {
     for (Index j = 0; j < coordinates(); ++j) {
-      const Eigen::VectorXd draw = noises_[static_cast<std::size_t>(j)].draw(random);
-      const double scale = std::sqrt(worth * static_cast<double>(samples) / draw.squaredNorm());
+      Eigen::VectorXd draw = noises_[static_cast<std::size_t>(j)].draw(random);
+      if (data_.estimation.counts.size() > 0)
+        draw.array() *= data_.estimation.counts.col(j).array();
+      const double scale = std::sqrt(worth * data_.estimation.counted(j) / draw.squaredNorm());
       right.col(b).segment(j * samples, samples) =
           is_idle(j) ? Eigen::VectorXd::Zero(samples) : Eigen::VectorXd(scale * draw);
     }

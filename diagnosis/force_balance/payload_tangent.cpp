@@ -2,8 +2,7 @@
 
 namespace graybox {
 
-ForceBalanceRows about_payloads(const ForceBalanceData& data,
-                                std::span<const PlacedLaw> payloads) {
+ForceBalanceRows about_payloads(const ForceBalanceData& data, std::span<const PlacedLaw> payloads) {
   ForceBalanceRows rows = data.estimation;
   for (const PlacedLaw& payload : payloads) {
     const BalanceColumns force = law_force_column(payload, data, rows);

@@ -25,7 +25,7 @@ class ProjectedLaw {
   ProjectedLaw(const ForceBalanceData& data, const BalanceProjection& projection,
                const RefinedLaw& law)
       : data_(data), projection_(projection), law_(law.law) {
-    if (!law.is_new) widest_transition_ = law.scale->rate(kSliding);
+    if (!law.is_new) widest_transition_ = graybox::widest_transition(*law.scale);
     set(law_.parameters);
   }
 

@@ -5,7 +5,7 @@
 //
 // Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the
 // best others, each refined alone; after that all laws whose shapes are not held are refined
-// together. Friction that is not new keeps a transition within kSliding.
+// together. Friction that is not new keeps a transition within widest_transition.
 #pragma once
 
 #include <functional>
@@ -16,9 +16,11 @@
 
 namespace graybox {
 
-// Friction whose transition is wider than this share of the recorded speeds is no friction but a
-// damper.
-inline constexpr double kSliding = 0.5;
+// Friction whose transition is wider is no friction but a damper: a quarter of the speed that nine
+// samples in ten stay below.
+[[nodiscard]] inline double widest_transition(const MotionScale& scale) {
+  return 0.25 * scale.rate(0.9);
+}
 
 struct RefinedLaw {
   PlacedLaw law;

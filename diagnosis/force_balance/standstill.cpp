@@ -19,26 +19,15 @@ Motion samples_of(const Motion& piece, Index first, Index count) {
        {&Motion::position, &Motion::velocity, &Motion::acceleration, &Motion::torque}) {
     part.*signal = (piece.*signal).middleRows(first, count);
   }
+  if (piece.stands.size() > 0) part.stands = piece.stands.middleRows(first, count);
   return part;
 }
 
-// Where all joints stand, for long enough.
-std::vector<bool> standing(const Motion& piece, const Eigen::VectorXd& speeds) {
-  const Index samples = piece.samples();
-  std::vector<bool> stands(static_cast<std::size_t>(samples), false);
-  for (Index t = 0; t < samples;) {
-    const auto is_slow = [&](Index at) {
-      return (piece.velocity.row(at).transpose().array().abs() <= kStandingSpeed * speeds.array())
-          .all();
-    };
-    Index end = t;
-    while (end < samples && is_slow(end)) ++end;
-    if (end > t && piece.time(end - 1) - piece.time(t) >= kStandingTime) {
-      std::fill(stands.begin() + t, stands.begin() + end, true);
-    }
-    t = std::max(end, t + 1);
-  }
-  return stands;
+// How far a low-pass carries what came before or after: half a period of its frequency.
+double reach_of(const Motion& piece) {
+  double reach = 0.0;
+  for (const FilterPass& filter : piece.filters) reach = std::max(reach, 0.5 / filter.frequency);
+  return reach;
 }
 
 }  // namespace
@@ -77,13 +66,32 @@ Eigen::VectorXd root_mean_square_speeds(std::span<const Motion> pieces) {
   return (squares / samples).cwiseSqrt();
 }
 
-std::vector<Motion> moving_parts(const Motion& piece, const Eigen::VectorXd& speeds) {
-  const std::vector<bool> stands = standing(piece, speeds);
+void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds) {
+  const Index samples = piece.samples();
+  const double reach = reach_of(piece);
+  piece.stands.setConstant(samples, speeds.size(), false);
+  for (Index j = 0; j < speeds.size(); ++j) {
+    for (Index t = 0; t < samples;) {
+      Index end = t;
+      while (end < samples && std::abs(piece.velocity(end, j)) <= kStandingSpeed * speeds(j)) ++end;
+      if (end > t && piece.time(end - 1) - piece.time(t) >= kStandingTime) {
+        Index first = t, last = end - 1;
+        while (first > 0 && piece.time(t) - piece.time(first - 1) <= reach) --first;
+        while (last + 1 < samples && piece.time(last + 1) - piece.time(end - 1) <= reach) ++last;
+        piece.stands.col(j).segment(first, last + 1 - first).setConstant(true);
+      }
+      t = std::max(end, t + 1);
+    }
+  }
+}
+
+std::vector<Motion> moving_parts(const Motion& piece) {
   std::vector<Motion> parts;
   const Index samples = piece.samples();
+  const auto all_stand = [&piece](Index at) { return piece.stands.row(at).all(); };
   for (Index t = 0; t < samples;) {
     Index end = t;
-    while (end < samples && !stands[static_cast<std::size_t>(end)]) ++end;
+    while (end < samples && !all_stand(end)) ++end;
     if (end - t == samples) return {piece};
     if (end - t >= kFewestSamples) parts.push_back(samples_of(piece, t, end - t));
     t = std::max(end, t + 1);

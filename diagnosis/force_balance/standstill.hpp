@@ -1,12 +1,12 @@
 // Joints that stand still. Dry friction then takes whatever the drive gives, up to its level: the
 // balance of forces says nothing there, and a law fitted to it learns what friction happened to
-// hold. Samples at which no joint moves are left out, and so are all forces of a joint that never
-// moves.
+// hold. The force of a joint is left out where it stands, and so are samples at which no joint
+// moves and all forces of a joint that never moves.
 //
 // A joint stands where its speed stays below kStandingSpeed of its own root mean square over all
-// recordings for kStandingTime and longer; what is less than kStandingShare of a recording stays.
-// It never moves where its range is below kIdleRange of the largest range among joints of its kind,
-// or where no joint of its kind moves and another does.
+// recordings for kStandingTime and longer, and as far around as the low-pass filter that its force
+// went through carries what was held there. It never moves where its range is below kIdleRange of
+// the largest range among joints of its kind, or where no joint of its kind moves and another does.
 #pragma once
 
 #include <span>
@@ -18,17 +18,18 @@
 namespace graybox {
 
 inline constexpr double kStandingSpeed = 0.01;
-inline constexpr double kStandingTime = 0.5;   // s: shorter, it sticks as it slides
-inline constexpr double kStandingShare = 0.1;  // of a recording's time: less does little harm
+inline constexpr double kStandingTime = 0.2;  // s: shorter, it turns round or sticks as it slides
 inline constexpr double kIdleRange = 1e-3;
 
 // `is_prismatic`: of each joint.
 [[nodiscard]] std::vector<bool> idle_joints(std::span<const Motion> pieces,
                                             const std::vector<bool>& is_prismatic);
 
+// Sets Motion::stands. `speeds`: root mean squares of the joints' speeds.
+void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds);
 // A piece without the samples at which all joints stand, cut there; parts of fewer than 20 samples
-// are left out, too. `speeds`: root mean squares of the joints' speeds.
-[[nodiscard]] std::vector<Motion> moving_parts(const Motion& piece, const Eigen::VectorXd& speeds);
+// are left out, too.
+[[nodiscard]] std::vector<Motion> moving_parts(const Motion& piece);
 [[nodiscard]] Eigen::VectorXd root_mean_square_speeds(std::span<const Motion> pieces);
 
 }  // namespace graybox

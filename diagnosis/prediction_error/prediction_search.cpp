@@ -29,8 +29,12 @@ void forget_derivatives(PredictionFit& fit) {
 }
 
 // Whether a parameter of the last law ended at a bound.
+// Of the law that was added last.
 bool has_run_away(const PredictionFit& fit) {
   const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
+  const Element& law = fit.model.model.parts[fit.model.laws.back().part];
+  const bool at_signal = law.location.kind != LocationKind::kElement;
+  if (!keeps_order(*find_law(law.law_name, at_signal), law.parameters)) return true;
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
     if (fit.free[i] >= first && fit.at_bound[i]) return true;
   }

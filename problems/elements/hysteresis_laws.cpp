@@ -140,7 +140,7 @@ std::vector<LawEntry> hysteresis_laws() {
         {"bristle_damping", "F s/x", kNonNegative},
         {"damping", "F s/x", kNonNegative},
         {"level", "F", kPositive},
-        {"static_level", "F", kPositive},
+        {.name = "static_level", .unit = "F", .range = kPositive, .at_least = "level"},
         {"stribeck_velocity", "x/s", kPositive}},
        make_law<LuGre>},
       {"bouc_wen",

@@ -38,6 +38,18 @@ const std::deque<LawEntry>& supplementary_laws() {
   return laws;
 }
 
+bool keeps_order(const LawEntry& law, std::span<const double> parameters) {
+  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+    if (law.parameters[i].at_least.empty()) continue;
+    const auto least =
+        std::ranges::find(law.parameters, law.parameters[i].at_least, &LawParameter::name);
+    if (parameters[i] < parameters[static_cast<std::size_t>(least - law.parameters.begin())]) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void add_law(LawEntry entry) {
   if (const LawEntry* present = find_law(entry.name, entry.use == LawUse::kSignal)) {
     if (!present->definition.empty() && present->definition == entry.definition) return;

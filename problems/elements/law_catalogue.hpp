@@ -58,6 +58,9 @@ struct LawParameter {
   // A size that recordings tell for a given value of that one only, so that it has no standard
   // error by itself. (The level of a friction is none: it is stated at the velocity given.)
   bool is_relative = false;
+  // The parameter of the law that it is not below in any machine: friction at rest that is less
+  // than when sliding is no Stribeck effect. Files may say otherwise; a diagnosis does not.
+  std::string at_least = {};
 };
 
 struct LawEntry {
@@ -71,6 +74,9 @@ struct LawEntry {
   // YAML, as law_file.hpp reads it, of a law that a file has added; empty for graybox's own.
   std::string definition = {};
 };
+
+// Whether no parameter is below the one that it is at least.
+[[nodiscard]] bool keeps_order(const LawEntry& law, std::span<const double> parameters);
 
 // References to entries stay valid.
 [[nodiscard]] const std::deque<LawEntry>& law_catalogue();
