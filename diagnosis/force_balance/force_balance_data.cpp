@@ -290,7 +290,7 @@ std::string standing_times(const RigidRobotModel& robot, std::span<const Motion>
       samples += static_cast<double>(piece.samples());
       standing += static_cast<double>(piece.stands.col(static_cast<Eigen::Index>(j)).count());
     }
-    if (standing == 0.0) continue;
+    if (standing == 0.0 || standing == samples) continue;  // what never moves is told apart
     joints.push_back(
         fmt::format("{} {:.3g} s", robot.joints[j].name, duration_of(pieces) * standing / samples));
   }

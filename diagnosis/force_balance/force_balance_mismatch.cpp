@@ -69,6 +69,19 @@ Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& resi
   return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
 }
 
+// Share of a coordinate's rest that follows from its own past. The low-pass that the forces went
+// through gives any noise a past of half its period; so samples so far apart are asked.
+double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
+  const Motion& piece = rows.pieces.front();
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const FilterPass& filter : piece.filters) lowest = std::min(lowest, filter.frequency);
+  const double spacing =
+      (piece.time(piece.samples() - 1) - piece.time(0)) / static_cast<double>(piece.samples() - 1);
+  const double apart = 0.5 / (lowest * spacing) + 1e-6;
+  const Index stride = std::isfinite(lowest) ? std::max<Index>(1, static_cast<Index>(apart)) : 1;
+  return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
+}
+
 // A parameter of a law or of the model, as one column of the information about all.
 struct Column {
   std::size_t law = 0, parameter = 0;
@@ -143,7 +156,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const bool is_stopped = options_.keep_going && !options_.keep_going();
     if (!result.usable && !is_stopped && std::ranges::none_of(given, &RefinedLaw::is_new)) {
       const FitBalance balance = balance_of(given);
-      ExtendedFit held = described(starts, with_amplitudes(balance.regression(), given));
+      ExtendedFit held = described(starts, with_amplitudes(balance, given));
       if (held.usable) return held;
     }
     return result;
@@ -191,8 +204,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const Eigen::MatrixXd rest = residuals(fit, rows);
     double square = 0.0;
     for (Index j = 0; j < coordinates(); ++j) {
-      const ColouredNoise noise(rest.col(j));
-      square += (1.0 - noise.innovation_share()) * rest.col(j).squaredNorm();
+      square += own_past(rows, rest.col(j)) * rest.col(j).squaredNorm();
     }
     return 100.0 * std::sqrt(square / centred_square(rows.measured));
   }
@@ -208,8 +220,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (!(left > 0.0) || !(signal > 0.0)) continue;
       channel.nrmse = 100.0 * std::sqrt(left / signal);
       channel.structure = std::max(0.0, 1.0 - unseen.col(j).squaredNorm() / left);
-      const double own_past = 1.0 - ColouredNoise(rest.col(j)).innovation_share();
-      channel.autocorrelated_error = 100.0 * std::sqrt(own_past * left / signal);
+      channel.autocorrelated_error = 100.0 * std::sqrt(own_past(rows, rest.col(j)) * left / signal);
     }
     add_held_out_errors(fit, channels);
     return channels;
@@ -312,6 +323,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     std::vector<PlacedLaw> laws;
     std::vector<BalanceColumns> columns;
     BalanceFit fitted;
+    std::vector<double> inverse_gains;  // as ExtendedFit's
   };
 
   // What a fit leaves of each coordinate, root mean square.
@@ -334,7 +346,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         result.trouble = "the laws' shapes could not be refined";
         return result;
       }
-      const AmplitudeFit fit = with_amplitudes(regression, refined);
+      const AmplitudeFit fit = with_amplitudes(balance, refined);
       const bool has_shapes = std::ranges::any_of(refined, [](const RefinedLaw& law) {
         return !law.is_held && !law.law.refined().empty();
       });
@@ -391,6 +403,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const Index parameter = data_.gain_parameters[static_cast<std::size_t>(j)];
       if (parameter >= 0) {
         gains(j) = fit.model_parameters[static_cast<std::size_t>(parameter)].value;
+      } else if (!fit.inverse_gains.empty()) {
+        gains(j) = fit.inverse_gains[static_cast<std::size_t>(j)];
       }
     }
     return gains;
@@ -428,14 +442,26 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   class FitBalance {
    public:
     explicit FitBalance(const BalanceRegression& recorded) : regression_(&recorded) {}
-    FitBalance(ForceBalanceRows rows, const Eigen::VectorXd& noise)
-        : rows_(std::make_unique<ForceBalanceRows>(std::move(rows))),
-          own_(std::make_unique<BalanceRegression>(*rows_, noise)),
+    FitBalance(PayloadTangent tangent, const Eigen::VectorXd& noise)
+        : tangent_(std::make_unique<PayloadTangent>(std::move(tangent))),
+          own_(std::make_unique<BalanceRegression>(tangent_->rows, noise)),
           regression_(own_.get()) {}
     [[nodiscard]] const BalanceRegression& regression() const { return *regression_; }
+    // Takes the gains that only the payload tells from the model's parameters.
+    void part_gains(AmplitudeFit& fit) const {
+      if (!tangent_ || tangent_->loaded.empty() || !fit.fitted.full_rank) return;
+      const auto count = static_cast<Index>(tangent_->loaded.size());
+      const Index model = fit.fitted.model.size() - count;
+      fit.inverse_gains.assign(static_cast<std::size_t>(tangent_->rows.coordinates()), 0.0);
+      for (Index k = 0; k < count; ++k) {
+        const auto joint = static_cast<std::size_t>(tangent_->loaded[static_cast<std::size_t>(k)]);
+        fit.inverse_gains[joint] = fit.fitted.model(model + k);
+      }
+      fit.fitted.model.conservativeResize(model);
+    }
 
    private:
-    std::unique_ptr<ForceBalanceRows> rows_;
+    std::unique_ptr<PayloadTangent> tangent_;
     std::unique_ptr<BalanceRegression> own_;
     const BalanceRegression* regression_;
   };
@@ -448,15 +474,16 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return {about_payloads(data_, payloads), regression_.noise()};
   }
 
-  [[nodiscard]] AmplitudeFit with_amplitudes(const BalanceRegression& regression,
+  [[nodiscard]] AmplitudeFit with_amplitudes(const FitBalance& balance,
                                              std::span<const RefinedLaw> refined) const {
     AmplitudeFit result;
     for (const RefinedLaw& law : refined) {
       result.laws.push_back(law.law);
       result.columns.push_back(law_columns(law.law, data_, data_.estimation));
     }
-    result.fitted = regression.fit(result.columns);
+    result.fitted = balance.regression().fit(result.columns);
     if (result.fitted.full_rank) set_amplitudes(result.laws, result.fitted.amplitudes);
+    balance.part_gains(result);
     return result;
   }
 
@@ -475,6 +502,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     if (!result.impossible.empty()) return result;
     result.usable = true;
+    result.inverse_gains = fit.inverse_gains;
     describe(starts, fit.laws, fit.fitted, result);
     const std::vector<double> wald = wald_statistics(fit.columns, fit.fitted);
     for (std::size_t l = 0; l < wald.size(); ++l) result.laws[l].wald_statistic = wald[l];
@@ -580,14 +608,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return true;
   }
 
-  // Columns of all parameters that the fit has estimated, the model's first, over `noise`; which of
-  // the laws' they are.
+  // Columns of all parameters that the fit has estimated over `noise`: the model's, the laws' (which
+  // they are), gains that only a payload tells.
   [[nodiscard]] Eigen::MatrixXd information_columns(const std::vector<PlacedLaw>& laws,
                                                     const Eigen::VectorXd& noise,
                                                     std::vector<Column>& of_laws) const {
     const Index samples = data_.estimation.samples();
     Eigen::MatrixXd columns = stacked(data_.estimation.model, noise, samples);
-    for (const PlacedLaw& law : laws) add_gain_slopes(law, noise, columns);
     for (std::size_t l = 0; l < laws.size(); ++l) {
       const PlacedLaw& law = laws[l];
       const std::vector<std::size_t> linear = law.linear(), scaled = law.scaled();
@@ -601,20 +628,26 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       for (const std::size_t index : shaping) of_laws.push_back({l, index});
       append(stacked(law_slopes(law, shaping, data_, data_.estimation), noise, samples), columns);
     }
+    for (const PlacedLaw& law : laws) add_gain_slopes(law, noise, columns);
     return columns;
   }
 
-  // What 1/gain of each joint's drive changes in the force of a payload there.
+  // What 1/gain of each joint's drive changes in the force of a payload there: in the column of the
+  // gain, or one of its own at the end.
   void add_gain_slopes(const PlacedLaw& law, const Eigen::VectorXd& noise,
                        Eigen::MatrixXd& columns) const {
     if (law.inverse_gains.size() == 0) return;
     const Index samples = data_.estimation.samples();
-    const BalanceColumns force = law_force_column(law, data_, data_.estimation);
+    const BalanceColumns force = force_before_gains(law, data_, data_.estimation);
     for (Index j = 0; j < coordinates(); ++j) {
       const auto at = static_cast<std::size_t>(j);
-      if (data_.gain_parameters[at] < 0) continue;
-      columns.col(data_.gain_parameters[at]).segment(j * samples, samples) +=
-          force.in[at].col(0) / (law.inverse_gains(j) * noise(j));
+      const Eigen::VectorXd own = force.in[at].col(0) / noise(j);
+      if (data_.gain_parameters[at] >= 0) {
+        columns.col(data_.gain_parameters[at]).segment(j * samples, samples) += own;
+      } else if (law.inverse_gains(j) != 0.0) {
+        append(Eigen::MatrixXd::Zero(columns.rows(), 1), columns);
+        columns.rightCols<1>().middleRows(j * samples, samples) = own;
+      }
     }
   }
 

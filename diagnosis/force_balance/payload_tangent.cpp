@@ -1,21 +1,54 @@
 #include "graybox/diagnosis/force_balance/payload_tangent.hpp"
 
 namespace graybox {
+namespace {
 
-ForceBalanceRows about_payloads(const ForceBalanceData& data, std::span<const PlacedLaw> payloads) {
-  ForceBalanceRows rows = data.estimation;
-  for (const PlacedLaw& payload : payloads) {
-    const BalanceColumns force = law_force_column(payload, data, rows);
-    for (std::size_t j = 0; j < force.in.size(); ++j) {
-      const Eigen::Index gain = data.gain_parameters[j];
-      const double inverse_gain = payload.inverse_gains(static_cast<Eigen::Index>(j));
-      if (gain < 0 || inverse_gain == 0.0) continue;
-      const Eigen::VectorXd carried = force.in[j].col(0);
-      rows.force.col(static_cast<Eigen::Index>(j)) += carried;
-      rows.model.in[j].col(gain) += carried / inverse_gain;
+using Index = Eigen::Index;
+
+void add_column(Index joint, const Eigen::VectorXd& column, BalanceColumns& columns) {
+  for (std::size_t j = 0; j < columns.in.size(); ++j) {
+    Eigen::MatrixXd& block = columns.in[j];
+    block.conservativeResize(Eigen::NoChange, columns.count + 1);
+    if (static_cast<Index>(j) == joint) {
+      block.rightCols<1>() = column;
+    } else {
+      block.rightCols<1>().setZero();
     }
   }
-  return rows;
+  ++columns.count;
+}
+
+}  // namespace
+
+BalanceColumns force_before_gains(const PlacedLaw& payload, const ForceBalanceData& data,
+                                  const ForceBalanceRows& rows) {
+  PlacedLaw unit = payload;
+  unit.inverse_gains.setOnes();
+  return law_force_column(unit, data, rows);
+}
+
+PayloadTangent about_payloads(const ForceBalanceData& data, std::span<const PlacedLaw> payloads) {
+  PayloadTangent tangent{data.estimation, {}};
+  ForceBalanceRows& rows = tangent.rows;
+  Eigen::MatrixXd carried = Eigen::MatrixXd::Zero(rows.samples(), rows.coordinates());
+  for (const PlacedLaw& payload : payloads) {
+    const BalanceColumns force = force_before_gains(payload, data, rows);
+    for (Index j = 0; j < rows.coordinates(); ++j) {
+      const Eigen::VectorXd own = force.in[static_cast<std::size_t>(j)].col(0);
+      carried.col(j) += own;
+      rows.force.col(j) += payload.inverse_gains(j) * own;
+    }
+  }
+  for (Index j = 0; j < rows.coordinates(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    if (data.gain_parameters[at] >= 0) {
+      rows.model.in[at].col(data.gain_parameters[at]) += carried.col(j);
+    } else if (carried.col(j).squaredNorm() > 0.0) {
+      add_column(j, carried.col(j), rows.model);
+      tangent.loaded.push_back(j);
+    }
+  }
+  return tangent;
 }
 
 }  // namespace graybox

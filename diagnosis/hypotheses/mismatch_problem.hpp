@@ -125,6 +125,9 @@ struct ExtendedFit {
   std::vector<std::size_t> impossible;
   std::vector<LawParameterEstimate> model_parameters;
   std::vector<FittedLaw> laws;
+  // 1/gain of drives that a law alone tells (a payload beyond joints that bodies do not load), by
+  // coordinate; 0: not told. Empty where there are none.
+  std::vector<double> inverse_gains;
   double deviance = 0.0;  // -2 log likelihood, up to a constant that all fits of the problem share
   std::size_t parameter_count = 0;
   // What the data say about the laws' parameters: log det(1 + D S D), S their information with the

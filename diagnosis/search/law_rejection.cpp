@@ -86,6 +86,11 @@ std::string impossible_words(const SearchState& state, std::size_t law) {
     if ((is_friction || is_damping) && quantity.value + quantity.stated < -margin) {
       return "friction would be negative, which a late channel or a wrong sign looks like";
     }
+    const bool is_inertia =
+        quantity.kind == QuantityKind::kInertia || quantity.kind == QuantityKind::kMass;
+    if (is_inertia && quantity.value + quantity.stated < -margin) {
+      return "with it the inertia would be negative";
+    }
     const double largest = limits.size * physics.laws[law].carried;
     if ((is_friction || is_force) && std::abs(quantity.value) - margin > largest) {
       return "its force would be far beyond what was ever measured there";
