@@ -11,6 +11,7 @@ using Eigen::Index;
 
 constexpr Index kFewestSamples = 20;
 constexpr double kSameAngle = 1e-9;  // rad or m
+constexpr double kSlope = 3.0;       // samples
 
 Motion samples_of(const Motion& piece, Index first, Index count) {
   Motion part = piece;
@@ -23,11 +24,26 @@ Motion samples_of(const Motion& piece, Index first, Index count) {
   return part;
 }
 
-// How far a low-pass carries what came before or after: half a period of its frequency.
+// How far what was held shows among the samples beside it: half a period of the low-pass that the
+// force went through, and what a slope reaches.
 double reach_of(const Motion& piece) {
-  double reach = 0.0;
+  const double spacing =
+      (piece.time(piece.samples() - 1) - piece.time(0)) / static_cast<double>(piece.samples() - 1);
+  double reach = kSlope * spacing;
   for (const FilterPass& filter : piece.filters) reach = std::max(reach, 0.5 / filter.frequency);
   return reach;
+}
+
+// The end of the samples from `first` on that stay within `band`.
+Index end_of_stay(const Motion& piece, Index joint, Index first, double band) {
+  double lowest = piece.position(first, joint), highest = lowest;
+  Index end = first;
+  for (; end < piece.samples(); ++end) {
+    lowest = std::min(lowest, piece.position(end, joint));
+    highest = std::max(highest, piece.position(end, joint));
+    if (highest - lowest > band) break;
+  }
+  return end;
 }
 
 }  // namespace
@@ -68,19 +84,22 @@ Eigen::VectorXd root_mean_square_speeds(std::span<const Motion> pieces) {
 
 void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds) {
   const Index samples = piece.samples();
-  const double reach = reach_of(piece);
   piece.stands.setConstant(samples, speeds.size(), false);
+  if (samples < 2) return;
+  const double reach = reach_of(piece);
   for (Index j = 0; j < speeds.size(); ++j) {
+    const double band = kStandingSpeed * kStandingTime * speeds(j);
     for (Index t = 0; t < samples;) {
-      Index end = t;
-      while (end < samples && std::abs(piece.velocity(end, j)) <= kStandingSpeed * speeds(j)) ++end;
-      if (end > t && piece.time(end - 1) - piece.time(t) >= kStandingTime) {
-        Index first = t, last = end - 1;
-        while (first > 0 && piece.time(t) - piece.time(first - 1) <= reach) --first;
-        while (last + 1 < samples && piece.time(last + 1) - piece.time(end - 1) <= reach) ++last;
-        piece.stands.col(j).segment(first, last + 1 - first).setConstant(true);
+      const Index end = end_of_stay(piece, j, t, band);
+      if (piece.time(end - 1) - piece.time(t) < kStandingTime) {
+        ++t;
+        continue;
       }
-      t = std::max(end, t + 1);
+      Index first = t, last = end - 1;
+      while (first > 0 && piece.time(t) - piece.time(first - 1) <= reach) --first;
+      while (last + 1 < samples && piece.time(last + 1) - piece.time(end - 1) <= reach) ++last;
+      piece.stands.col(j).segment(first, last + 1 - first).setConstant(true);
+      t = end;
     }
   }
 }
