@@ -39,6 +39,20 @@ std::vector<LawEntry> all_laws() {
   return all;
 }
 
+TEST(LawCatalogue, FrictionAtRestIsNotBelowThatWhenSliding) {
+  const LawEntry& stribeck = *find_law("stribeck", false);
+  EXPECT_TRUE(keeps_order(stribeck, std::vector<double>{2.0, 2.5, 0.1, 0.01}));
+  EXPECT_FALSE(keeps_order(stribeck, std::vector<double>{2.0, 1.5, 0.1, 0.01}));
+  EXPECT_TRUE(keeps_order(*find_law("coulomb", false), std::vector<double>{2.0, 0.01}));
+  for (const LawEntry& law : law_catalogue()) {
+    for (const LawParameter& parameter : law.parameters) {
+      if (parameter.at_least.empty()) continue;
+      EXPECT_EQ(std::ranges::count(law.parameters, parameter.at_least, &LawParameter::name), 1)
+          << law.name;
+    }
+  }
+}
+
 TEST(Laws, FollowTheirFormulas) {
   EXPECT_DOUBLE_EQ(static_force("stiffness", {3.0}, 0.5), 1.5);
   EXPECT_DOUBLE_EQ(static_force("cubic_spring", {-2.0}, -0.5), 0.25);

@@ -208,6 +208,25 @@ TEST_F(ForceBalance, NeverExplainsAnythingByNegativeDamping) {
   }
 }
 
+// A low-pass gives any noise a past. The verdict calls that no past, and that of noise which has a
+// memory of its own one.
+TEST_F(ForceBalance, DoesNotTakeTheLowPassForAPast) {
+  for (const double memory : {0.0, 0.98}) {
+    record([](double, double v) { return 3.0 * v; }, 1.0, 4, memory);
+    std::ofstream(folder_ / "campaign.yaml", std::ios::app)
+        << "preprocess:\n  - {kind: low_pass, frequency: 5}\n";
+    const auto data = problem();
+    const Diagnosis diagnosis = diagnose(*data);
+    ASSERT_TRUE(diagnosis.autocorrelated_error.has_value());
+    const double share = *diagnosis.autocorrelated_error / diagnosis.after.estimation.nrmse;
+    if (memory == 0.0) {
+      EXPECT_LT(share, 0.5);
+    } else {
+      EXPECT_GT(share, 0.7);
+    }
+  }
+}
+
 TEST(ColouredNoise, KnowsWhatSamplesOfAKnownMemoryAreWorth) {
   Random random(5);
   Eigen::VectorXd values(20000);
@@ -647,6 +666,52 @@ TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
 }
 
+// One joint rests while the others go on: what friction holds there is no law, and what the others
+// show is.
+TEST_F(ForceBalance, LeavesOutTheForceOfOneJointThatRests) {
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  Random random(5);
+  for (int run = 1; run <= 2; ++run) {
+    std::ofstream stream(folder_ / fmt::format("{}.csv", run));
+    stream.precision(12);
+    stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+    for (int k = 0; k < 2000; ++k) {
+      const bool rests = k >= 600 && k < 1400;
+      const double own_time = 0.01 * (k < 600 ? k : std::max(k - 800, 600));
+      Eigen::Vector3d q = Eigen::Vector3d::Zero(), v = q, a = q;
+      for (int j = 0; j < 3; ++j) {
+        const double w = 1.1 + 0.3 * j + 0.2 * run, t = j == 2 ? own_time : 0.01 * k;
+        const double moves = j == 2 && rests ? 0.0 : 1.0;
+        q(j) = 0.8 * std::sin(w * t);
+        v(j) = moves * 0.8 * w * std::cos(w * t);
+        a(j) = -moves * 0.8 * w * w * std::sin(w * t);
+      }
+      columns.evaluate(q, v, a);
+      Eigen::Vector3d torque = columns.known();
+      for (int j = 0; j < 3; ++j) torque(j) += 0.05 * random.normal();
+      torque(2) += rests ? 1.9 * std::sin(0.02 * k) : 2.0 * std::tanh(v(2) / 0.01);
+      stream << torque(0) << ',' << torque(1) << ',' << torque(2);
+      for (const Eigen::Vector3d& signal : {q, v, a}) {
+        for (const double value : signal) stream << ',' << value;
+      }
+      stream << '\n';
+    }
+  }
+  const auto data = problem();
+  ASSERT_EQ(data->remarks().size(), 2U);
+  EXPECT_NE(data->remarks()[0].find("these joints stand still: elbow 8"), std::string::npos)
+      << data->remarks()[0];
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(names_of(*data, diagnosis), "coulomb at elbow.arm; ");
+  const LawParameterEstimate& level = diagnosis.effects[0].law.parameters[0];
+  EXPECT_NEAR(level.value, 2.0, 4.0 * level.standard_error);
+  EXPECT_LT(level.standard_error, 0.02);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+}
+
 // Currents, 7, 11 and 23 N m for one of their units.
 const Eigen::Vector3d kDrives(1.0 / 7.0, 1.0 / 11.0, 1.0 / 23.0);
 const std::string kInDriveUnits =
@@ -659,6 +724,27 @@ TEST_F(ForceBalance, FindsAPayloadThatEachDriveFeelsInAUnitOfItsOwn) {
   ASSERT_EQ(names_of(*data, diagnosis), "payload at flange; ");
   // Gains that the bodies tell leave less to know the mass by.
   expect_offset_load(diagnosis.effects[0].law, 0.2);
+}
+
+// A load of ten times the last link's weight, and a last joint about whose axis no body has weight:
+// its drive's gain shows by the load alone.
+TEST_F(ForceBalance, FindsAPayloadThatOutweighsTheLinksThatTellTheGains) {
+  const auto with_light_elbow = [](const std::string& text) {
+    return replaced(text, "body: {mass: 3, centre_of_mass: [0.1, 0, 0]}",
+                    "body: {mass: 0.2, centre_of_mass: [0, 0, 0]}");
+  };
+  record_arm(folder_, with_light_elbow(kLiftingArm + kOffsetLoad), with_light_elbow(kInDriveUnits),
+             kDrives);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(names_of(*data, diagnosis), "payload at flange; ");
+  expect_offset_load(diagnosis.effects[0].law, 0.2);
+  for (const ChannelRest& channel : data->channel_rests(diagnosis.after)) {
+    ASSERT_TRUE(channel.held_out_nrmse.has_value());
+    EXPECT_LT(*channel.held_out_nrmse, 25.0) << channel.channel;  // the noise of the last joint
+  }
+  ASSERT_EQ(diagnosis.after.inverse_gains.size(), 3U);
+  EXPECT_NEAR(diagnosis.after.inverse_gains[2], kDrives(2), 0.05 * kDrives(2));
 }
 
 // First without, then with the load: it is looked for in the recordings that carry it.
@@ -711,6 +797,29 @@ TEST(Standstill, JointsOfOneKindAreComparedAndOthersWithWhatMoves) {
   EXPECT_EQ(idle_joints(pieces, {true, false, false}), (std::vector<bool>{true, false, true}));
   piece.position = Eigen::MatrixXd::Constant(50, 1, 0.2);
   EXPECT_EQ(idle_joints(std::vector<Motion>{piece}, {false}), std::vector<bool>{false});
+}
+
+// Rounded to the steps of an encoder, a joint that rests flickers; one that turns round does not
+// rest. The low-pass carries what was held into the samples beside it.
+TEST(Standstill, IsToldByHowFarAJointGets) {
+  Motion piece;
+  const Eigen::Index samples = 1000;
+  piece.time = Eigen::VectorXd::LinSpaced(samples, 0.0, 9.99);
+  piece.position.resize(samples, 2);
+  piece.velocity = Eigen::MatrixXd::Zero(samples, 2);
+  piece.acceleration = piece.torque = piece.velocity;
+  for (Eigen::Index t = 0; t < samples; ++t) {
+    const double time = 0.01 * static_cast<double>(t);
+    piece.position(t, 0) = 0.5 * std::sin(2.0 * time);
+    piece.position(t, 1) = t < 400 ? 0.1 * time : 0.4 + (t % 2 == 0 ? 0.0 : 1e-4);
+  }
+  piece.filters = {{10.0, 4}};
+  const Eigen::Vector2d speeds(0.7, 0.06);
+  mark_standstill(piece, speeds);
+  EXPECT_FALSE(piece.stands.col(0).any());
+  EXPECT_FALSE(piece.stands.col(1).head(390).any());
+  EXPECT_TRUE(piece.stands.col(1).tail(605).all());  // 0.05 s before it comes to rest
+  EXPECT_EQ(moving_parts(piece).size(), 1U);         // the other goes on
 }
 
 TEST_F(ForceBalance, RefusesTooFewSamples) {
