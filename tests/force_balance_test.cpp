@@ -13,6 +13,7 @@
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
+#include "graybox/diagnosis/force_balance/derivative_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
@@ -820,6 +821,33 @@ TEST(Standstill, IsToldByHowFarAJointGets) {
   EXPECT_FALSE(piece.stands.col(1).head(390).any());
   EXPECT_TRUE(piece.stands.col(1).tail(605).all());  // 0.05 s before it comes to rest
   EXPECT_EQ(moving_parts(piece).size(), 1U);         // the other goes on
+}
+
+// Positions of one sine with noise of a known size: the acceleration's noise that the formula says is
+// what differences of the filtered noise have, and clean positions need no filter.
+TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
+  Random random(7);
+  const Eigen::Index samples = 4000;
+  const double sample_time = 0.01, deviation = 1e-3;
+  PositionRecord clean{Eigen::VectorXd(samples), sample_time}, noisy = clean, noise = clean;
+  for (Eigen::Index t = 0; t < samples; ++t) {
+    clean.values(t) = std::sin(2.0 * sample_time * static_cast<double>(t));
+    noise.values(t) = deviation * random.normal();
+  }
+  noisy.values = clean.values + noise.values;
+  EXPECT_FALSE(low_pass_for_acceleration(std::vector{clean}).has_value());
+  EXPECT_FALSE(low_pass_for_acceleration(std::vector{noise}).has_value());  // nothing moves
+  const std::optional<double> frequency = low_pass_for_acceleration(std::vector{noisy});
+  ASSERT_TRUE(frequency.has_value());
+  const auto share_at = [&](double f) {
+    const Eigen::VectorXd left = zero_phase_low_pass(noise.values, f * sample_time, 4);
+    const Eigen::Index n = samples - 2;
+    const Eigen::VectorXd acceleration =
+        (left.tail(n) - 2.0 * left.segment(1, n) + left.head(n)) / (sample_time * sample_time);
+    return acceleration.squaredNorm() / static_cast<double>(n) / 8.0;  // that of the sine: 4^2 / 2
+  };
+  EXPECT_LT(share_at(*frequency), 0.015);
+  EXPECT_GT(share_at(1.6 * *frequency), 0.01);
 }
 
 TEST_F(ForceBalance, RefusesTooFewSamples) {

@@ -12,6 +12,7 @@
 
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
+#include "graybox/diagnosis/force_balance/derivative_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 #include "graybox/diagnosis/force_balance/payload_tangent.hpp"
@@ -1040,10 +1041,39 @@ std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::pa
       load_force_balance_data(load_rigid_robot(model), campaign, options.place_files), options);
 }
 
+namespace {
+
+// Of a drive whose positions alone are recorded, and not filtered yet.
+std::optional<double> missing_low_pass(const RigidRobotModel& drive, const Campaign& campaign) {
+  if (!drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
+  std::vector<PositionRecord> positions;
+  for (const MotionRecord& record : read_motion_records(drive, campaign)) {
+    for (const Motion& piece : record.pieces) {
+      if (!piece.filters.empty()) return {};
+      if (piece.samples() < 2) continue;
+      const double duration = piece.time(piece.samples() - 1) - piece.time(0);
+      positions.push_back(
+          {piece.position.col(0), duration / static_cast<double>(piece.samples() - 1)});
+    }
+  }
+  return low_pass_for_acceleration(positions);
+}
+
+}  // namespace
+
 std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
-  ForceBalanceData data = load_force_balance_data(drive, campaign);
+  Campaign smooth = campaign;
+  const std::optional<double> frequency = missing_low_pass(drive, campaign);
+  if (frequency) smooth.preprocess.emplace_back(LowPass{*frequency, 4, {}});
+  ForceBalanceData data = load_force_balance_data(drive, smooth);
+  if (frequency) {
+    data.remarks.push_back(fmt::format(
+        "All channels went through a low-pass at {:.2g} Hz: above it the noise of the positions, "
+        "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.2g})",
+        *frequency, *frequency));
+  }
   name_as_lumped(data);
   return std::make_unique<ForceBalanceProblem>(std::move(data), options);
 }

@@ -18,7 +18,7 @@
 
 namespace graybox {
 
-inline constexpr double kStandingSpeed = 0.01;
+inline constexpr double kStandingSpeed = 0.002;
 inline constexpr double kStandingTime = 0.2;  // s: shorter, it turns round or sticks as it slides
 inline constexpr double kIdleRange = 1e-3;
 

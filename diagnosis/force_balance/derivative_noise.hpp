@@ -1,0 +1,30 @@
+// The low-pass under which positions can be differentiated twice.
+//
+// White noise of variance s^2 on positions, sampled f_s times a second, leaves after a low-pass at f
+// an acceleration of the variance
+//
+//     2 s^2 / f_s  integral from 0 to f of (2 pi x)^4 dx  =  2 s^2 (2 pi)^4 f^5 / (5 f_s).
+//
+// s^2 is what white noise makes of third differences, a twentieth of their variance. Stamps that
+// jitter are such noise, too: an error of the time is one of the position.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+
+namespace graybox {
+
+// One recording's positions, evenly sampled.
+struct PositionRecord {
+  Eigen::VectorXd values;
+  double sample_time = 0.0;  // s
+};
+
+// The highest frequency, Hz, of a ladder below the Nyquist frequency at which that variance is at
+// most 1 % of the acceleration's; none where even unfiltered positions allow for it, or where no
+// frequency does that lets ten waves into the longest recording.
+[[nodiscard]] std::optional<double> low_pass_for_acceleration(
+    std::span<const PositionRecord> records);
+
+}  // namespace graybox
