@@ -19,6 +19,7 @@
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "graybox/diagnosis/recordings/preprocess.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/verdict/extended_model.hpp"
