@@ -154,11 +154,11 @@ void BalanceRegression::compress() {
   triangle_ = basis_.transpose() * scaled_model(rows_, noise_);
   scaled_force_ = stacked(rows_.force, noise_);
   const Index p = basis_.cols();
-  for (const std::vector<Rows>& block : blocks_) {
+  for (Index b = 0; b < kBlocks; ++b) {
     for (Index j = 0; j < coordinates(); ++j) {
       Products& sums = products_.emplace_back(
           Products{Eigen::MatrixXd::Zero(p, p), Eigen::VectorXd::Zero(p), 0.0});
-      for (const Rows& part : block) {
+      for (const Rows& part : blocks_[index(b, j)]) {
         const auto q = basis_.middleRows(j * rows_.samples() + part.first, part.count);
         const auto y = scaled_force_.segment(j * rows_.samples() + part.first, part.count);
         sums.basis.noalias() += q.transpose() * q;
@@ -169,27 +169,40 @@ void BalanceRegression::compress() {
   }
 }
 
-// Pieces of one load that follow each other are cut into tenths together.
 void BalanceRegression::cut_into_blocks() {
-  blocks_.resize(kBlocks);
+  blocks_.resize(static_cast<std::size_t>(kBlocks * coordinates()));
+  for (Index j = 0; j < coordinates(); ++j) cut_into_blocks(j);
+}
+
+// Pieces of one load that follow each other are cut into tenths together.
+void BalanceRegression::cut_into_blocks(Index coordinate) {
   Index first = 0;
   for (std::size_t piece = 0; piece < rows_.pieces.size();) {
     const std::string& load = rows_.pieces[piece].load;
-    Index count = 0;
+    Index rows = 0;
     for (; piece < rows_.pieces.size() && rows_.pieces[piece].load == load; ++piece) {
-      count += rows_.pieces[piece].samples();
+      rows += rows_.pieces[piece].samples();
     }
+    const double all = rows_.counted(coordinate, first, rows);
+    Index begin = 0;
+    double before = 0.0;
     for (Index b = 0; b < kBlocks; ++b) {
-      const Index begin = b * count / kBlocks, end = (b + 1) * count / kBlocks;
-      blocks_[static_cast<std::size_t>(b)].push_back({first + begin, end - begin});
+      Index end = all > 0.0 ? begin : (b + 1) * rows / kBlocks;
+      const double share = all * static_cast<double>(b + 1) / static_cast<double>(kBlocks);
+      while (all > 0.0 && end < rows && (before < share || b + 1 == kBlocks)) {
+        before += rows_.counted(coordinate, first + end, 1);
+        ++end;
+      }
+      blocks_[index(b, coordinate)].push_back({first + begin, end - begin});
+      begin = end;
     }
-    first += count;
+    first += rows;
   }
 }
 
 double BalanceRegression::counted(Index block, Index coordinate) const {
   double count = 0.0;
-  for (const Rows& part : blocks_[static_cast<std::size_t>(block)]) {
+  for (const Rows& part : blocks_[index(block, coordinate)]) {
     count += rows_.counted(coordinate, part.first, part.count);
   }
   return count;
@@ -227,7 +240,7 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
       part = {Eigen::MatrixXd::Zero(p + m, p + m), Eigen::VectorXd::Zero(p + m), fixed.force};
       part.matrix.topLeftCorner(p, p) = fixed.basis;
       part.right.head(p) = fixed.basis_force;
-      for (const Rows& rows : blocks_[static_cast<std::size_t>(b)]) {
+      for (const Rows& rows : blocks_[index(b, j)]) {
         const auto own = columns.middleRows(rows.first, rows.count);
         const Index first = j * samples + rows.first;
         part.matrix.bottomLeftCorner(m, p).noalias() +=

@@ -12,8 +12,10 @@
 // iteration starts from the s_j of the model alone, and once for each coordinate with that
 // coordinate all but left out.
 //
-// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation.
-// Where recordings carry different loads, a block has a tenth of each load's.
+// Blocks are contiguous tenths of the recordings, which predict each other in cross-validation: of
+// each coordinate tenths of the samples that count there, so that one that often rests has as many
+// to be judged by as the others. Where recordings carry different loads, a block has a tenth of
+// each load's.
 //
 // Cost: O(N p^2) once, O(N p m) a fit with m columns, O((B + n) (p + m)^3) for B blocks and n
 // coordinates.
@@ -68,6 +70,7 @@ class BalanceRegression {
     return static_cast<std::size_t>(block * coordinates() + coordinate);
   }
   void cut_into_blocks();
+  void cut_into_blocks(Eigen::Index coordinate);
   void compress();
   [[nodiscard]] double counted(Eigen::Index block, Eigen::Index coordinate) const;
   [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
@@ -87,7 +90,7 @@ class BalanceRegression {
   struct Rows {
     Eigen::Index first = 0, count = 0;
   };
-  std::vector<std::vector<Rows>> blocks_;
+  std::vector<std::vector<Rows>> blocks_;  // by block and coordinate, index()
   std::vector<Products> products_;
 };
 

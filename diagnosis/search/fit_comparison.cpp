@@ -130,7 +130,9 @@ int FitComparison::highest_rank_added(const ExtendedFit& without, const Extended
       return std::ranges::count(fit.laws, law.hypothesis, &FittedLaw::hypothesis);
     };
     if (count(with) <= count(without)) continue;
-    highest = std::max(highest, problem_->hypotheses()[law.hypothesis].rank);
+    const int rank = problem_->hypotheses()[law.hypothesis].rank;
+    const bool is_further_wave = count(without) > 0;  // of a law that is there: no longer rare
+    highest = std::max(highest, is_further_wave ? std::min(rank, kRareRank - 1) : rank);
   }
   return highest;
 }

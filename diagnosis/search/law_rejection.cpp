@@ -99,6 +99,14 @@ std::string impossible_words(const SearchState& state, std::size_t law) {
   return "";
 }
 
+// Beside a larger wave of the same kind a further one is not rare.
+bool is_largest_of_its_kind(const FittedLaw& law, const ExtendedFit& fit) {
+  return std::ranges::none_of(fit.laws, [&law](const FittedLaw& other) {
+    return other.hypothesis == law.hypothesis &&
+           std::abs(other.parameters.front().value) > std::abs(law.parameters.front().value);
+  });
+}
+
 // Of a law of the last fit; none: it stays.
 std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                                         const ExtendedFit& without) {
@@ -120,7 +128,8 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                     100.0 * kLeastGain);
     return rejected;
   }
-  const bool is_rare = state.hypothesis(fitted.hypothesis).rank >= kRareRank;
+  const bool is_rare = state.hypothesis(fitted.hypothesis).rank >= kRareRank &&
+                       is_largest_of_its_kind(fitted, state.result.after);
   if (is_rare && rejected.held_out && rejected.held_out->gain < state.options.rare_gain) {
     rejected.reason = fmt::format(
         "few machines have it, and it takes less than {:.0f} % from the squared error of "
