@@ -851,6 +851,38 @@ TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
   EXPECT_GT(share_at(1.6 * *frequency), 0.01);
 }
 
+// A force that was recorded 0.05 s late beside friction that the diagnosis finds, and one that was
+// not late.
+TEST_F(ForceBalance, TellsAForceThatComesLate) {
+  for (const int late : {0, 5}) {  // samples of 0.01 s
+    record([](double x, double v) { return 30.0 * std::sin(4.0 * x) + 8.0 * std::tanh(v / 0.01); },
+           0.2, 6);
+    for (const char* name : {"run_1.csv", "run_2.csv"}) {
+      std::ifstream in(folder_ / name);
+      std::vector<std::string> lines;
+      for (std::string line; std::getline(in, line);) lines.push_back(line);
+      in.close();
+      std::ofstream out(folder_ / name);
+      out << lines[0] << '\n';
+      for (std::size_t k = 1 + static_cast<std::size_t>(late); k < lines.size(); ++k) {
+        const std::string& earlier = lines[k - static_cast<std::size_t>(late)];
+        out << earlier.substr(0, earlier.find(',')) << lines[k].substr(lines[k].find(',')) << '\n';
+      }
+    }
+    const auto data = problem();
+    const Diagnosis diagnosis = diagnose(*data);
+    ASSERT_EQ(diagnosis.channels_after.size(), 1U);
+    const ChannelRest& channel = diagnosis.channels_after[0];
+    if (late == 0) {
+      EXPECT_FALSE(channel.late_by.has_value());
+    } else {
+      ASSERT_TRUE(channel.late_by.has_value());
+      EXPECT_NEAR(*channel.late_by, 0.05, 0.015);
+      EXPECT_LT(*channel.held_out_nrmse_in_time, 0.9 * *channel.held_out_nrmse);
+    }
+  }
+}
+
 TEST_F(ForceBalance, RefusesTooFewSamples) {
   record([](double, double) { return 0.0; }, 0.5, 1);
   std::ofstream(folder_ / "run_1.csv") << "force,x,v,a\n1,0,1,0\n2,0.1,1,0\n3,0.2,1,0\n4,0.3,1,0\n";

@@ -15,6 +15,7 @@
 #include "graybox/diagnosis/force_balance/derivative_noise.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+#include "graybox/diagnosis/force_balance/late_forces.hpp"
 #include "graybox/diagnosis/force_balance/payload_tangent.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
@@ -275,11 +276,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
     if (data_.validation.empty()) return;
     const Eigen::MatrixXd rest = residuals(fit, data_.validation);
+    const Eigen::MatrixXd fitted = residuals(fit, data_.estimation);
     for (Index j = 0; j < coordinates(); ++j) {
       const double signal = centred_square(data_.validation.measured.col(j));
       if (!(signal > 0.0)) continue;
       channels[static_cast<std::size_t>(j)].held_out_nrmse =
           100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+      if (is_idle(j)) continue;
+      const auto late = late_force(data_.estimation, fitted, data_.validation, rest, j);
+      if (!late) continue;
+      channels[static_cast<std::size_t>(j)].late_by = late->seconds;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = late->nrmse_held_out;
     }
   }
 

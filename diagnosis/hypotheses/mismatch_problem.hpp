@@ -197,6 +197,10 @@ struct ChannelRest {
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
   // nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
+  // How much later than the model says it comes, s (earlier: negative), and the last error with
+  // that; none where it comes in time.
+  std::optional<double> late_by = {};
+  std::optional<double> held_out_nrmse_in_time = {};
 };
 
 // The picture of a law: the force that the data ask for at a place, with its noise, against the

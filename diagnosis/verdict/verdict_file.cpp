@@ -165,7 +165,8 @@ Json channel_rests_json(const std::vector<ChannelRest>& before,
         {"nrmse", number(rest.nrmse)},
         {"nrmse_held_out", rest.held_out_nrmse ? number(*rest.held_out_nrmse) : Json(nullptr)},
         {"remaining_structure", number(rest.structure)},
-        {"autocorrelated_error", number(rest.autocorrelated_error)}};
+        {"autocorrelated_error", number(rest.autocorrelated_error)},
+        {"late_by_s", rest.late_by ? number(*rest.late_by) : Json(nullptr)}};
   };
   Json list = Json::array();
   for (std::size_t c = 0; c < before.size(); ++c) {

@@ -11,7 +11,7 @@
 //    "recording_warnings": ["..."],
 //    "mismatch": {"detected": true, "p_value": 1e-40, "lack_of_fit_p_value": ..., "smallest_p_value": ...,
 //                 "threshold": ..., "channels": ["y_3"], "rest_by_channel": [{"channel", "before": {"nrmse",
-//                 "remaining_structure", "autocorrelated_error"}, "after": {...}}],
+//                 "remaining_structure", "autocorrelated_error", "late_by_s": null}, "after": {...}}],
 //                 "bands_hz": [[5.0, 12.5]], "positions": ["..."],
 //                 "levels": [3.0], "nonlinear": true, "smallest_detectable": [{"place", "law",
 //                 "amplitude", "unit"}, ...]},

@@ -267,6 +267,21 @@ void add_channels(const std::vector<ChannelRest>& before, const std::vector<Chan
     lines.push_back("Where the model leaves more than noise: " + channels + ".");
 }
 
+// Of the fitted model: damping that it lacks looks like a late channel.
+void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::string>& lines) {
+  for (const ChannelRest& rest : after) {
+    if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;
+    const bool is_late = *rest.late_by > 0.0;
+    lines.push_back(fmt::format(
+        "Perhaps late: {} comes {:.2g} s {} than the model says. Moved by that, its error on "
+        "recordings kept out falls from {:.3g} % to {:.3g} %. It may be the channel (preprocess: "
+        "advance, time: {:.2g}), a drive that follows its reference late, or damping that was not "
+        "found.",
+        rest.channel, std::abs(*rest.late_by), is_late ? "later" : "earlier", *rest.held_out_nrmse,
+        *rest.held_out_nrmse_in_time, *rest.late_by));
+  }
+}
+
 std::string change_words(const TimeVariation& change, bool has_effects) {
   const std::string unit = change.unit == "1" ? "" : " " + change.unit;
   const bool is_slow = change.frequency * change.duration < 1.5;
@@ -422,6 +437,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(shared_words(shared, hypotheses));
   }
   add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
+  add_late_channels(diagnosis.channels_after, lines);
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
           diagnosis.noise_is_known, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,

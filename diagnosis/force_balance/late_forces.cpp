@@ -1,0 +1,91 @@
+#include "graybox/diagnosis/force_balance/late_forces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+
+// Mean squares of y(t + shift) - y_model(t) and of y_model(t) less its mean, over samples of one
+// piece that count.
+struct ShiftedError {
+  double square = 0.0, count = 0.0;
+
+  [[nodiscard]] double mean() const { return count > 0.0 ? square / count : 0.0; }
+};
+
+ShiftedError shifted_error(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
+                           Index coordinate, Index shift) {
+  ShiftedError error;
+  const auto counts = [&](Index row) {
+    return rows.counts.size() == 0 || rows.counts(row, coordinate) > 0.0;
+  };
+  Index first = 0;
+  for (const Motion& piece : rows.pieces) {
+    const Index last = first + piece.samples();
+    for (Index t = std::max(first, first - shift); t < std::min(last, last - shift); ++t) {
+      if (!counts(t) || !counts(t + shift)) continue;
+      const double model = rows.measured(t, coordinate) - rest(t, coordinate);
+      const double difference = rows.measured(t + shift, coordinate) - model;
+      error.square += difference * difference;
+      error.count += 1.0;
+    }
+    first = last;
+  }
+  return error;
+}
+
+double sample_time(const ForceBalanceRows& rows) {
+  const Motion& piece = rows.pieces.front();
+  const Index last = piece.samples() - 1;
+  return last > 0 ? (piece.time(last) - piece.time(0)) / static_cast<double>(last) : 0.0;
+}
+
+double variance(const ForceBalanceRows& rows, Index coordinate) {
+  const Eigen::VectorXd measured = rows.measured.col(coordinate);
+  return (measured.array() - measured.mean()).square().sum() /
+         std::max(1.0, rows.counted(coordinate));
+}
+
+// Where a parabola through three neighbours is least, from the middle one, in samples.
+double least_between(double before, double middle, double after) {
+  const double bend = before - 2.0 * middle + after;
+  return bend > 0.0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
+}
+
+}  // namespace
+
+std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
+                                    const ForceBalanceRows& held_out,
+                                    const Eigen::MatrixXd& rest_held_out, Index coordinate) {
+  if (rows.empty() || held_out.empty()) return {};
+  const double step = sample_time(rows), held_out_step = sample_time(held_out);
+  if (!(step > 0.0) || !(held_out_step > 0.0)) return {};
+  const auto longest = static_cast<Index>(kLongestDelay / step);
+  const auto error_at = [&](Index shift) {
+    return shifted_error(rows, rest, coordinate, shift).mean();
+  };
+  const double unshifted = error_at(0);
+  Index best = 0;
+  double least = unshifted;
+  for (Index shift = -longest; shift <= longest; ++shift) {
+    const double error = error_at(shift);
+    if (error >= least) continue;
+    least = error;
+    best = shift;
+  }
+  const bool is_at_the_end = std::abs(best) == longest;
+  if (best == 0 || is_at_the_end || least > (1.0 - kLeastShare) * unshifted) return {};
+  const double samples =
+      static_cast<double>(best) + least_between(error_at(best - 1), least, error_at(best + 1));
+  const auto shift = static_cast<Index>(std::lround(samples * step / held_out_step));
+  const double before = shifted_error(held_out, rest_held_out, coordinate, 0).mean(),
+               after = shifted_error(held_out, rest_held_out, coordinate, shift).mean();
+  const double signal = variance(held_out, coordinate);
+  if (!(signal > 0.0) || after > (1.0 - kLeastShare) * before) return {};
+  return LateForce{samples * step, 100.0 * std::sqrt(after / signal)};
+}
+
+}  // namespace graybox

@@ -1,0 +1,36 @@
+// Whether what a drive reports comes late: a force that was measured follows the one that the fitted
+// model gives, some time behind (or ahead).
+//
+//     sum over t of (y(t + tau) - y_model(t))^2
+//
+// over whole samples tau within kLongestDelay either way, y = measured. Samples are paired anew, not
+// interpolated, for interpolated noise is smaller noise. The least sum and its neighbours give tau
+// between samples. It is told where it takes kLeastShare of the squared error both of the
+// recordings of the fit and, at the same tau, of those kept out. Damping that is missing in the
+// model looks like it, too.
+//
+// Cost: O(N) a sample of tau.
+#pragma once
+
+#include <optional>
+
+#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
+
+namespace graybox {
+
+inline constexpr double kLongestDelay = 0.25;  // s
+inline constexpr double kLeastShare = 0.1;
+
+struct LateForce {
+  double seconds = 0.0;         // positive: late
+  double nrmse_held_out = 0.0;  // with that, %
+};
+
+// `rest`, `rest_held_out`: what the model leaves, samples x coordinates.
+[[nodiscard]] std::optional<LateForce> late_force(const ForceBalanceRows& rows,
+                                                  const Eigen::MatrixXd& rest,
+                                                  const ForceBalanceRows& held_out,
+                                                  const Eigen::MatrixXd& rest_held_out,
+                                                  Eigen::Index coordinate);
+
+}  // namespace graybox
