@@ -830,18 +830,23 @@ TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
   Random random(7);
   const Eigen::Index samples = 4000;
   const double sample_time = 0.01, deviation = 1e-3;
-  PositionRecord clean{Eigen::VectorXd(samples), sample_time}, noisy = clean, noise = clean;
+  Eigen::VectorXd clean(samples), noise(samples);
   for (Eigen::Index t = 0; t < samples; ++t) {
-    clean.values(t) = std::sin(2.0 * sample_time * static_cast<double>(t));
-    noise.values(t) = deviation * random.normal();
+    clean(t) = std::sin(2.0 * sample_time * static_cast<double>(t));
+    noise(t) = deviation * random.normal();
   }
-  noisy.values = clean.values + noise.values;
-  EXPECT_FALSE(low_pass_for_acceleration(std::vector{clean}).has_value());
-  EXPECT_FALSE(low_pass_for_acceleration(std::vector{noise}).has_value());  // nothing moves
-  const std::optional<double> frequency = low_pass_for_acceleration(std::vector{noisy});
+  const auto low_pass_of = [&](const Eigen::VectorXd& values) {
+    std::vector<PositionRecord> records(1);
+    records[0].values = values;
+    records[0].sample_time = sample_time;
+    return low_pass_for_acceleration(records);
+  };
+  EXPECT_FALSE(low_pass_of(clean).has_value());
+  EXPECT_FALSE(low_pass_of(noise).has_value());  // nothing moves
+  const std::optional<double> frequency = low_pass_of(clean + noise);
   ASSERT_TRUE(frequency.has_value());
   const auto share_at = [&](double f) {
-    const Eigen::VectorXd left = zero_phase_low_pass(noise.values, f * sample_time, 4);
+    const Eigen::VectorXd left = zero_phase_low_pass(noise, f * sample_time, 4);
     const Eigen::Index n = samples - 2;
     const Eigen::VectorXd acceleration =
         (left.tail(n) - 2.0 * left.segment(1, n) + left.head(n)) / (sample_time * sample_time);
