@@ -86,7 +86,7 @@ bool give_way_to_special_case(SearchState& state, std::size_t law, const Extende
     return is_special_case(candidate, richer);
   };
   for (const HypothesisScore& score : rank_hypotheses(state, without, 0, is_plainer).scores) {
-    if (!score.start.parameters.empty()) plainer.push_back(score.start);
+    if (can_be_refitted(state, score)) plainer.push_back(score.start);
   }
   if (plainer.empty()) return false;
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
