@@ -28,11 +28,18 @@ BalanceColumns force_before_gains(const PlacedLaw& payload, const ForceBalanceDa
 }
 
 PayloadTangent about_payloads(const ForceBalanceData& data, std::span<const PlacedLaw> payloads) {
-  PayloadTangent tangent{data.estimation, {}};
+  const ForceBalanceRows& recorded = data.estimation;
+  PayloadTangent tangent;
   ForceBalanceRows& rows = tangent.rows;
+  rows.measured = recorded.measured;
+  rows.force = recorded.force;
+  rows.model = recorded.model;
+  rows.pieces = recorded.pieces;
+  rows.names = recorded.names;
+  rows.counts = recorded.counts;
   Eigen::MatrixXd carried = Eigen::MatrixXd::Zero(rows.samples(), rows.coordinates());
   for (const PlacedLaw& payload : payloads) {
-    const BalanceColumns force = force_before_gains(payload, data, rows);
+    const BalanceColumns force = force_before_gains(payload, data, recorded);
     for (Index j = 0; j < rows.coordinates(); ++j) {
       const Eigen::VectorXd own = force.in[static_cast<std::size_t>(j)].col(0);
       carried.col(j) += own;
