@@ -18,7 +18,7 @@
 namespace graybox {
 
 struct PayloadTangent {
-  ForceBalanceRows rows;             // further columns of the model at the end
+  ForceBalanceRows rows;             // for a regression; further columns of the model at the end
   std::vector<Eigen::Index> loaded;  // the joints of these columns
 };
 
