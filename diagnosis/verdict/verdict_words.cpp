@@ -14,6 +14,9 @@
 namespace graybox {
 namespace {
 
+// Times its value: a standard error that is larger says nothing more.
+constexpr double kSaysNothing = 100.0;
+
 std::string spaced(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
   return name;
@@ -379,6 +382,9 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
                                                                  : estimate.standard_error;
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
+  }
+  if (error > kSaysNothing * std::abs(estimate.value)) {
+    return fmt::format("not determined (fitted at {:.2g}{})", estimate.value, unit);
   }
   // Decimals of the value, in units of a common power of ten, so that the error shows two digits.
   const double largest = std::max(std::abs(estimate.value), error);
