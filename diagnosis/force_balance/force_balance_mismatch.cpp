@@ -75,12 +75,14 @@ Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& resi
 // through gives any noise a past of half its period; so samples so far apart are asked.
 double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
   const Motion& piece = rows.pieces.front();
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const FilterPass& filter : piece.filters) lowest = std::min(lowest, filter.frequency);
-  const double spacing =
-      (piece.time(piece.samples() - 1) - piece.time(0)) / static_cast<double>(piece.samples() - 1);
-  const double apart = 0.5 / (lowest * spacing) + 1e-6;
-  const Index stride = std::isfinite(lowest) ? std::max<Index>(1, static_cast<Index>(apart)) : 1;
+  const Index last = piece.samples() - 1;
+  Index stride = 1;
+  for (const FilterPass& filter : piece.filters) {
+    if (last < 1) break;
+    const double spacing = (piece.time(last) - piece.time(0)) / static_cast<double>(last);
+    const double apart = std::min(0.5 / (filter.frequency * spacing), static_cast<double>(last));
+    stride = std::max(stride, static_cast<Index>(apart + 1e-6));
+  }
   return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
 }
 

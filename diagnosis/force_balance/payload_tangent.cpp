@@ -1,9 +1,22 @@
 #include "graybox/diagnosis/force_balance/payload_tangent.hpp"
 
+#include <Eigen/QR>
+
 namespace graybox {
 namespace {
 
 using Index = Eigen::Index;
+
+// What must be left of a payload's force beside the columns that a joint has, to tell its gain.
+constexpr double kIndependent = 0.01;
+
+bool is_independent(const Eigen::VectorXd& column, const Eigen::MatrixXd& others) {
+  if (!(column.squaredNorm() > 0.0)) return false;
+  if (others.cols() == 0) return true;
+  const Eigen::VectorXd rest =
+      column - others * others.completeOrthogonalDecomposition().solve(column);
+  return rest.norm() > kIndependent * column.norm();
+}
 
 void add_column(Index joint, const Eigen::VectorXd& column, BalanceColumns& columns) {
   for (std::size_t j = 0; j < columns.in.size(); ++j) {
@@ -50,7 +63,7 @@ PayloadTangent about_payloads(const ForceBalanceData& data, std::span<const Plac
     const auto at = static_cast<std::size_t>(j);
     if (data.gain_parameters[at] >= 0) {
       rows.model.in[at].col(data.gain_parameters[at]) += carried.col(j);
-    } else if (carried.col(j).squaredNorm() > 0.0) {
+    } else if (is_independent(carried.col(j), rows.model.in[at])) {
       add_column(j, carried.col(j), rows.model);
       tangent.loaded.push_back(j);
     }
