@@ -8,14 +8,14 @@ namespace {
 using Index = Eigen::Index;
 
 // What must be left of a payload's force beside the columns that a joint has, to tell its gain.
-constexpr double kIndependent = 0.01;
+constexpr double kLeastOwnPart = 0.01;
 
 bool is_independent(const Eigen::VectorXd& column, const Eigen::MatrixXd& others) {
   if (!(column.squaredNorm() > 0.0)) return false;
   if (others.cols() == 0) return true;
   const Eigen::VectorXd rest =
       column - others * others.completeOrthogonalDecomposition().solve(column);
-  return rest.norm() > kIndependent * column.norm();
+  return rest.norm() > kLeastOwnPart * column.norm();
 }
 
 void add_column(Index joint, const Eigen::VectorXd& column, BalanceColumns& columns) {
