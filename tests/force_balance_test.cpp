@@ -743,7 +743,8 @@ TEST_F(ForceBalance, FindsAPayloadThatOutweighsTheLinksThatTellTheGains) {
   expect_offset_load(diagnosis.effects[0].law, 0.2);
   for (const ChannelRest& channel : data->channel_rests(diagnosis.after)) {
     ASSERT_TRUE(channel.held_out_nrmse.has_value());
-    EXPECT_LT(*channel.held_out_nrmse, 25.0) << channel.channel;  // the noise of the last joint
+    // The noise is 27 % of what the last joint carries; without a gain all of that would be left.
+    EXPECT_LT(*channel.held_out_nrmse, 30.0) << channel.channel;
   }
   ASSERT_EQ(diagnosis.after.inverse_gains.size(), 3U);
   EXPECT_NEAR(diagnosis.after.inverse_gains[2], kDrives(2), 0.05 * kDrives(2));

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
+
+#include "graybox/problems/quantile.hpp"
 
 namespace graybox {
 namespace {
@@ -12,6 +15,9 @@ using Eigen::Index;
 constexpr Index kFewestSamples = 20;
 constexpr double kSameAngle = 1e-9;  // rad or m
 constexpr double kSlope = 3.0;       // samples
+constexpr double kFlicker = 6.0;     // standard deviations from end to end
+constexpr double kWidestBand = 5.0;  // times the narrowest
+constexpr double kMedianOfNormal = 0.6745;
 
 Motion samples_of(const Motion& piece, Index first, Index count) {
   Motion part = piece;
@@ -32,6 +38,24 @@ double reach_of(const Motion& piece) {
   double reach = kSlope * spacing;
   for (const FilterPass& filter : piece.filters) reach = std::max(reach, 0.5 / filter.frequency);
   return reach;
+}
+
+// Of the positions, by their third differences, most of which are none of the motion's.
+double noise_of(const Motion& piece, Index joint) {
+  std::vector<double> differences;
+  const auto q = piece.position.col(joint);
+  for (Index t = 3; t < piece.samples(); ++t) {
+    differences.push_back(std::abs(q(t) - 3.0 * q(t - 1) + 3.0 * q(t - 2) - q(t - 3)));
+  }
+  if (differences.empty()) return 0.0;
+  std::ranges::sort(differences);
+  return quantile(differences, 0.5) / (kMedianOfNormal * std::sqrt(20.0));
+}
+
+// How far a joint that rests may seem to get, which an encoder rounds.
+double band_of(const Motion& piece, Index joint, double speed) {
+  const double narrowest = kStandingSpeed * kStandingTime * speed;
+  return std::clamp(kFlicker * noise_of(piece, joint), narrowest, kWidestBand * narrowest);
 }
 
 // The end of the samples from `first` on that stay within `band`.
@@ -88,7 +112,7 @@ void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds) {
   if (samples < 2) return;
   const double reach = reach_of(piece);
   for (Index j = 0; j < speeds.size(); ++j) {
-    const double band = kStandingSpeed * kStandingTime * speeds(j);
+    const double band = band_of(piece, j, speeds(j));
     for (Index t = 0; t < samples;) {
       const Index end = end_of_stay(piece, j, t, band);
       if (piece.time(end - 1) - piece.time(t) < kStandingTime) {
