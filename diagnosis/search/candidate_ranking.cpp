@@ -30,10 +30,21 @@ bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
          (hypothesis.is_compound && !state.compounds_are_open);
 }
 
+// Of a law that may be there several times: one of another length than that which was rejected.
+bool is_another_wave(const FittedLaw& rejected, const LawStart& start) {
+  constexpr double kAlike = 1.05;
+  for (std::size_t i = 0; i < std::min(rejected.parameters.size(), start.parameters.size()); ++i) {
+    if (rejected.parameters[i].name != "period") continue;
+    const double ratio = start.parameters[i] / rejected.parameters[i].value;
+    return ratio > kAlike || ratio < 1.0 / kAlike;
+  }
+  return false;
+}
+
 // Recordings kept out have spoken against it (law_rejection.hpp).
-bool is_rejected(const SearchState& state, std::size_t hypothesis) {
+bool is_rejected(const SearchState& state, const LawStart& start) {
   return std::ranges::any_of(state.result.rejected, [&](const RejectedLaw& rejected) {
-    return rejected.law.hypothesis == hypothesis;
+    return rejected.law.hypothesis == start.hypothesis && !is_another_wave(rejected.law, start);
   });
 }
 
@@ -177,7 +188,7 @@ void add_more_general(const SearchState& state, std::size_t found, const ScoreTa
 bool can_be_refitted(const SearchState& state, const HypothesisScore& score) {
   return score.score.degrees_of_freedom > 0.0 && !score.start.parameters.empty() &&
          !is_closed(state, state.hypothesis(score.start.hypothesis)) &&
-         !is_rejected(state, score.start.hypothesis);
+         !is_rejected(state, score.start);
 }
 
 }  // namespace graybox

@@ -30,7 +30,7 @@ bool has_channel_faults(SearchState& state) {
   return true;
 }
 
-constexpr int kSearches = 4;  // each without the laws that were rejected before
+constexpr int kSearches = 6;  // each without the laws that were rejected before
 
 void find_and_exchange_laws(SearchState& state) {
   add_missing_laws(state);
