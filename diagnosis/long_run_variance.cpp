@@ -16,7 +16,9 @@ Eigen::VectorXd first_correlations(const Eigen::MatrixXd& g, const std::vector<I
   Index first = 0;
   for (const Index length : pieces) {
     const auto x = g.middleRows(first, length);
-    products += x.topRows(length - 1).cwiseProduct(x.bottomRows(length - 1)).colwise().sum();
+    if (length > 1) {
+      products += x.topRows(length - 1).cwiseProduct(x.bottomRows(length - 1)).colwise().sum();
+    }
     squares += x.colwise().squaredNorm();
     first += length;
   }

@@ -18,6 +18,7 @@ namespace graybox {
 namespace {
 
 constexpr Eigen::Index kFewestSamples = 50;
+constexpr double kFewestMoving = 20.0;  // samples in which a joint moves, else it is idle
 // So many samples of the estimation data are used at most. Samples closer than residuals forget
 // each other say little more, but laws with memory take their time for each.
 constexpr Eigen::Index kMostSamples = 6000;
@@ -281,16 +282,26 @@ double duration_of(std::span<const Motion> pieces) {
   return duration;
 }
 
-// "joint_1 3.2 s, joint_4 5 s": how long each stands, of those that do.
-std::string standing_times(const RigidRobotModel& robot, std::span<const Motion> pieces) {
+double moving_samples(std::span<const Motion> pieces, Eigen::Index joint) {
+  double moving = 0.0;
+  for (const Motion& piece : pieces) {
+    moving += static_cast<double>(piece.samples());
+    if (piece.stands.size() > 0) moving -= static_cast<double>(piece.stands.col(joint).count());
+  }
+  return moving;
+}
+
+// "joint_1 3.2 s, joint_4 5 s": how long each stands, of those that do and that move anywhere in
+// `all`.
+std::string standing_times(const RigidRobotModel& robot, std::span<const Motion> pieces,
+                           std::span<const Motion> all) {
   std::vector<std::string> joints;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    double samples = 0.0, standing = 0.0;
-    for (const Motion& piece : pieces) {
-      samples += static_cast<double>(piece.samples());
-      standing += static_cast<double>(piece.stands.col(static_cast<Eigen::Index>(j)).count());
-    }
-    if (standing == 0.0 || standing == samples) continue;  // what never moves is told apart
+    const auto joint = static_cast<Eigen::Index>(j);
+    double samples = 0.0;
+    for (const Motion& piece : pieces) samples += static_cast<double>(piece.samples());
+    const double standing = samples - moving_samples(pieces, joint);
+    if (standing == 0.0 || moving_samples(all, joint) == 0.0) continue;
     joints.push_back(
         fmt::format("{} {:.3g} s", robot.joints[j].name, duration_of(pieces) * standing / samples));
   }
@@ -306,14 +317,16 @@ void leave_out_standstill(const RigidRobotModel& robot, std::vector<MotionRecord
   }
   if (all.empty()) return;
   const Eigen::VectorXd speeds = root_mean_square_speeds(all);
+  for (Motion& piece : all) mark_standstill(piece, speeds);
   for (MotionRecord& record : records) {
     for (Motion& piece : record.pieces) mark_standstill(piece, speeds);
-    const std::string times = standing_times(robot, record.pieces);
-    if (times.empty()) continue;
-    data.remarks.push_back(fmt::format(
-        "{}: of {:.3g} s these joints stand still: {}. Their forces there are left out of the "
-        "balance, for dry friction takes what it must at standstill",
-        record.name, duration_of(record.pieces), times));
+    const std::string times = standing_times(robot, record.pieces, all);
+    if (!times.empty()) {
+      data.remarks.push_back(fmt::format(
+          "{}: of {:.3g} s these joints stand still: {}. Their forces there are left out of the "
+          "balance, for dry friction takes what it must at standstill",
+          record.name, duration_of(record.pieces), times));
+    }
     std::vector<Motion> moving;
     for (const Motion& piece : record.pieces) {
       std::vector<Motion> parts = moving_parts(piece);
@@ -397,6 +410,9 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   }
   data.recorded = fitted;
   data.idle = idle_joints(fitted, are_prismatic(robot));
+  for (Eigen::Index j = 0; j < robot.size() && robot.size() > 1; ++j) {
+    if (moving_samples(fitted, j) < kFewestMoving) data.idle[static_cast<std::size_t>(j)] = true;
+  }
   remark_idle_joints(robot, data);
   thin(fitted);
   TorqueColumns columns(robot);

@@ -638,25 +638,32 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       for (const std::size_t index : shaping) of_laws.push_back({l, index});
       append(stacked(law_slopes(law, shaping, data_, data_.estimation), noise, samples), columns);
     }
-    for (const PlacedLaw& law : laws) add_gain_slopes(law, noise, columns);
+    add_gain_slopes(laws, noise, columns);
     return columns;
   }
 
-  // What 1/gain of each joint's drive changes in the force of a payload there: in the column of the
+  // What 1/gain of each joint's drive changes in the forces of payloads there: in the column of the
   // gain, or one of its own at the end.
-  void add_gain_slopes(const PlacedLaw& law, const Eigen::VectorXd& noise,
+  void add_gain_slopes(const std::vector<PlacedLaw>& laws, const Eigen::VectorXd& noise,
                        Eigen::MatrixXd& columns) const {
-    if (law.inverse_gains.size() == 0) return;
     const Index samples = data_.estimation.samples();
-    const BalanceColumns force = force_before_gains(law, data_, data_.estimation);
-    for (Index j = 0; j < coordinates(); ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      const Eigen::VectorXd own = force.in[at].col(0) / noise(j);
-      if (data_.gain_parameters[at] >= 0) {
-        columns.col(data_.gain_parameters[at]).segment(j * samples, samples) += own;
-      } else if (law.inverse_gains(j) != 0.0) {
+    Eigen::MatrixXd carried = Eigen::MatrixXd::Zero(samples, coordinates());
+    Eigen::VectorXd gains = Eigen::VectorXd::Zero(coordinates());
+    for (const PlacedLaw& law : laws) {
+      if (law.inverse_gains.size() == 0) continue;
+      const BalanceColumns force = force_before_gains(law, data_, data_.estimation);
+      gains = law.inverse_gains;
+      for (Index j = 0; j < coordinates(); ++j) {
+        carried.col(j) += force.in[static_cast<std::size_t>(j)].col(0) / noise(j);
+      }
+    }
+    for (Index j = 0; j < coordinates() && carried.squaredNorm() > 0.0; ++j) {
+      const Index gain = data_.gain_parameters[static_cast<std::size_t>(j)];
+      if (gain >= 0) {
+        columns.col(gain).segment(j * samples, samples) += carried.col(j);
+      } else if (gains(j) != 0.0) {
         append(Eigen::MatrixXd::Zero(columns.rows(), 1), columns);
-        columns.rightCols<1>().middleRows(j * samples, samples) = own;
+        columns.rightCols<1>().middleRows(j * samples, samples) = carried.col(j);
       }
     }
   }
@@ -828,7 +835,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const double variance = centred_square(rows.measured);
     Assessment result;
     result.chi_square = (error * regression_.noise().cwiseInverse().asDiagonal()).squaredNorm();
-    result.degrees_of_freedom = static_cast<double>(error.size());
+    result.degrees_of_freedom = 0.0;
+    for (Index j = 0; j < rows.coordinates(); ++j) result.degrees_of_freedom += rows.counted(j);
     result.nrmse = 100.0 * std::sqrt(error.squaredNorm() / variance);
     result.variance_accounted_for = 100.0 * (1.0 - centred_square(error) / variance);
     return result;
@@ -961,7 +969,11 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
   const Eigen::VectorXd rms = rms_of(data_.estimation, rest);
   const Index samples = rest.rows();
-  const double worth = sample_count() / static_cast<double>(rest.size());
+  double counted = 0.0;
+  for (Index j = 0; j < coordinates(); ++j) {
+    if (!is_idle(j)) counted += data_.estimation.counted(j);
+  }
+  const double worth = sample_count() / std::max(1.0, counted);
   Eigen::MatrixXd right(rest.size(), 1 + null_draws);
   right.col(0) = (rest * rms.cwiseInverse().asDiagonal()).reshaped();
   // Draws follow each other in time as the noise does. They are judged as the data are: a sample is
@@ -973,8 +985,9 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
       if (data_.estimation.counts.size() > 0)
         draw.array() *= data_.estimation.counts.col(j).array();
       const double scale = std::sqrt(worth * data_.estimation.counted(j) / draw.squaredNorm());
-      right.col(b).segment(j * samples, samples) =
-          is_idle(j) ? Eigen::VectorXd::Zero(samples) : Eigen::VectorXd(scale * draw);
+      right.col(b).segment(j * samples, samples) = is_idle(j) || !std::isfinite(scale)
+                                                       ? Eigen::VectorXd::Zero(samples)
+                                                       : Eigen::VectorXd(scale * draw);
     }
   }
   std::vector<PlacedLaw> present;
@@ -1054,7 +1067,11 @@ namespace {
 
 // Of a drive whose positions alone are recorded, and not filtered yet.
 std::optional<double> missing_low_pass(const RigidRobotModel& drive, const Campaign& campaign) {
-  if (!drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
+  const bool is_even = campaign.sample_time.has_value() ||
+                       std::ranges::any_of(campaign.preprocess, [](const PreprocessStep& step) {
+                         return std::holds_alternative<Resample>(step);
+                       });
+  if (!is_even || !drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
   std::vector<PositionRecord> positions;
   for (const MotionRecord& record : read_motion_records(drive, campaign)) {
     for (const Motion& piece : record.pieces) {
@@ -1079,8 +1096,8 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
   ForceBalanceData data = load_force_balance_data(drive, smooth);
   if (frequency) {
     data.remarks.push_back(fmt::format(
-        "All channels went through a low-pass at {:.2g} Hz: above it the noise of the positions, "
-        "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.2g})",
+        "All channels went through a low-pass at {:.4g} Hz: above it the noise of the positions, "
+        "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.4g})",
         *frequency, *frequency));
   }
   name_as_lumped(data);

@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace graybox {
 namespace {
 
 using Eigen::Index;
 
-// Mean squares of y(t + shift) - y_model(t) and of y_model(t) less its mean, over samples of one
-// piece that count.
+// Squares of y(t + shift) - y_model(t), over pairs of samples of one piece that count.
 struct ShiftedError {
   double square = 0.0, count = 0.0;
-
-  [[nodiscard]] double mean() const { return count > 0.0 ? square / count : 0.0; }
 };
 
 ShiftedError shifted_error(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
@@ -52,7 +50,8 @@ double variance(const ForceBalanceRows& rows, Index coordinate) {
 // Where a parabola through three neighbours is least, from the middle one, in samples.
 double least_between(double before, double middle, double after) {
   const double bend = before - 2.0 * middle + after;
-  return bend > 0.0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
+  return bend > 0.0 && std::isfinite(bend) ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5)
+                                           : 0.0;
 }
 
 }  // namespace
@@ -64,9 +63,15 @@ std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::M
   const double step = sample_time(rows), held_out_step = sample_time(held_out);
   if (!(step > 0.0) || !(held_out_step > 0.0)) return {};
   const auto longest = static_cast<Index>(kLongestDelay / step);
-  const auto error_at = [&](Index shift) {
-    return shifted_error(rows, rest, coordinate, shift).mean();
+  // Few pairs say little: of short pieces most are lost.
+  const auto mean_of = [coordinate](const ForceBalanceRows& of, const Eigen::MatrixXd& left,
+                                    Index shift) {
+    const ShiftedError error = shifted_error(of, left, coordinate, shift);
+    const double all = shifted_error(of, left, coordinate, 0).count;
+    return error.count > 0.0 && error.count >= 0.5 * all ? error.square / error.count
+                                                         : std::numeric_limits<double>::infinity();
   };
+  const auto error_at = [&](Index shift) { return mean_of(rows, rest, shift); };
   const double unshifted = error_at(0);
   Index best = 0;
   double least = unshifted;
@@ -81,10 +86,10 @@ std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::M
   const double samples =
       static_cast<double>(best) + least_between(error_at(best - 1), least, error_at(best + 1));
   const auto shift = static_cast<Index>(std::lround(samples * step / held_out_step));
-  const double before = shifted_error(held_out, rest_held_out, coordinate, 0).mean(),
-               after = shifted_error(held_out, rest_held_out, coordinate, shift).mean();
+  const double before = mean_of(held_out, rest_held_out, 0),
+               after = mean_of(held_out, rest_held_out, shift);
   const double signal = variance(held_out, coordinate);
-  if (!(signal > 0.0) || after > (1.0 - kLeastShare) * before) return {};
+  if (!(signal > 0.0) || !std::isfinite(before) || after > (1.0 - kLeastShare) * before) return {};
   return LateForce{samples * step, 100.0 * std::sqrt(after / signal)};
 }
 

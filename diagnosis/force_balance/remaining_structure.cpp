@@ -42,10 +42,13 @@ struct StepColumns {
   }
 };
 
+// Of the samples that count.
 StepColumns step_columns(const ForceBalanceRows& rows, Eigen::Index joint) {
   std::vector<double> position, velocity;
+  Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
-    for (Eigen::Index t = 0; t < piece.samples(); ++t) {
+    for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
+      if (rows.counts.size() > 0 && rows.counts(row, joint) == 0.0) continue;
       position.push_back(piece.position(t, joint));
       velocity.push_back(piece.velocity(t, joint));
     }
@@ -102,7 +105,16 @@ Eigen::VectorXd prediction_errors(const StepColumns& columns, const Eigen::Vecto
 Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
   Eigen::MatrixXd rest = residuals;
   for (Eigen::Index joint = 0; joint < rest.cols(); ++joint) {
-    rest.col(joint) = prediction_errors(step_columns(rows, joint), residuals.col(joint));
+    std::vector<Eigen::Index> counting;
+    for (Eigen::Index t = 0; t < rest.rows(); ++t) {
+      if (rows.counts.size() == 0 || rows.counts(t, joint) > 0.0) counting.push_back(t);
+    }
+    if (counting.empty()) continue;
+    const Eigen::VectorXd own = residuals.col(joint)(counting);
+    const Eigen::VectorXd errors = prediction_errors(step_columns(rows, joint), own);
+    for (std::size_t k = 0; k < counting.size(); ++k) {
+      rest(counting[k], joint) = errors(static_cast<Eigen::Index>(k));
+    }
   }
   return rest;
 }

@@ -275,13 +275,17 @@ void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::s
   for (const ChannelRest& rest : after) {
     if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;
     const bool is_late = *rest.late_by > 0.0;
+    const std::string mend =
+        is_late ? fmt::format("the channel (preprocess: advance, time: {:.2g})", *rest.late_by)
+                : fmt::format("late positions (preprocess: advance of these, time: {:.2g})",
+                              -*rest.late_by);
     lines.push_back(fmt::format(
         "Perhaps late: {} comes {:.2g} s {} than the model says. Moved by that, its error on "
-        "recordings kept out falls from {:.3g} % to {:.3g} %. It may be the channel (preprocess: "
-        "advance, time: {:.2g}), a drive that follows its reference late, or damping that was not "
-        "found.",
+        "recordings kept out falls from {:.3g} % to {:.3g} %. It may be {}, a drive that follows "
+        "its "
+        "reference late, or damping that was not found.",
         rest.channel, std::abs(*rest.late_by), is_late ? "later" : "earlier", *rest.held_out_nrmse,
-        *rest.held_out_nrmse_in_time, *rest.late_by));
+        *rest.held_out_nrmse_in_time, mend));
   }
 }
 
@@ -383,7 +387,7 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
-  if (error > kSaysNothing * std::abs(estimate.value)) {
+  if (!is_determined(estimate, error) && error > kSaysNothing * std::abs(estimate.value)) {
     return fmt::format("not determined (fitted at {:.2g}{})", estimate.value, unit);
   }
   // Decimals of the value, in units of a common power of ten, so that the error shows two digits.
