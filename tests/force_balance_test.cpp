@@ -455,6 +455,15 @@ const std::string kOffsetLoad = R"(elements:
 known: [load.mass]
 )";
 
+void write_sample(std::ostream& stream, const Eigen::Vector3d& torque, const Eigen::Vector3d& q,
+                  const Eigen::Vector3d& v, const Eigen::Vector3d& a) {
+  stream << torque(0) << ',' << torque(1) << ',' << torque(2);
+  for (const Eigen::Vector3d* signal : {&q, &v, &a}) {
+    for (const double value : *signal) stream << ',' << value;
+  }
+  stream << '\n';
+}
+
 // `drives`: recorded units of each joint's torque per N m. `memory`: correlation of the noise from
 // sample to sample.
 void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase, Random& random,
@@ -480,11 +489,7 @@ void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase,
     const Eigen::Vector3d innovation(random.normal(), random.normal(), random.normal());
     noise = memory * noise + std::sqrt(1.0 - memory * memory) * innovation;
     const Eigen::Vector3d torque = (columns.known() + 0.3 * noise).cwiseProduct(drives);
-    stream << torque(0) << ',' << torque(1) << ',' << torque(2);
-    for (const Eigen::Vector3d& signal : {q, v, a}) {
-      for (const double value : signal) stream << ',' << value;
-    }
-    stream << '\n';
+    write_sample(stream, torque, q, v, a);
   }
 }
 
@@ -650,11 +655,7 @@ TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
       torque(1) += is_pause ? 1.9 : 2.0 * std::tanh(v(1) / 0.01);
       for (int j = 0; j < 3; ++j) torque(j) += 0.05 * random.normal();
       torque(2) += k < 1000 ? 4.0 : -3.0;  // held by friction
-      stream << torque(0) << ',' << torque(1) << ',' << torque(2);
-      for (const Eigen::Vector3d& signal : {q, v, a}) {
-        for (const double value : signal) stream << ',' << value;
-      }
-      stream << '\n';
+      write_sample(stream, torque, q, v, a);
     }
   }
   const auto data = problem();
@@ -695,11 +696,7 @@ TEST_F(ForceBalance, LeavesOutTheForceOfOneJointThatRests) {
       Eigen::Vector3d torque = columns.known();
       for (int j = 0; j < 3; ++j) torque(j) += 0.05 * random.normal();
       torque(2) += rests ? 1.9 * std::sin(0.02 * k) : 2.0 * std::tanh(v(2) / 0.01);
-      stream << torque(0) << ',' << torque(1) << ',' << torque(2);
-      for (const Eigen::Vector3d& signal : {q, v, a}) {
-        for (const double value : signal) stream << ',' << value;
-      }
-      stream << '\n';
+      write_sample(stream, torque, q, v, a);
     }
   }
   const auto data = problem();

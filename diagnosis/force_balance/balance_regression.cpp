@@ -36,7 +36,7 @@ Eigen::VectorXd stacked(const Eigen::MatrixXd& samples, const Eigen::VectorXd& n
   return scaled.reshaped();
 }
 
-// Of the samples that count.
+// Root mean squares by coordinate of the samples that count.
 Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& force) {
   Eigen::VectorXd rms = force.colwise().norm();
   for (Index j = 0; j < rms.size(); ++j) rms(j) /= std::sqrt(std::max(1.0, rows.counted(j)));

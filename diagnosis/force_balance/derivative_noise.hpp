@@ -1,7 +1,7 @@
 // The low-pass under which positions can be differentiated twice.
 //
-// White noise of variance s^2 on positions, sampled f_s times a second, leaves after a low-pass at f
-// an acceleration of the variance
+// White noise of variance s^2 on positions, sampled f_s times a second, leaves after a low-pass at
+// f an acceleration of the variance
 //
 //     2 s^2 / f_s  integral from 0 to f of (2 pi x)^4 dx  =  2 s^2 (2 pi)^4 f^5 / (5 f_s).
 //

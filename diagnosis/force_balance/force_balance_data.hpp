@@ -68,7 +68,7 @@ struct ForceBalanceData {
   std::vector<Eigen::Index> gain_parameters;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
-  // Of a robot of one joint that the model states, kg m^2 or kg; NaN of others.
+  // What the model states of a robot of one joint, kg m^2 or kg; NaN for others.
   double known_inertia = std::numeric_limits<double>::quiet_NaN();
   std::vector<bool> idle;            // joints that never move (standstill.hpp)
   std::vector<std::string> remarks;  // what was left out, a sentence each

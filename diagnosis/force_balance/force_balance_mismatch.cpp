@@ -618,8 +618,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return true;
   }
 
-  // Columns of all parameters that the fit has estimated over `noise`: the model's, the laws' (which
-  // they are), gains that only a payload tells.
+  // Columns of all parameters that the fit has estimated over `noise`: the model's, the laws'
+  // (which they are), gains that only a payload tells.
   [[nodiscard]] Eigen::MatrixXd information_columns(const std::vector<PlacedLaw>& laws,
                                                     const Eigen::VectorXd& noise,
                                                     std::vector<Column>& of_laws) const {
@@ -1065,7 +1065,7 @@ std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::pa
 
 namespace {
 
-// Of a drive whose positions alone are recorded, and not filtered yet.
+// A drive whose positions alone are recorded, and not filtered yet, may need one.
 std::optional<double> missing_low_pass(const RigidRobotModel& drive, const Campaign& campaign) {
   const bool is_even = campaign.sample_time.has_value() ||
                        std::ranges::any_of(campaign.preprocess, [](const PreprocessStep& step) {

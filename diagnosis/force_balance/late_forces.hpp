@@ -1,11 +1,11 @@
-// Whether what a drive reports comes late: a force that was measured follows the one that the fitted
-// model gives, some time behind (or ahead).
+// Whether what a drive reports comes late: a force that was measured follows the one that the
+// fitted model gives, some time behind (or ahead).
 //
 //     sum over t of (y(t + tau) - y_model(t))^2
 //
-// over whole samples tau within kLongestDelay either way, y = measured. Samples are paired anew, not
-// interpolated, for interpolated noise is smaller noise. The least sum and its neighbours give tau
-// between samples. It is told where it takes kLeastShare of the squared error both of the
+// over whole samples tau within kLongestDelay either way, y = measured. Samples are paired anew,
+// not interpolated, for interpolated noise is smaller noise. The least sum and its neighbours give
+// tau between samples. It is told where it takes kLeastShare of the squared error both of the
 // recordings of the fit and, at the same tau, of those kept out. Damping that is missing in the
 // model looks like it, too.
 //

@@ -1,4 +1,4 @@
-// The balance of forces about the payloads that a fit has found, where the drives' gains are unknown.
+// The balance of forces about the payloads that a fit has found, where drives' gains are unknown.
 //
 // There a joint measures e_j = (bodies_j + m P_j) / g_j with P_j the force of a unit payload, which
 // is no sum of columns: both m and 1/g_j are asked for. About m0, P0 and s0_j = 1/g_j it is one,

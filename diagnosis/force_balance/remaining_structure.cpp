@@ -42,7 +42,7 @@ struct StepColumns {
   }
 };
 
-// Of the samples that count.
+// Steps at the samples that count.
 StepColumns step_columns(const ForceBalanceRows& rows, Eigen::Index joint) {
   std::vector<double> position, velocity;
   Eigen::Index row = 0;

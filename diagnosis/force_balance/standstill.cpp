@@ -40,7 +40,7 @@ double reach_of(const Motion& piece) {
   return reach;
 }
 
-// Of the positions, by their third differences, most of which are none of the motion's.
+// The noise of the positions, by their third differences, most of which are none of the motion's.
 double noise_of(const Motion& piece, Index joint) {
   std::vector<double> differences;
   const auto q = piece.position.col(joint);

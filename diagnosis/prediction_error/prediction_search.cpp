@@ -29,7 +29,7 @@ void forget_derivatives(PredictionFit& fit) {
 }
 
 // Whether a parameter of the last law ended at a bound.
-// Of the law that was added last.
+// Whether the law that was added last has a parameter at a bound, or sizes out of order.
 bool has_run_away(const PredictionFit& fit) {
   const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
   const Element& law = fit.model.model.parts[fit.model.laws.back().part];

@@ -30,7 +30,7 @@ bool is_closed(const SearchState& state, const Hypothesis& hypothesis) {
          (hypothesis.is_compound && !state.compounds_are_open);
 }
 
-// Of a law that may be there several times: one of another length than that which was rejected.
+// Whether a wave has another length than the one that was rejected.
 bool is_another_wave(const FittedLaw& rejected, const LawStart& start) {
   constexpr double kAlike = 1.05;
   for (std::size_t i = 0; i < std::min(rejected.parameters.size(), start.parameters.size()); ++i) {

@@ -270,7 +270,7 @@ void add_channels(const std::vector<ChannelRest>& before, const std::vector<Chan
     lines.push_back("Where the model leaves more than noise: " + channels + ".");
 }
 
-// Of the fitted model: damping that it lacks looks like a late channel.
+// Channels that come late to the fitted model; damping that it lacks looks alike.
 void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::string>& lines) {
   for (const ChannelRest& rest : after) {
     if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;
