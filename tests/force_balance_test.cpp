@@ -822,8 +822,8 @@ TEST(Standstill, IsToldByHowFarAJointGets) {
   EXPECT_EQ(moving_parts(piece).size(), 1U);         // the other goes on
 }
 
-// Positions of one sine with noise of a known size: the acceleration's noise that the formula says is
-// what differences of the filtered noise have, and clean positions need no filter.
+// Positions of one sine with noise of a known size: what differences of the filtered noise have is
+// what the formula says of the acceleration, and clean positions need no filter.
 TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
   Random random(7);
   const Eigen::Index samples = 4000;
