@@ -455,6 +455,13 @@ const std::string kOffsetLoad = R"(elements:
 known: [load.mass]
 )";
 
+std::ofstream arm_recording(const fs::path& file) {
+  std::ofstream stream(file);
+  stream.precision(12);
+  stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+  return stream;
+}
+
 void write_sample(std::ostream& stream, const Eigen::Vector3d& torque, const Eigen::Vector3d& q,
                   const Eigen::Vector3d& v, const Eigen::Vector3d& a) {
   stream << torque(0) << ',' << torque(1) << ',' << torque(2);
@@ -471,9 +478,7 @@ void write_arm(const fs::path& file, const RigidRobotModel& robot, double phase,
                const Eigen::Vector3d& drives = Eigen::Vector3d::Ones(), double memory = 0.0) {
   TorqueColumns columns(robot);
   columns.carry(load);
-  std::ofstream stream(file);
-  stream.precision(12);
-  stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+  std::ofstream stream = arm_recording(file);
   Eigen::Vector3d noise = Eigen::Vector3d::Zero();
   for (int k = 0; k < 1500; ++k) {
     Eigen::Vector3d q = Eigen::Vector3d::Zero(), v = q, a = q;
@@ -639,9 +644,7 @@ TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
   TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
   Random random(5);
   for (int run = 1; run <= 2; ++run) {
-    std::ofstream stream(folder_ / fmt::format("{}.csv", run));
-    stream.precision(12);
-    stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+    std::ofstream stream = arm_recording(folder_ / fmt::format("{}.csv", run));
     for (int k = 0; k < 2000; ++k) {
       const bool is_pause = k >= 700 && k < 1100;
       const double w = 1.3 + 0.2 * run, t = 0.01 * (k < 700 ? k : std::max(k - 400, 700));
@@ -678,9 +681,7 @@ TEST_F(ForceBalance, LeavesOutTheForceOfOneJointThatRests) {
   TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
   Random random(5);
   for (int run = 1; run <= 2; ++run) {
-    std::ofstream stream(folder_ / fmt::format("{}.csv", run));
-    stream.precision(12);
-    stream << "t_1,t_2,t_3,q_1,q_2,q_3,v_1,v_2,v_3,a_1,a_2,a_3\n";
+    std::ofstream stream = arm_recording(folder_ / fmt::format("{}.csv", run));
     for (int k = 0; k < 2000; ++k) {
       const bool rests = k >= 600 && k < 1400;
       const double own_time = 0.01 * (k < 600 ? k : std::max(k - 800, 600));

@@ -36,10 +36,9 @@ Eigen::VectorXd stacked(const Eigen::MatrixXd& samples, const Eigen::VectorXd& n
   return scaled.reshaped();
 }
 
-// Root mean squares by coordinate of the samples that count.
-Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& force) {
-  Eigen::VectorXd rms = force.colwise().norm();
-  for (Index j = 0; j < rms.size(); ++j) rms(j) /= std::sqrt(std::max(1.0, rows.counted(j)));
+// Root mean squares by coordinate; of one that carries nothing the largest of all.
+Eigen::VectorXd noise_scale(const ForceBalanceRows& rows, const Eigen::MatrixXd& force) {
+  const Eigen::VectorXd rms = rows.root_mean_squares(force);
   const double largest = rms.maxCoeff();
   return (rms.array() > 0.0).select(rms, largest > 0.0 ? largest : 1.0);
 }
@@ -126,7 +125,7 @@ std::vector<bool> extend_basis(const Eigen::MatrixXd& columns, Eigen::MatrixXd& 
 
 BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows) {
   cut_into_blocks();
-  const Eigen::VectorXd rms = rms_of(rows, rows.force);
+  const Eigen::VectorXd rms = noise_scale(rows, rows.force);
   noise_ = rms;
   // The noise of the model alone first: projected() weighs coordinates by it.
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
@@ -134,7 +133,7 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
     const Eigen::VectorXd force = stacked(rows.force, noise_);
     const Eigen::VectorXd rest = force - q * (q.transpose() * force);
     const Eigen::VectorXd next =
-        (rms_of(rows, rest.reshaped(rows.samples(), coordinates())).array() * noise_.array())
+        (noise_scale(rows, rest.reshaped(rows.samples(), coordinates())).array() * noise_.array())
             .max(kNoiseFloor * rms.array());
     const double change = ((next - noise_).array() / next.array()).abs().maxCoeff();
     noise_ = next;
@@ -270,7 +269,7 @@ void BalanceRegression::settle(const System& system, int iterations, Settled& st
   const Index joints = coordinates();
   const double share =
       static_cast<double>(system.totals[0].right.size()) / static_cast<double>(joints);
-  const Eigen::VectorXd floor = kNoiseFloor * rms_of(rows_, rows_.force).cwiseQuotient(noise_);
+  const Eigen::VectorXd floor = kNoiseFloor * noise_scale(rows_, rows_.force).cwiseQuotient(noise_);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     state.solution = system.solution(state.relative_noise);
     if (!state.solution.full_rank) return;

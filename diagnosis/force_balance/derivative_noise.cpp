@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <variant>
 #include <vector>
 
+#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
 #include "graybox/diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
@@ -67,6 +69,24 @@ std::optional<double> low_pass_for_acceleration(std::span<const PositionRecord> 
     return frequency == highest ? std::nullopt : std::optional(frequency);
   }
   return {};
+}
+
+std::optional<LowPass> missing_low_pass(const RigidRobotModel& drive, const Campaign& campaign) {
+  const bool is_even = campaign.sample_time.has_value() ||
+                       std::ranges::any_of(campaign.preprocess, [](const PreprocessStep& step) {
+                         return std::holds_alternative<Resample>(step);
+                       });
+  if (!is_even || !drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
+  std::vector<PositionRecord> positions;
+  for (const MotionRecord& record : read_motion_records(drive, campaign)) {
+    for (const Motion& piece : record.pieces) {
+      if (!piece.filters.empty()) return {};
+      positions.push_back({piece.position.col(0), piece.sample_time()});
+    }
+  }
+  const std::optional<double> frequency = low_pass_for_acceleration(positions);
+  if (!frequency) return {};
+  return LowPass{*frequency, kOrder, {}};
 }
 
 }  // namespace graybox

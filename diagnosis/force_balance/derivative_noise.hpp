@@ -13,6 +13,9 @@
 #include <optional>
 #include <span>
 
+#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+
 namespace graybox {
 
 // One recording's positions, evenly sampled.
@@ -26,5 +29,10 @@ struct PositionRecord {
 // frequency does that lets ten waves into the longest recording.
 [[nodiscard]] std::optional<double> low_pass_for_acceleration(
     std::span<const PositionRecord> records);
+
+// The same of a drive of one joint and its recordings; none where velocities are recorded, the
+// campaign has filtered already, or its samples are uneven.
+[[nodiscard]] std::optional<LowPass> missing_low_pass(const RigidRobotModel& drive,
+                                                      const Campaign& campaign);
 
 }  // namespace graybox

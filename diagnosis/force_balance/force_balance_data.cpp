@@ -5,6 +5,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "graybox/diagnosis/force_balance/standstill.hpp"
@@ -291,17 +292,16 @@ double moving_samples(std::span<const Motion> pieces, Eigen::Index joint) {
   return moving;
 }
 
-// "joint_1 3.2 s, joint_4 5 s": how long each stands, of those that do and that move anywhere in
-// `all`.
+// "joint_1 3.2 s, joint_4 5 s": how long each stands, of those that do and that move anywhere.
 std::string standing_times(const RigidRobotModel& robot, std::span<const Motion> pieces,
-                           std::span<const Motion> all) {
+                           const std::vector<bool>& moves) {
   std::vector<std::string> joints;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     const auto joint = static_cast<Eigen::Index>(j);
     double samples = 0.0;
     for (const Motion& piece : pieces) samples += static_cast<double>(piece.samples());
     const double standing = samples - moving_samples(pieces, joint);
-    if (standing == 0.0 || moving_samples(all, joint) == 0.0) continue;
+    if (standing == 0.0 || !moves[j]) continue;
     joints.push_back(
         fmt::format("{} {:.3g} s", robot.joints[j].name, duration_of(pieces) * standing / samples));
   }
@@ -317,10 +317,15 @@ void leave_out_standstill(const RigidRobotModel& robot, std::vector<MotionRecord
   }
   if (all.empty()) return;
   const Eigen::VectorXd speeds = root_mean_square_speeds(all);
-  for (Motion& piece : all) mark_standstill(piece, speeds);
+  std::vector<bool> moves(robot.joints.size(), false);
   for (MotionRecord& record : records) {
     for (Motion& piece : record.pieces) mark_standstill(piece, speeds);
-    const std::string times = standing_times(robot, record.pieces, all);
+    for (std::size_t j = 0; j < moves.size(); ++j) {
+      moves[j] = moves[j] || moving_samples(record.pieces, static_cast<Eigen::Index>(j)) > 0.0;
+    }
+  }
+  for (MotionRecord& record : records) {
+    const std::string times = standing_times(robot, record.pieces, moves);
     if (!times.empty()) {
       data.remarks.push_back(fmt::format(
           "{}: of {:.3g} s these joints stand still: {}. Their forces there are left out of the "
@@ -392,6 +397,14 @@ void ForceBalanceRows::leave_out_standing(BalanceColumns& columns) const {
     if (columns.in[j].size() == 0) continue;
     columns.in[j].array().colwise() *= counts.col(static_cast<Eigen::Index>(j)).array();
   }
+}
+
+Eigen::VectorXd ForceBalanceRows::root_mean_squares(const Eigen::MatrixXd& values) const {
+  Eigen::VectorXd result = values.colwise().norm();
+  for (Eigen::Index j = 0; j < result.size(); ++j) {
+    result(j) /= std::sqrt(std::max(1.0, counted(j)));
+  }
+  return result;
 }
 
 ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Campaign& campaign,

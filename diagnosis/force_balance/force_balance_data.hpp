@@ -46,6 +46,8 @@ struct ForceBalanceRows {
   [[nodiscard]] double counted(Eigen::Index coordinate, Eigen::Index first,
                                Eigen::Index rows) const;
   void leave_out_standing(BalanceColumns& columns) const;
+  // Root mean squares of `values` (samples x coordinates, zero where nothing counts), by coordinate.
+  [[nodiscard]] Eigen::VectorXd root_mean_squares(const Eigen::MatrixXd& values) const;
 };
 
 struct BalanceCoordinate {

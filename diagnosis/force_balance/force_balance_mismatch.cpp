@@ -66,8 +66,7 @@ double centred_square(const Eigen::MatrixXd& values) {
 
 // Root mean squares by coordinate, of the samples that count.
 Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
-  Eigen::VectorXd rms = residuals.colwise().norm();
-  for (Index j = 0; j < rms.size(); ++j) rms(j) /= std::sqrt(std::max(1.0, rows.counted(j)));
+  const Eigen::VectorXd rms = rows.root_mean_squares(residuals);
   return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
 }
 
@@ -75,12 +74,10 @@ Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& resi
 // through gives any noise a past of half its period; so samples so far apart are asked.
 double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
   const Motion& piece = rows.pieces.front();
-  const Index last = piece.samples() - 1;
   Index stride = 1;
   for (const FilterPass& filter : piece.filters) {
-    if (last < 1) break;
-    const double spacing = (piece.time(last) - piece.time(0)) / static_cast<double>(last);
-    const double apart = std::min(0.5 / (filter.frequency * spacing), static_cast<double>(last));
+    const auto most = static_cast<double>(piece.samples());
+    const double apart = std::min(0.5 / (filter.frequency * piece.sample_time()), most);
     stride = std::max(stride, static_cast<Index>(apart + 1e-6));
   }
   return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
@@ -230,6 +227,20 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     return channels;
   }
 
+  void find_late_channels(const ExtendedFit& fit,
+                          std::vector<ChannelRest>& channels) const override {
+    if (data_.validation.empty()) return;
+    const Eigen::MatrixXd rest = residuals(fit, data_.estimation),
+                          held_out = residuals(fit, data_.validation);
+    for (Index j = 0; j < coordinates(); ++j) {
+      if (is_idle(j)) continue;
+      const auto late = late_force(data_.estimation, rest, data_.validation, held_out, j);
+      if (!late) continue;
+      channels[static_cast<std::size_t>(j)].late_by = late->seconds;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = late->nrmse_held_out;
+    }
+  }
+
   [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
     PhysicalContext context;
     context.kinds = data_.parameter_kinds;
@@ -278,17 +289,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
     if (data_.validation.empty()) return;
     const Eigen::MatrixXd rest = residuals(fit, data_.validation);
-    const Eigen::MatrixXd fitted = residuals(fit, data_.estimation);
     for (Index j = 0; j < coordinates(); ++j) {
       const double signal = centred_square(data_.validation.measured.col(j));
       if (!(signal > 0.0)) continue;
       channels[static_cast<std::size_t>(j)].held_out_nrmse =
           100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
-      if (is_idle(j)) continue;
-      const auto late = late_force(data_.estimation, fitted, data_.validation, rest, j);
-      if (!late) continue;
-      channels[static_cast<std::size_t>(j)].late_by = late->seconds;
-      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = late->nrmse_held_out;
     }
   }
 
@@ -1063,42 +1068,18 @@ std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::pa
       load_force_balance_data(load_rigid_robot(model), campaign, options.place_files), options);
 }
 
-namespace {
-
-// A drive whose positions alone are recorded, and not filtered yet, may need one.
-std::optional<double> missing_low_pass(const RigidRobotModel& drive, const Campaign& campaign) {
-  const bool is_even = campaign.sample_time.has_value() ||
-                       std::ranges::any_of(campaign.preprocess, [](const PreprocessStep& step) {
-                         return std::holds_alternative<Resample>(step);
-                       });
-  if (!is_even || !drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
-  std::vector<PositionRecord> positions;
-  for (const MotionRecord& record : read_motion_records(drive, campaign)) {
-    for (const Motion& piece : record.pieces) {
-      if (!piece.filters.empty()) return {};
-      if (piece.samples() < 2) continue;
-      const double duration = piece.time(piece.samples() - 1) - piece.time(0);
-      positions.push_back(
-          {piece.position.col(0), duration / static_cast<double>(piece.samples() - 1)});
-    }
-  }
-  return low_pass_for_acceleration(positions);
-}
-
-}  // namespace
-
 std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
   Campaign smooth = campaign;
-  const std::optional<double> frequency = missing_low_pass(drive, campaign);
-  if (frequency) smooth.preprocess.emplace_back(LowPass{*frequency, 4, {}});
+  const std::optional<LowPass> low_pass = missing_low_pass(drive, campaign);
+  if (low_pass) smooth.preprocess.emplace_back(*low_pass);
   ForceBalanceData data = load_force_balance_data(drive, smooth);
-  if (frequency) {
+  if (low_pass) {
     data.remarks.push_back(fmt::format(
         "All channels went through a low-pass at {:.4g} Hz: above it the noise of the positions, "
         "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.4g})",
-        *frequency, *frequency));
+        low_pass->frequency, low_pass->frequency));
   }
   name_as_lumped(data);
   return std::make_unique<ForceBalanceProblem>(std::move(data), options);

@@ -35,12 +35,6 @@ ShiftedError shifted_error(const ForceBalanceRows& rows, const Eigen::MatrixXd& 
   return error;
 }
 
-double sample_time(const ForceBalanceRows& rows) {
-  const Motion& piece = rows.pieces.front();
-  const Index last = piece.samples() - 1;
-  return last > 0 ? (piece.time(last) - piece.time(0)) / static_cast<double>(last) : 0.0;
-}
-
 double variance(const ForceBalanceRows& rows, Index coordinate) {
   const Eigen::VectorXd measured = rows.measured.col(coordinate);
   return (measured.array() - measured.mean()).square().sum() /
@@ -60,16 +54,17 @@ std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::M
                                     const ForceBalanceRows& held_out,
                                     const Eigen::MatrixXd& rest_held_out, Index coordinate) {
   if (rows.empty() || held_out.empty()) return {};
-  const double step = sample_time(rows), held_out_step = sample_time(held_out);
+  const double step = rows.pieces.front().sample_time(),
+               held_out_step = held_out.pieces.front().sample_time();
   if (!(step > 0.0) || !(held_out_step > 0.0)) return {};
   const auto longest = static_cast<Index>(kLongestDelay / step);
   // Few pairs say little: of short pieces most are lost.
   const auto mean_of = [coordinate](const ForceBalanceRows& of, const Eigen::MatrixXd& left,
                                     Index shift) {
     const ShiftedError error = shifted_error(of, left, coordinate, shift);
-    const double all = shifted_error(of, left, coordinate, 0).count;
-    return error.count > 0.0 && error.count >= 0.5 * all ? error.square / error.count
-                                                         : std::numeric_limits<double>::infinity();
+    return error.count > 0.0 && error.count >= 0.5 * of.counted(coordinate)
+               ? error.square / error.count
+               : std::numeric_limits<double>::infinity();
   };
   const auto error_at = [&](Index shift) { return mean_of(rows, rest, shift); };
   const double unshifted = error_at(0);

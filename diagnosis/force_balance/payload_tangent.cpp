@@ -48,7 +48,6 @@ PayloadTangent about_payloads(const ForceBalanceData& data, std::span<const Plac
   rows.force = recorded.force;
   rows.model = recorded.model;
   rows.pieces = recorded.pieces;
-  rows.names = recorded.names;
   rows.counts = recorded.counts;
   Eigen::MatrixXd carried = Eigen::MatrixXd::Zero(rows.samples(), rows.coordinates());
   for (const PlacedLaw& payload : payloads) {

@@ -33,9 +33,7 @@ Motion samples_of(const Motion& piece, Index first, Index count) {
 // How far what was held shows among the samples beside it: half a period of the low-pass that the
 // force went through, and what a slope reaches.
 double reach_of(const Motion& piece) {
-  const double spacing =
-      (piece.time(piece.samples() - 1) - piece.time(0)) / static_cast<double>(piece.samples() - 1);
-  double reach = kSlope * spacing;
+  double reach = kSlope * piece.sample_time();
   for (const FilterPass& filter : piece.filters) reach = std::max(reach, 0.5 / filter.frequency);
   return reach;
 }

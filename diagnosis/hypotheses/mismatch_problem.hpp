@@ -303,6 +303,10 @@ class MismatchProblem {
     return {};
   }
 
+  // Sets ChannelRest::late_by of these, the rests of the last fit, where a channel comes late.
+  virtual void find_late_channels(const ExtendedFit& /*fit*/,
+                                  std::vector<ChannelRest>& /*channels*/) const {}
+
   // Where the noise is not known: the share of what a fit leaves that still depends on the motion,
   // 0 to
   // 1.

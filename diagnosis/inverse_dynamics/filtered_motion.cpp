@@ -38,7 +38,7 @@ FilteredMotion::FilteredMotion(const Motion& piece) {
   motion_ = piece;
   const Index last = piece.samples() - 1;
   if (piece.filters.empty() || last < 1) return;
-  const double sample = (piece.time(last) - piece.time(0)) / static_cast<double>(last);
+  const double sample = piece.sample_time();
   double highest = 0.0;
   for (const FilterPass& filter : piece.filters) highest = std::max(highest, filter.frequency);
   const double steps = std::clamp(std::ceil(kSamplesAWave * highest * sample), 1.0, kMostSteps);

@@ -29,6 +29,11 @@ struct Motion {
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> stands = {};
 
   [[nodiscard]] Eigen::Index samples() const { return time.size(); }
+  // Mean time between samples; 0 of one alone.
+  [[nodiscard]] double sample_time() const {
+    const Eigen::Index last = samples() - 1;
+    return last > 0 ? (time(last) - time(0)) / static_cast<double>(last) : 0.0;
+  }
 };
 
 struct MotionRecord {

@@ -37,6 +37,7 @@ void verify_rest(SearchState& state) {
   state.result.validation_after = state.problem->validate(state.result.after);
   state.result.mismatch_after = state.problem->mismatch(state.result.after);
   state.result.channels_after = state.problem->channel_rests(state.result.after);
+  state.problem->find_late_channels(state.result.after, state.result.channels_after);
   state.result.curves_after = state.problem->residual_curves(state.result.after);
   if (!state.result.after.laws.empty()) {
     state.result.pictures = state.problem->force_pictures(state.result.after);
