@@ -23,6 +23,10 @@ constexpr double kFewestMoving = 20.0;  // samples in which a joint moves, else 
 // So many samples of the estimation data are used at most. Samples closer than residuals forget
 // each other say little more, but laws with memory take their time for each.
 constexpr Eigen::Index kMostSamples = 6000;
+// Behind a low-pass so many samples to a period of its frequency hold all that is left, but no
+// recording is thinned by that below this number.
+constexpr double kSamplesAPeriod = 5.0;
+constexpr Eigen::Index kFewestThinned = 1000;
 // What is left of a column after projection on the others, below which these data can't tell it
 // from them.
 constexpr double kDependent = 1e-6;
@@ -42,10 +46,24 @@ Motion thinned(const Motion& piece, Eigen::Index stride) {
   return result;
 }
 
+// Samples between those that the low-pass of a piece leaves to be told; 1 without one.
+Eigen::Index stride_behind_filters(const Motion& piece) {
+  double highest = 0.0;
+  for (const FilterPass& filter : piece.filters) highest = std::max(highest, filter.frequency);
+  const double periods = kSamplesAPeriod * highest * piece.sample_time();
+  return periods > 0.0 ? std::max(Eigen::Index{1}, static_cast<Eigen::Index>(1.0 / periods + 1e-9))
+                       : 1;
+}
+
 void thin(std::vector<Motion>& pieces) {
-  Eigen::Index samples = 0;
-  for (const Motion& piece : pieces) samples += piece.samples();
-  const Eigen::Index stride = samples / kMostSamples + 1;
+  if (pieces.empty()) return;
+  Eigen::Index samples = 0, behind_filters = kMostSamples;
+  for (const Motion& piece : pieces) {
+    samples += piece.samples();
+    behind_filters = std::min(behind_filters, stride_behind_filters(piece));
+  }
+  behind_filters = std::min(behind_filters, std::max(Eigen::Index{1}, samples / kFewestThinned));
+  const Eigen::Index stride = std::max(samples / kMostSamples + 1, behind_filters);
   if (stride == 1) return;
   for (Motion& piece : pieces) piece = thinned(piece, stride);
 }
@@ -115,6 +133,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
     }
   }
   leave_out_standing_forces(rows);
+  rows.laws = std::make_shared<LawSampleCache>(rows.samples());
   return rows;
 }
 

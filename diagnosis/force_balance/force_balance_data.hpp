@@ -5,10 +5,12 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "graybox/diagnosis/force_balance/law_sample_cache.hpp"
 #include "graybox/diagnosis/hypotheses/law_shapes.hpp"
 #include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
@@ -34,6 +36,7 @@ struct ForceBalanceRows {
   std::vector<Motion> pieces;  // in the order of the rows
   std::vector<FilteredMotion> filtered;  // of each piece, for laws
   std::vector<std::string> names;        // of each piece's recording
+  std::shared_ptr<LawSampleCache> laws;  // forces of laws in all rows
   // Samples x coordinates, 0 where a joint stands still and its force is left out: all columns are
   // zero there and what was measured is its mean. Else 1. Empty: all count.
   Eigen::MatrixXd counts;

@@ -50,11 +50,14 @@ BalanceColumns payload_columns(const PlacedLaw& law, std::span<const double> par
 BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
                           const ForceBalanceData& data, const ForceBalanceRows& rows) {
   if (law.entry->use == LawUse::kPayload) return payload_columns(law, parameters, data, rows);
-  const Eigen::VectorXd samples =
-      law.entry->use == LawUse::kInertia
-          ? Eigen::VectorXd(parameters[0] * inertia_samples(*law.place, rows))
-          : law_samples(*law.place, *law.entry->make(parameters), rows);
-  BalanceColumns columns = along(law.place->location.output, samples);
+  const auto samples = rows.laws->get(
+      {law.place, law.entry, {parameters.begin(), parameters.end()}}, [&]() -> Eigen::VectorXd {
+        if (law.entry->use == LawUse::kInertia) {
+          return parameters[0] * inertia_samples(*law.place, rows);
+        }
+        return law_samples(*law.place, *law.entry->make(parameters), rows);
+      });
+  BalanceColumns columns = along(law.place->location.output, *samples);
   rows.leave_out_standing(columns);
   return columns;
 }

@@ -955,6 +955,21 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
+  // What every hypothesis is asked: rows are samples over `rms`, coordinate after coordinate.
+  struct ScoreQuestion {
+    const ScoreTest& test;
+    const Eigen::MatrixXd& basis;  // of all that the fit has
+    const Eigen::MatrixXd& right;  // what it leaves, and draws of noise
+    const Eigen::VectorXd& rms;    // by coordinate
+    double worth;                  // of a sample, in independent ones
+    double square;                 // of what is left
+  };
+  [[nodiscard]] HypothesisScore score_of(std::size_t hypothesis, const Eigen::VectorXd& gains,
+                                         const ScoreQuestion& question,
+                                         std::span<double> null_minima) const;
+  [[nodiscard]] CandidateProducts products_with(const BalanceColumns& columns,
+                                                const ScoreQuestion& question) const;
+
   ForceBalanceData data_;
   ForceBalanceOptions options_;
   BalanceRegression regression_;
@@ -1006,57 +1021,79 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   const ScoreTest test(
       {Eigen::MatrixXd::Identity(basis.cols(), basis.cols()), basis.transpose() * right},
       {square, freedom});
+  const ScoreQuestion question{test, basis, right, rms, worth, square};
   ScoreTable table;
+  table.scores.resize(asked.size());
+  std::vector<std::vector<double>> minima(
+      asked.size(), std::vector<double>(static_cast<std::size_t>(null_draws), 1.0));
+#pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    table.scores[i] = score_of(asked[i], inverse_gains(fit), question, minima[i]);
+  }
   table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
-  for (const std::size_t hypothesis : asked) {
-    HypothesisScore best;
-    best.start.hypothesis = hypothesis;
-    const CandidatePlace& place = data_.places[place_of_[hypothesis]];
-    const LawEntry& entry = *entries_[hypothesis];
-    best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
-    best.shapes = 0;
-    const PlacedLaw law = placed(hypothesis, {}, inverse_gains(fit));
-    std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
-    // Where gains are known the mass alone shows, and its place follows in the refit.
-    if (place.location.is_flange && law.inverse_gains.size() == 0) shapes.resize(1);
-    std::vector<std::vector<double>> every_basis;
-    for (const LawShape& shape : shapes) {
-      every_basis.insert(every_basis.end(), shape.basis.begin(), shape.basis.end());
+  for (const std::vector<double>& own : minima) {
+    for (std::size_t b = 0; b < own.size(); ++b) {
+      table.null_minima[b] = std::min(table.null_minima[b], own[b]);
     }
-    if (every_basis.empty()) {
-      table.scores.push_back(std::move(best));
-      continue;
-    }
-    const Eigen::MatrixXd columns =
-        stacked(basis_columns(law, every_basis, data_, data_.estimation), rms, samples);
-    const Eigen::MatrixXd with_basis = columns.transpose() * basis;
-    const Eigen::MatrixXd with_right = columns.transpose() * right;
-    Index first = 0;
-    for (const LawShape& shape : shapes) {
-      const auto count = static_cast<Index>(shape.basis.size());
-      const auto own = columns.middleCols(first, count);
-      const CandidateProducts products{own.transpose() * own, with_basis.middleRows(first, count),
-                                       with_right.middleRows(first, count)};
-      first += count;
-      if (!products.information.allFinite() || !(products.information.trace() > 0.0)) continue;
-      ++best.shapes;
-      test.lower_minimum_p_values(
-          products, [&](const Eigen::VectorXd& amplitudes) { return shape.allows(amplitudes); },
-          table.null_minima);
-      CandidateScore score = test.score(products);
-      if (score.statistic <= best.score.statistic) continue;
-      std::vector<double> parameters = shape.parameters(score.amplitudes);
-      if (parameters.empty() && !best.start.parameters.empty()) continue;
-      best.amplitude = score.amplitudes(0);
-      best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0) / worth);
-      if (parameters.empty()) continue;  // the sign that it found is impossible
-      best.start.parameters = std::move(parameters);
-      best.explained_share = score.statistic / square;
-      best.score = std::move(score);
-    }
-    table.scores.push_back(std::move(best));
   }
   return table;
+}
+
+// The best of the law's shapes.
+HypothesisScore ForceBalanceProblem::score_of(std::size_t hypothesis, const Eigen::VectorXd& gains,
+                                              const ScoreQuestion& question,
+                                              std::span<double> null_minima) const {
+  HypothesisScore best;
+  best.start.hypothesis = hypothesis;
+  const CandidatePlace& place = data_.places[place_of_[hypothesis]];
+  const LawEntry& entry = *entries_[hypothesis];
+  best.amplitude_unit = unit_at(entry.parameters.front().unit, place.location.units);
+  best.shapes = 0;
+  const PlacedLaw law = placed(hypothesis, {}, gains);
+  std::vector<LawShape> shapes = law_shapes(entry, place, scales_[place_of_[hypothesis]]);
+  // Where gains are known the mass alone shows, and its place follows in the refit.
+  if (place.location.is_flange && law.inverse_gains.size() == 0) shapes.resize(1);
+  for (const LawShape& shape : shapes) {
+    if (shape.basis.empty()) continue;
+    const CandidateProducts products =
+        products_with(basis_columns(law, shape.basis, data_, data_.estimation), question);
+    if (!products.information.allFinite() || !(products.information.trace() > 0.0)) continue;
+    ++best.shapes;
+    question.test.lower_minimum_p_values(
+        products, [&](const Eigen::VectorXd& amplitudes) { return shape.allows(amplitudes); },
+        null_minima);
+    CandidateScore score = question.test.score(products);
+    if (score.statistic <= best.score.statistic) continue;
+    std::vector<double> parameters = shape.parameters(score.amplitudes);
+    if (parameters.empty() && !best.start.parameters.empty()) continue;
+    best.amplitude = score.amplitudes(0);
+    best.amplitude_deviation = std::sqrt(score.amplitude_covariance(0, 0) / question.worth);
+    if (parameters.empty()) continue;  // the sign that it found is impossible
+    best.start.parameters = std::move(parameters);
+    best.explained_share = score.statistic / question.square;
+    best.score = std::move(score);
+  }
+  return best;
+}
+
+// Of columns over the noise with one another, with what the fit has and with what is left.
+CandidateProducts ForceBalanceProblem::products_with(const BalanceColumns& columns,
+                                                     const ScoreQuestion& question) const {
+  const Index samples = data_.estimation.samples();
+  CandidateProducts products{Eigen::MatrixXd::Zero(columns.count, columns.count),
+                             Eigen::MatrixXd::Zero(columns.count, question.basis.cols()),
+                             Eigen::MatrixXd::Zero(columns.count, question.right.cols())};
+  for (Index j = 0; j < coordinates(); ++j) {
+    const Eigen::MatrixXd& block = columns.in[static_cast<std::size_t>(j)];
+    if (block.size() == 0) continue;
+    const Eigen::MatrixXd own = block / question.rms(j);
+    products.information.noalias() += own.transpose() * own;
+    products.nuisance.noalias() +=
+        own.transpose() * question.basis.middleRows(j * samples, samples);
+    products.scores.noalias() +=
+        own.transpose() * question.right.middleRows(j * samples, samples);
+  }
+  return products;
 }
 
 }  // namespace

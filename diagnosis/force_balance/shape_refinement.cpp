@@ -67,7 +67,18 @@ class ShapeProblem {
  public:
   ShapeProblem(std::vector<ProjectedLaw>& laws, std::vector<std::size_t> moving,
                const Eigen::VectorXd& force)
-      : laws_(laws), moving_(std::move(moving)), force_(force) {}
+      : laws_(laws), moving_(std::move(moving)), force_(force) {
+    Index count = 0;
+    for (const ProjectedLaw& law : laws_) {
+      first_.push_back(count);
+      count += law.columns().cols();
+    }
+    columns_.resize(force_.size(), count);
+    lengths_.resize(count);
+    for (std::size_t l = 0; l < laws_.size(); ++l) take_columns(l);
+    gram_ = columns_.transpose() * columns_;
+    right_ = columns_.transpose() * force_;
+  }
 
   [[nodiscard]] std::vector<ParameterRange> ranges() const {
     std::vector<ParameterRange> result;
@@ -100,36 +111,25 @@ class ShapeProblem {
                 Eigen::MatrixXd* jacobian) {
     set(theta);
     if (!is_plausible()) return false;
-    Index count = 0;
-    for (const ProjectedLaw& law : laws_) count += law.columns().cols();
-    Eigen::MatrixXd columns(force_.size(), count);
-    Index at = 0;
-    for (const ProjectedLaw& law : laws_) {
-      columns.middleCols(at, law.columns().cols()) = law.columns();
-      at += law.columns().cols();
+    for (const std::size_t l : moving_) {
+      if (!laws_[l].columns().allFinite()) return false;
+      take_columns(l);
     }
-    if (!columns.allFinite()) return false;
-    const Eigen::RowVectorXd lengths = columns.colwise().norm().cwiseMax(1e-300);
-    columns.array().rowwise() /= lengths.array();
-    const Eigen::MatrixXd gram = columns.transpose() * columns;
-    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factor(gram);
-    const Eigen::VectorXd scaled = factor.solve(columns.transpose() * force_);
-    residuals = force_ - columns * scaled;
+    multiply_moving();
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factor(gram_);
+    const Eigen::VectorXd scaled = factor.solve(right_);
+    residuals = force_ - columns_ * scaled;
     if (jacobian == nullptr) return residuals.allFinite();
-    const Eigen::VectorXd amplitudes = scaled.cwiseQuotient(lengths.transpose());
+    const Eigen::VectorXd amplitudes = scaled.cwiseQuotient(lengths_);
     jacobian->resize(force_.size(), theta.size());
-    at = 0;
-    Index first = 0;
-    for (std::size_t l = 0; l < laws_.size(); ++l) {
-      const Index own = laws_[l].columns().cols();
-      if (std::ranges::find(moving_, l) != moving_.end()) {
-        const Eigen::MatrixXd slopes = laws_[l].slopes(amplitudes.segment(first, own));
-        jacobian->middleCols(at, slopes.cols()) = -slopes;
-        at += slopes.cols();
-      }
-      first += own;
+    Index at = 0;
+    for (const std::size_t l : moving_) {
+      const Eigen::MatrixXd slopes =
+          laws_[l].slopes(amplitudes.segment(first_[l], laws_[l].columns().cols()));
+      jacobian->middleCols(at, slopes.cols()) = -slopes;
+      at += slopes.cols();
     }
-    *jacobian -= columns * factor.solve(columns.transpose() * *jacobian);
+    *jacobian -= columns_ * factor.solve(columns_.transpose() * *jacobian);
     return residuals.allFinite() && jacobian->allFinite();
   }
   [[nodiscard]] double square(const Eigen::VectorXd& theta) {
@@ -158,9 +158,34 @@ class ShapeProblem {
     return true;
   }
 
+  // A law's columns, each of length one.
+  void take_columns(std::size_t law) {
+    const Eigen::MatrixXd& own = laws_[law].columns();
+    for (Index k = 0; k < own.cols(); ++k) {
+      const double length = std::max(own.col(k).norm(), 1e-300);
+      lengths_(first_[law] + k) = length;
+      columns_.col(first_[law] + k) = own.col(k) / length;
+    }
+  }
+  // Products with the columns of moving laws; the others stay.
+  void multiply_moving() {
+    for (const std::size_t l : moving_) {
+      const Index count = laws_[l].columns().cols();
+      const auto own = columns_.middleCols(first_[l], count);
+      gram_.middleCols(first_[l], count).noalias() = columns_.transpose() * own;
+      gram_.middleRows(first_[l], count) = gram_.middleCols(first_[l], count).transpose();
+      right_.segment(first_[l], count).noalias() = own.transpose() * force_;
+    }
+  }
+
   std::vector<ProjectedLaw>& laws_;
   std::vector<std::size_t> moving_;
   const Eigen::VectorXd& force_;
+  std::vector<Index> first_;  // column of each law
+  Eigen::MatrixXd columns_;   // of all laws, each of length one
+  Eigen::VectorXd lengths_;
+  Eigen::MatrixXd gram_;
+  Eigen::VectorXd right_;
 };
 
 // Square of the rest after refinement from the problem's values, which become the refined ones.

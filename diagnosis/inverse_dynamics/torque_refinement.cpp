@@ -138,9 +138,8 @@ RefinementResult solve_problem(std::unique_ptr<ceres::CostFunction> cost, const 
   options.function_tolerance = tolerance;
   options.parameter_tolerance = tolerance;
   options.logging_type = ceres::SILENT;
-  // Near bounds each step is searched along its line; there cubic interpolation asks for all
-  // derivatives again, most of the time for a step that is taken as it is.
-  options.line_search_interpolation_type = ceres::QUADRATIC;
+  // A step that leaves its bounds ends on them; a search along each line would take as long again.
+  options.max_num_line_search_step_size_iterations = 0;
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
   silence_ceres();
