@@ -1,8 +1,10 @@
 #include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <string_view>
 
 #include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 
@@ -179,6 +181,14 @@ bool stands(const CandidatePlace& place, const Motion& piece, Eigen::Index sampl
   return true;
 }
 
+// What neighbouring joints may share that no transmission couples: a bearing, a cable, a rod. Any
+// law may act at a place that a place file states.
+bool may_be_shared(const LawEntry& entry) {
+  constexpr std::array<std::string_view, 5> kShared{"viscous", "coulomb", "stiffness", "offset",
+                                                    "inertia"};
+  return std::ranges::find(kShared, entry.name) != kShared.end();
+}
+
 bool needs_position(const LawEntry& entry) {
   if (entry.use != LawUse::kForce) return false;
   std::vector<double> parameters(entry.parameters.size());
@@ -201,6 +211,7 @@ std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place,
     if (entry.use != LawUse::kForce && entry.use != LawUse::kInertia) continue;
     // A hidden mass on a spring needs its own motion, which a force balance does not follow.
     if (entry.name == "mode") continue;
+    if (place.is_compound && !may_be_shared(entry)) continue;
     if (entry.name == "balancer" && !place.turns) continue;
     if (entry.name == "gravity" && !place.may_lift) continue;
     if (!position_is_recorded && needs_position(entry)) continue;

@@ -127,6 +127,16 @@ bool sets_size(const LawParameterEstimate& estimate) {
          estimate.unit != "m/s";
 }
 
+bool is_determined(const LawParameterEstimate& estimate) {
+  const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
+                                                                 : estimate.standard_error;
+  if (!std::isfinite(error)) return true;  // nothing is known of it
+  const std::string& name = estimate.name;
+  if (name.ends_with("phase") || name.ends_with("angle")) return error < 1.0;
+  if (name == "x" || name == "y" || name == "z") return true;
+  return error <= std::abs(estimate.value);
+}
+
 bool excludes_its_absence(const FittedLaw& law) {
   return std::ranges::any_of(law.parameters, [](const LawParameterEstimate& estimate) {
     const double error = std::isfinite(estimate.standard_error) ? estimate.standard_error

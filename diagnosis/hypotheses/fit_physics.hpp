@@ -23,6 +23,10 @@ namespace graybox {
 // A parameter that sets the size of the law's force: absent where it is zero.
 [[nodiscard]] bool sets_size(const LawParameterEstimate& estimate);
 
+// Whether its error is at most the value; of a phase, an angle or a place, which may be zero,
+// whether the error is small.
+[[nodiscard]] bool is_determined(const LawParameterEstimate& estimate);
+
 // Whether a law's force is there by its own errors: some parameter that sets its size has an error
 // that tells it from zero.
 [[nodiscard]] bool excludes_its_absence(const FittedLaw& law);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/problems/distributions.hpp"
 
 namespace graybox {
@@ -165,6 +166,15 @@ bool FitComparison::excludes(const ExtendedFit& reference, const ExtendedFit& fi
   return (disadvantage(fit, reference) + held_out > options_->exclusion_margin &&
           evidence(fit) - evidence(reference) + held_out > options_->exclusion_margin) ||
          contradicts(fit, reference);
+}
+
+bool FitComparison::keeps_its_place(const ExtendedFit& reference, std::size_t law,
+                                    const ExtendedFit& fit) const {
+  if (problem_->noise_is_known() ||
+      std::ranges::all_of(reference.laws[law].parameters, is_determined)) {
+    return excludes(reference, fit);
+  }
+  return predicts_better(fit, reference, options_->held_out_errors);
 }
 
 bool FitComparison::is_contradicted(const ExtendedFit& fit) const {

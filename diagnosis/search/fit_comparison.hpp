@@ -83,6 +83,11 @@ class FitComparison {
                                                           const ExtendedFit& reference) const;
   // Of the fit's recordings and those kept out, up to a constant of the reference.
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const;
+  // Whether a law that `reference` has keeps its place before a plainer one in `fit`: where the
+  // noise is not known, a law with sizes that the recordings do not determine must predict better
+  // by as much as one that comes in.
+  [[nodiscard]] bool keeps_its_place(const ExtendedFit& reference, std::size_t law,
+                                     const ExtendedFit& fit) const;
   // Whether `reference` excludes `fit`.
   [[nodiscard]] bool excludes(const ExtendedFit& reference, const ExtendedFit& fit) const;
   // The gain on blocks kept out that the laws of `with` owe over `without`.

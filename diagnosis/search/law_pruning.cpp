@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/diagnosis/search/candidate_ranking.hpp"
 #include "graybox/diagnosis/search/plainer_sums.hpp"
 
@@ -91,7 +92,7 @@ bool give_way_to_special_case(SearchState& state, std::size_t law, const Extende
   if (plainer.empty()) return false;
   const std::vector<Trial> trials = state.refits.refit_each(starts_of(without), plainer, without);
   if (trials.empty() || trials.front().fit.parameter_count > state.result.after.parameter_count ||
-      state.compare.excludes(state.result.after, trials.front().fit)) {
+      state.compare.keeps_its_place(state.result.after, law, trials.front().fit)) {
     return false;
   }
   state.result.after = trials.front().fit;
@@ -114,7 +115,12 @@ void simplify_laws(SearchState& state) {
     if (found.special_cases.empty() && state.problem->noise_is_known()) continue;
     const ExtendedFit without = fit_without(state, state.result.after, law);
     if (!without.usable) continue;
-    if (give_way_to_special_case(state, law, without) || give_way_to_sum(state, law, without)) {
+    // Of a law that the recordings do not determine a sum of plainer ones may well be.
+    const bool is_told =
+        std::ranges::all_of(state.result.after.laws[law].parameters, is_determined);
+    if ((!is_told && give_way_to_sum(state, law, without)) ||
+        give_way_to_special_case(state, law, without) ||
+        (is_told && give_way_to_sum(state, law, without))) {
       law = static_cast<std::size_t>(-1);  // the others stand in another order now
     }
   }

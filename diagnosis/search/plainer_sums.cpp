@@ -94,7 +94,7 @@ std::vector<ExtendedFit> sums_of_plainer_laws(SearchState& state, std::size_t la
 }
 
 bool is_preferred(const SearchState& state, std::size_t law, const ExtendedFit& sum) {
-  if (state.compare.excludes(state.result.after, sum)) return false;
+  if (state.compare.keeps_its_place(state.result.after, law, sum)) return false;
   const int rank = state.hypothesis(state.result.after.laws[law].hypothesis).rank;
   const bool is_of_lower_rank = std::ranges::all_of(
       std::span(sum.laws).last(2),

@@ -22,7 +22,7 @@ constexpr std::array<Predicate, 29> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
-    {"dead_zone", false, "meets a stop beyond a clearance", "loses stiffness beyond a clearance"},
+    {"dead_zone", false, "is held back beyond a clearance (a stop, or a spring with slack)", "loses stiffness beyond a clearance"},
     {"ripple", false, "has a force that comes back with the position (ripple, cogging)"},
     {"balancer", false, "is balanced by a spring"},
     {"gravity", false, "lifts a weight"},

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/diagnosis/plausibility/plausibility_words.hpp"
 #include "graybox/diagnosis/verdict/friction_words.hpp"
 #include "graybox/diagnosis/verdict/law_words.hpp"
@@ -322,14 +323,6 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
                   diagnosis.detectable.size(), blind));
 }
 
-// A phase, an angle or a place is known where its error is small, also if it is zero.
-bool is_determined(const LawParameterEstimate& estimate, double error) {
-  const std::string& name = estimate.name;
-  if (name.ends_with("phase") || name.ends_with("angle")) return error < 1.0;
-  if (name == "x" || name == "y" || name == "z") return true;
-  return error <= std::abs(estimate.value);
-}
-
 }  // namespace
 
 std::string experiment_words(const ExperimentOption& option) {
@@ -387,7 +380,7 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
-  if (!is_determined(estimate, error) && error > kSaysNothing * std::abs(estimate.value)) {
+  if (!is_determined(estimate) && error > kSaysNothing * std::abs(estimate.value)) {
     return fmt::format("not determined (fitted at {:.2g}{})", estimate.value, unit);
   }
   // Decimals of the value, in units of a common power of ten, so that the error shows two digits.
@@ -401,7 +394,7 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
   const std::string words = fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals,
                                         power, error * scale, decimals, power, unit);
-  return is_determined(estimate, error) ? words : "not determined (" + words + ")";
+  return is_determined(estimate) ? words : "not determined (" + words + ")";
 }
 
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
