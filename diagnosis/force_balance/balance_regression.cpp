@@ -82,6 +82,7 @@ struct BalanceRegression::System {
   std::vector<Equations> parts;   // by block and coordinate, index()
   std::vector<Equations> totals;  // by coordinate
   Eigen::VectorXd length;         // of the laws' columns, which are divided by it
+  Eigen::MatrixXd prior;          // G^T G
 
   // Least squares of all blocks, or of all but one, of which `left_out` has the parts.
   [[nodiscard]] LinearSolution solution(const Eigen::VectorXd& relative_noise,
@@ -97,6 +98,7 @@ struct BalanceRegression::System {
       matrix -= weight * left_out[j].matrix;
       right -= weight * left_out[j].right;
     }
+    matrix.topLeftCorner(prior.rows(), prior.cols()) += prior;
     return solve(matrix, right);
   }
 };
@@ -129,7 +131,7 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows) : rows_(rows)
   noise_ = rms;
   // The noise of the model alone first: projected() weighs coordinates by it.
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Eigen::MatrixXd q = basis(noise_);
+    const Eigen::MatrixXd q = basis(noise_).topRows(rows.force.size());
     const Eigen::VectorXd force = stacked(rows.force, noise_);
     const Eigen::VectorXd rest = force - q * (q.transpose() * force);
     const Eigen::VectorXd next =
@@ -149,8 +151,11 @@ BalanceRegression::BalanceRegression(const ForceBalanceRows& rows, Eigen::Vector
 }
 
 void BalanceRegression::compress() {
-  basis_ = basis(noise_);
-  triangle_ = basis_.transpose() * scaled_model(rows_, noise_);
+  const Eigen::MatrixXd both = basis(noise_);
+  const Index rows = rows_.force.size();
+  basis_ = both.topRows(rows);
+  prior_ = both.bottomRows(both.rows() - rows);
+  triangle_ = basis_.transpose() * scaled_model(rows_, noise_) + prior_.transpose() * prior_rows();
   scaled_force_ = stacked(rows_.force, noise_);
   const Index p = basis_.cols();
   for (Index b = 0; b < kBlocks; ++b) {
@@ -208,11 +213,25 @@ double BalanceRegression::counted(Index block, Index coordinate) const {
 }
 
 Eigen::MatrixXd BalanceRegression::basis(const Eigen::VectorXd& noise) const {
-  Eigen::MatrixXd columns = scaled_model(rows_, noise);
+  const Eigen::MatrixXd model = scaled_model(rows_, noise), prior = prior_rows();
+  Eigen::MatrixXd columns(model.rows() + prior.rows(), model.cols());
   if (columns.cols() == 0) return columns;
+  columns << model, prior;
   for (Index k = 0; k < columns.cols(); ++k) columns.col(k).normalize();
   const Eigen::HouseholderQR<Eigen::MatrixXd> factor(columns);
   return factor.householderQ() * Eigen::MatrixXd::Identity(columns.rows(), columns.cols());
+}
+
+Eigen::MatrixXd BalanceRegression::prior_rows() const {
+  const Eigen::VectorXd& precision = rows_.model_precision;
+  const Index count = rows_.model.count;
+  if (precision.size() == 0) return Eigen::MatrixXd::Zero(0, count);
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero((precision.array() > 0.0).count(), count);
+  Index row = 0;
+  for (Index k = 0; k < count; ++k) {
+    if (precision(k) > 0.0) rows(row++, k) = std::sqrt(precision(k));
+  }
+  return rows;
 }
 
 BalanceRegression::System BalanceRegression::system(std::span<const BalanceColumns> laws) const {
@@ -223,6 +242,7 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
   System result;
   result.parts.resize(static_cast<std::size_t>(kBlocks * coordinates()));
   result.length = Eigen::VectorXd::Zero(m);
+  result.prior = prior_.transpose() * prior_;
   const Index samples = rows_.samples();
   for (Index j = 0; j < coordinates(); ++j) {
     Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(samples, m);
@@ -368,7 +388,7 @@ BalanceProjection::BalanceProjection(const BalanceRegression& regression,
       weights_(regression.noise_.cwiseQuotient(noise_)) {
   const ForceBalanceRows& rows = regression.rows_;
   const Index p = regression.basis_.cols();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(p, p);
+  Eigen::MatrixXd normal = regression.prior_.transpose() * regression.prior_;
   BalanceColumns force;
   force.count = 1;
   for (Index j = 0; j < rows.coordinates(); ++j) {
@@ -384,7 +404,9 @@ BalanceProjection::BalanceProjection(const BalanceRegression& regression,
 Eigen::MatrixXd BalanceProjection::columns(const BalanceColumns& columns) const {
   const Index samples = regression_.rows_.samples(), joints = regression_.coordinates();
   const Eigen::MatrixXd& basis = regression_.basis_;
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples * joints, columns.count);
+  const Eigen::MatrixXd& prior = regression_.prior_;
+  Eigen::MatrixXd result =
+      Eigen::MatrixXd::Zero(samples * joints + prior.rows(), columns.count);
   Eigen::MatrixXd shares = Eigen::MatrixXd::Zero(basis.cols(), columns.count);
   for (Index j = 0; j < joints; ++j) {
     const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];
@@ -399,6 +421,7 @@ Eigen::MatrixXd BalanceProjection::columns(const BalanceColumns& columns) const 
     result.middleRows(j * samples, samples).noalias() -=
         weights_(j) * basis.middleRows(j * samples, samples) * shares;
   }
+  result.bottomRows(prior.rows()).noalias() = -prior * shares;
   return result;
 }
 

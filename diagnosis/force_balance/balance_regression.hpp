@@ -7,6 +7,9 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
+// Parameters of the model with a prior (ForceBalanceRows::model_precision) have a row more each, its
+// root over the parameter, which belongs to no block: [W; root] = [Q; G] R.
+//
 // The s_j are the most likely ones: those of the least sum of ln s_j. It may have several minima,
 // for where a law is missing, what coordinates share suits some of them or the others. So the
 // iteration starts from the s_j of the model alone, and once for each coordinate with that
@@ -73,7 +76,9 @@ class BalanceRegression {
   void cut_into_blocks(Eigen::Index coordinate);
   void compress();
   [[nodiscard]] double counted(Eigen::Index block, Eigen::Index coordinate) const;
+  // [Q; G] for this noise.
   [[nodiscard]] Eigen::MatrixXd basis(const Eigen::VectorXd& noise) const;
+  [[nodiscard]] Eigen::MatrixXd prior_rows() const;
   [[nodiscard]] System system(std::span<const BalanceColumns> laws) const;
   void settle(const System& system, int iterations, Settled& state) const;
   [[nodiscard]] Settled settled(const System& system) const;
@@ -85,6 +90,7 @@ class BalanceRegression {
   const ForceBalanceRows& rows_;
   Eigen::VectorXd noise_;
   Eigen::MatrixXd basis_;     // Q, coordinate after coordinate
+  Eigen::MatrixXd prior_;     // G; no rows where no parameter has a prior
   Eigen::MatrixXd triangle_;  // R
   Eigen::VectorXd scaled_force_;
   struct Rows {
@@ -95,7 +101,7 @@ class BalanceRegression {
 };
 
 // Rows over a noise of one's own, less what the model's columns imitate there. Coordinates follow
-// one another. Cost: O(N p m) for m columns.
+// one another; after them come the rows of the prior, if there are any. Cost: O(N p m) for m columns.
 class BalanceProjection {
  public:
   // `regression` must outlive it.

@@ -71,7 +71,7 @@ void thin(std::vector<Motion>& pieces) {
 void leave_out_standing_forces(ForceBalanceRows& rows) {
   if (rows.counts.size() == 0) return;
   rows.force.array() *= rows.counts.array();
-  for (BalanceColumns* columns : {&rows.model, &rows.flange_body}) {
+  for (BalanceColumns* columns : {&rows.model, &rows.flange_body, &rows.bodies}) {
     rows.leave_out_standing(*columns);
   }
   for (Eigen::Index j = 0; j < rows.coordinates(); ++j) {
@@ -98,6 +98,13 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                    Eigen::MatrixXd(samples, kStandardParameters)),
                       kStandardParameters};
+  const bool wants_bodies = joints > 1 && !robot.channels.unknown_drive_gains;
+  if (wants_bodies) {
+    const Eigen::Index count = joints * kStandardParameters;
+    rows.bodies = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
+                                                Eigen::MatrixXd(samples, count)),
+                   count};
+  }
   const bool is_any_standing =
       std::ranges::any_of(rows.pieces, [](const Motion& piece) { return piece.stands.any(); });
   if (is_any_standing) rows.counts = Eigen::MatrixXd::Ones(samples, joints);
@@ -122,6 +129,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
         const auto at = static_cast<std::size_t>(j);
         rows.model.in[at].row(row) = columns.matrix().row(j);
         rows.flange_body.in[at].row(row) = links.row(j).tail<kStandardParameters>();
+        if (wants_bodies) rows.bodies.in[at].row(row) = links.row(j);
       }
     }
     for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
@@ -378,6 +386,7 @@ void silence(const std::vector<bool>& idle, ForceBalanceRows& rows) {
     rows.force.col(static_cast<Eigen::Index>(j)).setZero();
     rows.model.in[j].setZero();
     rows.flange_body.in[j].setZero();
+    if (rows.bodies.count > 0) rows.bodies.in[j].setZero();
   }
 }
 

@@ -32,7 +32,11 @@ struct ForceBalanceRows {
   Eigen::MatrixXd measured;    // force, samples x coordinates
   Eigen::MatrixXd force;       // less what is known
   BalanceColumns model;        // columns of the model's own parameters
+  // Prior precision of each of these, about zero; empty: none has any (uncertain_bodies.hpp).
+  Eigen::VectorXd model_precision;
+  double worth = 1.0;  // of a sample, in independent ones, that the prior was weighed by
   BalanceColumns flange_body;  // of the ten standard parameters of a body at the flange, if any
+  BalanceColumns bodies;       // of those of every link; none where they are not asked for
   std::vector<Motion> pieces;  // in the order of the rows
   std::vector<FilteredMotion> filtered;  // of each piece, for laws
   std::vector<std::string> names;        // of each piece's recording
@@ -58,6 +62,12 @@ struct BalanceCoordinate {
   PlaceUnits units;
 };
 
+// A standard inertial parameter of a link that may depart from what the model states.
+struct UncertainParameter {
+  Eigen::Index link = 0, parameter = 0;
+  double stated = 0.0, deviation = 0.0;  // of the prior
+};
+
 struct ForceBalanceData {
   std::vector<BalanceCoordinate> coordinates;
   std::vector<std::string> parameter_names, parameter_units;  // of the model's columns
@@ -71,6 +81,7 @@ struct ForceBalanceData {
   // Where drive gains are unknown: which of the model's parameters is 1/gain of each joint, -1 of
   // those that nothing known acts on; empty if no gain is told.
   std::vector<Eigen::Index> gain_parameters;
+  std::vector<UncertainParameter> uncertain;  // the last of the model's parameters
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
   // What the model states of a robot of one joint, kg m^2 or kg; NaN for others.

@@ -19,6 +19,7 @@
 #include "graybox/diagnosis/force_balance/payload_tangent.hpp"
 #include "graybox/diagnosis/force_balance/remaining_structure.hpp"
 #include "graybox/diagnosis/force_balance/shape_refinement.hpp"
+#include "graybox/diagnosis/force_balance/uncertain_bodies.hpp"
 #include "graybox/diagnosis/force_balance/wiring_faults.hpp"
 #include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
 #include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
@@ -182,6 +183,25 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
     stop_if_requested();
     return fits;
+  }
+
+  [[nodiscard]] std::unique_ptr<MismatchProblem> with_uncertain_model(
+      const ExtendedFit& fit) const override {
+    const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
+    double counted = 0.0, effective = 0.0;
+    for (Index j = 0; j < coordinates(); ++j) {
+      if (is_idle(j)) continue;
+      counted += static_cast<double>(data_.estimation.samples());
+      effective += ColouredNoise(rest.col(j)).effective_samples();
+    }
+    if (!(counted > 0.0)) return nullptr;
+    std::optional<ForceBalanceData> freed = with_uncertain_bodies(data_, effective / counted);
+    if (!freed) return nullptr;
+    return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_);
+  }
+  [[nodiscard]] std::vector<std::string> departures_from_stated(
+      const ExtendedFit& fit) const override {
+    return graybox::departures_from_stated(data_, fit.model_parameters);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
@@ -673,16 +693,40 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  // Scores of least squares estimates by columns over the noise: row t, column k is what the
-  // residuals at time t add to the error of parameter k, x_k - truth = sum over t.
-  [[nodiscard]] Eigen::MatrixXd influences(const Eigen::MatrixXd& columns,
-                                           const BalanceFit& fitted) const {
+  // Of parameters of the model and of as many more as there are, which have none.
+  [[nodiscard]] Eigen::VectorXd prior_precision(Index parameters) const {
+    Eigen::VectorXd precision = Eigen::VectorXd::Zero(parameters);
+    const Eigen::VectorXd& model = data_.estimation.model_precision;
+    precision.head(model.size()) = model;
+    return precision;
+  }
+  // Rows of the prior below those of the data.
+  void append_prior_rows(Eigen::MatrixXd& columns) const {
+    const Index rows = columns.rows(), count = data_.estimation.model_precision.size();
+    columns.conservativeResize(rows + count, Eigen::NoChange);
+    columns.bottomRows(count).setZero();
+    const Eigen::VectorXd precision = prior_precision(columns.cols());
+    for (Index k = 0; k < count; ++k) columns(rows + k, k) = std::sqrt(precision(k));
+  }
+
+  // What estimates by columns over the noise owe to the data and to the prior.
+  struct Influences {
+    // Row t, column k is what the residuals at time t add to the error of parameter k, x_k - truth =
+    // sum over t.
+    Eigen::MatrixXd of_data;
+    // Row i, column k: what a standard deviation of the prior of parameter i does to that of k.
+    Eigen::MatrixXd of_prior;
+  };
+  [[nodiscard]] Influences influences(const Eigen::MatrixXd& columns,
+                                      const Eigen::VectorXd& precision,
+                                      const BalanceFit& fitted) const {
     const Eigen::VectorXd lengths = columns.colwise().norm();
-    const Eigen::MatrixXd scaled = columns * lengths.cwiseInverse().asDiagonal();
-    const Eigen::MatrixXd gram = scaled.transpose() * scaled;
+    const Eigen::VectorXd unit = lengths.cwiseInverse();
+    const Eigen::MatrixXd scaled = columns * unit.asDiagonal();
+    Eigen::MatrixXd gram = scaled.transpose() * scaled;
+    gram.diagonal() += precision.cwiseProduct(unit.cwiseAbs2());
     const Eigen::MatrixXd weighted =
-        gram.ldlt().solve(Eigen::MatrixXd::Identity(gram.rows(), gram.cols())) *
-        lengths.cwiseInverse().asDiagonal();
+        gram.ldlt().solve(Eigen::MatrixXd::Identity(gram.rows(), gram.cols())) * unit.asDiagonal();
     const Eigen::MatrixXd influence = scaled * weighted;
     const Index samples = data_.estimation.samples();
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples, columns.cols());
@@ -690,7 +734,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const Eigen::VectorXd rest = fitted.residuals.col(j) / fitted.noise(j);
       result += rest.asDiagonal() * influence.middleRows(j * samples, samples);
     }
-    return result;
+    Eigen::MatrixXd of_prior(0, columns.cols());
+    if (data_.estimation.model_precision.size() > 0) {
+      // precision times deviation of the prior, which is 1 / sqrt(worth precision).
+      const Eigen::VectorXd pull = (precision / data_.estimation.worth).cwiseSqrt();
+      of_prior = pull.cwiseProduct(unit).asDiagonal() * weighted;
+    }
+    return {std::move(result), std::move(of_prior)};
   }
 
   // Covariance of estimates from their influences, which follow each other in time.
@@ -731,19 +781,23 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                                       const BalanceFit& fitted) const {
     Deviations result;
     const Eigen::MatrixXd all = information_columns(laws, fitted.noise, result.parameters);
-    Eigen::MatrixXd basis(all.rows(), 0);
-    const std::vector<bool> is_seen = extend_basis(all, basis);
+    Eigen::MatrixXd with_prior = all;
+    append_prior_rows(with_prior);
+    Eigen::MatrixXd basis(with_prior.rows(), 0);
+    const std::vector<bool> is_seen = extend_basis(with_prior, basis);
     std::vector<Index> seen;
     for (std::size_t k = 0; k < is_seen.size(); ++k) {
       if (is_seen[k]) seen.push_back(static_cast<Index>(k));
     }
-    const Eigen::MatrixXd influence = influences(all(Eigen::all, seen), fitted);
-    const Eigen::VectorXd between = deviations_between(recording_sums(influence));
+    const Influences influence =
+        influences(all(Eigen::all, seen), prior_precision(all.cols())(seen), fitted);
+    const Eigen::VectorXd between = deviations_between(recording_sums(influence.of_data));
     Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const auto own = static_cast<Index>(k);
-      deviation(seen[k]) =
-          std::max(std::sqrt(covariance(influence.col(own), all.cols())(0, 0)), between(own));
+      const double of_data =
+          std::max(std::sqrt(covariance(influence.of_data.col(own), all.cols())(0, 0)), between(own));
+      deviation(seen[k]) = std::hypot(of_data, influence.of_prior.col(own).norm());
     }
     const Index model = data_.estimation.model.count;
     result.model = deviation.head(model);
@@ -760,11 +814,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     for (const BalanceColumns& law : laws) append(stacked(law, fitted.noise, samples), columns);
     std::vector<double> result;
     if (laws.empty()) return result;
-    const Eigen::MatrixXd influence = influences(columns, fitted);
+    const Influences influence = influences(columns, prior_precision(columns.cols()), fitted);
     Index first = 0;
     for (const BalanceColumns& law : laws) {
-      const Eigen::MatrixXd own =
-          covariance(influence.middleCols(model + first, law.count), columns.cols());
+      const auto at = Eigen::seqN(model + first, law.count);
+      const Eigen::MatrixXd of_prior = influence.of_prior(Eigen::all, at);
+      const Eigen::MatrixXd own = covariance(influence.of_data(Eigen::all, at), columns.cols()) +
+                                  of_prior.transpose() * of_prior;
       const Eigen::VectorXd amplitudes = fitted.amplitudes.segment(first, law.count);
       result.push_back(amplitudes.dot(own.completeOrthogonalDecomposition().solve(amplitudes)));
       first += law.count;
@@ -1013,8 +1069,12 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   std::vector<PlacedLaw> present;
   for (const FittedLaw& law : fit.laws) present.push_back(placed_of(fit, law));
   std::vector<Column> unused;
-  Eigen::MatrixXd basis(rest.size(), 0);
-  (void)extend_basis(information_columns(present, rms, unused), basis);
+  Eigen::MatrixXd parameters = information_columns(present, rms, unused);
+  append_prior_rows(parameters);
+  right.conservativeResize(parameters.rows(), Eigen::NoChange);
+  right.bottomRows(parameters.rows() - rest.size()).setZero();
+  Eigen::MatrixXd basis(parameters.rows(), 0);
+  (void)extend_basis(parameters, basis);
   const double square = right.col(0).squaredNorm();
   const double freedom =
       std::max(sample_count() - static_cast<double>(basis.cols()), 0.5 * sample_count());

@@ -289,6 +289,18 @@ class MismatchProblem {
     return HeldOutPrediction{*assessment, {}};
   }
 
+  // The same problem with what the model states free within its uncertainty, judged by what this fit
+  // leaves; the hypotheses are the same. Null where nothing is uncertain, or all is free already.
+  [[nodiscard]] virtual std::unique_ptr<MismatchProblem> with_uncertain_model(
+      const ExtendedFit& /*fit*/) const {
+    return nullptr;
+  }
+  // Where what the model states is free: what of it a fit finds otherwise, in words.
+  [[nodiscard]] virtual std::vector<std::string> departures_from_stated(
+      const ExtendedFit& /*fit*/) const {
+    return {};
+  }
+
   // The place where something changes with time beside what the fit describes, if anything does:
   // whether it does is for the caller to judge by the p-value. `gain`: what the fit's laws lower
   // the deviance by. None where it can't be told, from what these laws may make of the plant's free

@@ -109,6 +109,14 @@ struct SharedCharacteristic {
   std::vector<std::size_t> hypotheses;
 };
 
+// What the model states was given some freedom (MismatchProblem::with_uncertain_model), and predicts
+// better with it: errors beside the plain laws, NRMSE in %.
+struct FreedModel {
+  double error_stated = 0.0, error_freed = 0.0;
+  bool on_kept_out = false;             // else on the recordings of the fit
+  std::vector<std::string> departures;  // of the final model, in words
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::kUnknown;
   bool noise_is_known = false;
@@ -147,6 +155,7 @@ struct Diagnosis {
   std::vector<ResidualCurve> curves_before, curves_after;
   std::vector<ForcePicture> pictures;  // of the effects, in their order
   std::vector<RejectedLaw> rejected;
+  std::optional<FreedModel> freed_model;
   std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
   bool plausibility_judged = true;          // false: there was no time to
   CheckedRange checked;

@@ -83,6 +83,10 @@ void search(SearchState& state) {
   look_for_departures(state);
   look_for_change(state);
   note_held_out_effects(state);
+  if (state.result.freed_model) {
+    state.result.freed_model->departures =
+        state.problem->departures_from_stated(state.result.after);
+  }
   judge_plausibility(state);
 }
 

@@ -32,7 +32,7 @@ void leave_out_each(SearchState& state, const ExtendedFit& fit) {
 
 ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law) {
   std::vector<LawStart> laws = starts_without(fit, law);
-  if (laws.empty()) return state.result.before;
+  if (laws.empty()) return state.without_laws();
   leave_out_each(state, fit);
   ExtendedFit best = state.refits.refit(laws, fit);
   if (!state.problem->noise_is_known()) return best;

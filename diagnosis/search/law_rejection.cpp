@@ -208,8 +208,8 @@ bool reject_hopeless(SearchState& state) {
          {}});
   }
   if (rejected.empty()) return false;
-  ExtendedFit left = kept.empty() ? state.result.before : state.refits.refit(kept, after);
-  state.result.after = left.usable ? std::move(left) : state.result.before;
+  ExtendedFit left = kept.empty() ? state.without_laws() : state.refits.refit(kept, after);
+  state.result.after = left.usable ? std::move(left) : state.without_laws();
   state.result.rejected.insert(state.result.rejected.end(), rejected.rbegin(), rejected.rend());
   return true;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -75,6 +76,58 @@ std::optional<ExtendedFit> without_the_least(SearchState& state, const ExtendedF
   return left;
 }
 
+// Those that the recordings ask for, beside the laws of the last fit; none where they are not
+// better than that.
+std::optional<ExtendedFit> needed_plain_laws(SearchState& state) {
+  ExtendedFit fit = with_all_plain_laws(state);
+  while (!fit.laws.empty()) {
+    if (!state.proceed("leaving out plain laws that are not missed")) return {};
+    std::optional<ExtendedFit> left = without_the_least(state, fit);
+    if (!left) break;
+    fit = *std::move(left);
+  }
+  if (fit.laws.empty() ||
+      !state.compare.predicts_better(state.without_laws(), fit, state.options.held_out_errors)) {
+    return {};
+  }
+  return fit;
+}
+
+double error_of(const MismatchProblem& problem, const ExtendedFit& fit) {
+  return problem.validate(fit).value_or(fit.estimation).nrmse;
+}
+
+// What the model states may be off by as much as it says, and forces at joints then only stand in for
+// that: with it free, fewer or other laws may be needed. It stays free where blocks kept out are
+// predicted better by far, and recordings kept out no worse.
+void free_what_is_uncertain(SearchState& state) {
+  const MismatchProblem& stated = *state.problem;
+  std::unique_ptr<MismatchProblem> freed = stated.with_uncertain_model(state.result.after);
+  if (!freed || !state.proceed("freeing what the model states within its uncertainty")) return;
+  const ExtendedFit with_stated = state.result.after;
+  state.go_on_with(std::move(freed));
+  state.freed_without_laws = state.problem->fit({}, nullptr);
+  const ExtendedFit same_laws =
+      state.problem->fit(starts_of(with_stated), &*state.freed_without_laws);
+  state.result.after = same_laws.usable ? same_laws : *state.freed_without_laws;
+  const ExtendedFit best = needed_plain_laws(state).value_or(*state.freed_without_laws);
+  const double error_stated = error_of(stated, with_stated),
+               error_freed = error_of(*state.problem, best);
+  const bool is_better =
+      best.usable && error_freed < error_stated &&
+      held_out_gain(with_stated, best).mean >= state.options.rare_gain &&
+      state.compare.predicts_better(with_stated, best, state.options.held_out_errors);
+  if (!is_better) {
+    state.go_back_to(stated);
+    state.result.after = with_stated;
+    return;
+  }
+  state.result.after = best;
+  state.settle_shapes();
+  state.result.freed_model = FreedModel{
+      error_stated, error_freed, state.problem->validate(best).has_value(), {}};
+}
+
 }  // namespace
 
 void begin_with_plain_laws(SearchState& state) {
@@ -82,19 +135,11 @@ void begin_with_plain_laws(SearchState& state) {
       !has_several_coordinates(state)) {
     return;
   }
-  ExtendedFit fit = with_all_plain_laws(state);
-  while (!fit.laws.empty()) {
-    if (!state.proceed("leaving out plain laws that are not missed")) return;
-    std::optional<ExtendedFit> left = without_the_least(state, fit);
-    if (!left) break;
-    fit = *std::move(left);
+  if (std::optional<ExtendedFit> fit = needed_plain_laws(state)) {
+    state.result.after = *std::move(fit);
+    state.settle_shapes();
   }
-  if (fit.laws.empty() ||
-      !state.compare.predicts_better(state.result.after, fit, state.options.held_out_errors)) {
-    return;
-  }
-  state.result.after = std::move(fit);
-  state.settle_shapes();
+  if (!state.freed_without_laws) free_what_is_uncertain(state);
 }
 
 }  // namespace graybox

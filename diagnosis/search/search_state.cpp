@@ -48,6 +48,14 @@ void SearchState::go_on_with(std::unique_ptr<MismatchProblem> freed) {
   freed_ = std::move(freed);
 }
 
+void SearchState::go_back_to(const MismatchProblem& stated) {
+  compare = FitComparison(stated, options);
+  refits.start_anew(stated);
+  problem = &stated;
+  freed_.reset();
+  freed_without_laws.reset();
+}
+
 void SearchState::describe_fit_as_it_is() {
   result.after = result.before;
   result.mismatch_before = problem->mismatch(result.before);

@@ -45,6 +45,12 @@ struct SearchState {
   void settle_shapes();
   // The same problem, its recordings freed of more.
   void go_on_with(std::unique_ptr<MismatchProblem> freed);
+  // What the model states as it is again.
+  void go_back_to(const MismatchProblem& stated);
+  // The fit without laws.
+  [[nodiscard]] const ExtendedFit& without_laws() const {
+    return freed_without_laws ? *freed_without_laws : result.before;
+  }
   // What the report shows of the model without laws.
   void describe_fit_as_it_is();
 
@@ -58,6 +64,8 @@ struct SearchState {
   // Hypotheses of a higher rank come when those up to this one explain no more.
   int highest_rank = std::numeric_limits<int>::max();
 
+  // Where what the model states was freed, of that model.
+  std::optional<ExtendedFit> freed_without_laws;
   int first_fits = 0;           // after the first (first_fit.hpp)
   bool tried_to_renew = false;  // with laws (renewal.hpp)
   // Before recordings were freed of more: the single law found, and rivals far behind it.

@@ -1,10 +1,12 @@
 #include "graybox/diagnosis/verdict/reason_words.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
 #include "graybox/diagnosis/verdict/svg_chart.hpp"
@@ -79,6 +81,26 @@ std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
   return lines;
 }
 
+std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis) {
+  if (!diagnosis.freed_model) return {};
+  const FreedModel& freed = *diagnosis.freed_model;
+  constexpr std::size_t kMost = 5;  // that are named
+  std::vector<std::string> lines{fmt::format(
+      "The bodies of the links are not quite as stated: free within their uncertainty "
+      "(body_uncertainty in the model), beside plain laws, they lower the error on {} from "
+      "{:.4g} % to {:.4g} %.",
+      freed.on_kept_out ? "recordings kept out" : "the recordings of the fit", freed.error_stated,
+      freed.error_freed)};
+  const std::size_t shown = std::min(kMost, freed.departures.size());
+  if (shown == 0) return lines;
+  const std::span<const std::string> named(freed.departures.data(), shown);
+  lines.push_back(fmt::format("Off most: {}{}.", fmt::join(named, "; "),
+                              shown < freed.departures.size()
+                                  ? fmt::format("; and {} more", freed.departures.size() - shown)
+                                  : ""));
+  return lines;
+}
+
 std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis) {
   if (!diagnosis.validation_after) {
     return " No recordings were kept out, so what it predicts was not tested.";
@@ -124,6 +146,15 @@ Json reasons_json(const Diagnosis& diagnosis) {
     if (has_failed(reason)) each["next"] = reason.next;
   }
   return list;
+}
+
+Json freed_model_json(const Diagnosis& diagnosis) {
+  if (!diagnosis.freed_model) return nullptr;
+  const FreedModel& freed = *diagnosis.freed_model;
+  return {{"error_stated", freed.error_stated},
+          {"error_freed", freed.error_freed},
+          {"on_kept_out", freed.on_kept_out},
+          {"departures", freed.departures}};
 }
 
 Json rejected_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {

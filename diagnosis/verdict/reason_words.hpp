@@ -18,6 +18,9 @@ namespace graybox {
 [[nodiscard]] std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
                                                       std::span<const Hypothesis> hypotheses);
 
+// What of the stated model is off, where it was given some freedom; else empty.
+[[nodiscard]] std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis);
+
 // What a law does to recordings kept out, one sentence; empty where it could not be asked.
 [[nodiscard]] std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis);
 
@@ -28,6 +31,8 @@ namespace graybox {
 [[nodiscard]] nlohmann::ordered_json reasons_json(const Diagnosis& diagnosis);
 [[nodiscard]] nlohmann::ordered_json rejected_json(const Diagnosis& diagnosis,
                                                    std::span<const Hypothesis> hypotheses);
+// null where the model stands as stated.
+[[nodiscard]] nlohmann::ordered_json freed_model_json(const Diagnosis& diagnosis);
 [[nodiscard]] nlohmann::ordered_json range_json(const CheckedRange& range);
 
 // A table of the reasons; empty where there are none.

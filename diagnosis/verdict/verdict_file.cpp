@@ -385,6 +385,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
       {"rejected", rejected_json(diagnosis, hypotheses)},
+      {"freed_model", freed_model_json(diagnosis)},
       {"shapes_compared", diagnosis.shapes_compared},
       {"departures", departures_json(diagnosis, hypotheses)},
       {"shared_characteristics", shared_json(diagnosis, hypotheses)},

@@ -432,6 +432,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
   add(friction_lines(diagnosis, hypotheses));
+  add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {
     lines.push_back(departure_words(departure, hypotheses));

@@ -405,10 +405,17 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   (void)root.at("format").choice({"graybox-rigid-robot/1"});
   root.allow_keys({"format", "urdf", "base", "tip", "denavit_hartenberg", "gravity", "joints",
                    "transmission", "laws", "elements", "known", "refine", "channels",
+                   "body_uncertainty",
                    "base_parameters"});  // the last: what a diagnosis estimated, to read
   RigidRobotModel model;
   model.name = file.stem().string();
   model.gravity = read_vector(root.at("gravity"));
+  if (root.has("body_uncertainty")) {
+    model.body_uncertainty = root.at("body_uncertainty").non_negative();
+    if (model.body_uncertainty > 1.0) {
+      root.at("body_uncertainty").fail("is a share of the stated values: 0 to 1, 0.1 for 10 %");
+    }
+  }
   const bool has_transmission = root.has("transmission");
   if (root.has("urdf") == root.has("denavit_hartenberg")) {
     root.fail("needs either urdf (with base and tip) or denavit_hartenberg: modified | standard");

@@ -1,0 +1,134 @@
+#include "graybox/diagnosis/force_balance/uncertain_bodies.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr double kSeen = 1e-9;      // length of a column that the motion shows, of the longest
+constexpr double kToldApart = 2.0;  // standard errors
+
+constexpr std::array<std::string_view, 10> kUnits{"kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2",
+                                                  "kg m^2", "kg m",   "kg m",   "kg m",   "kg"};
+constexpr std::array<std::string_view, 10> kWords{
+    "inertia XX", "inertia XY", "inertia XZ", "inertia YY", "inertia YZ", "inertia ZZ",
+    "mass times x", "mass times y", "mass times z", "mass"};
+
+void add_columns(const std::vector<Index>& chosen, const BalanceColumns& more,
+                 BalanceColumns& columns) {
+  const auto count = static_cast<Index>(chosen.size());
+  for (std::size_t j = 0; j < columns.in.size(); ++j) {
+    Eigen::MatrixXd& block = columns.in[j];
+    const Index before = columns.count;
+    block.conservativeResize(more.in[j].rows(), before + count);
+    for (Index k = 0; k < count; ++k) {
+      block.col(before + k) = more.in[j].col(chosen[static_cast<std::size_t>(k)]);
+    }
+  }
+  columns.count += count;
+}
+
+Eigen::VectorXd lengths_of(const BalanceColumns& columns) {
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(columns.count);
+  for (const Eigen::MatrixXd& block : columns.in) {
+    squares += block.colwise().squaredNorm().transpose();
+  }
+  return squares.cwiseSqrt();
+}
+
+}  // namespace
+
+StandardParameters prior_deviations(const StandardParameters& stated, double share) {
+  const double mass = stated(9);
+  const double radius =
+      mass > 0.0 ? std::sqrt(std::max(0.0, 0.5 * (stated(0) + stated(3) + stated(5)) / mass)) : 0.0;
+  StandardParameters deviations;
+  deviations.head<6>().setConstant(share * mass * radius * radius);
+  deviations.segment<3>(6).setConstant(share * mass * radius);
+  deviations(9) = share * mass;
+  return deviations;
+}
+
+std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data, double worth) {
+  const RigidRobotModel& robot = data.robot;
+  const double share = robot.body_uncertainty;
+  if (robot.size() < 2 || !(share > 0.0) || robot.channels.unknown_drive_gains ||
+      !data.uncertain.empty()) {
+    return {};
+  }
+  const Eigen::VectorXd lengths = lengths_of(data.estimation.bodies);
+  std::vector<Index> chosen;
+  std::vector<UncertainParameter> parameters;
+  for (Index j = 0; j < robot.size(); ++j) {
+    const std::optional<RigidBody>& body = robot.joints[static_cast<std::size_t>(j)].body;
+    if (!body || !(body->mass > 0.0)) continue;
+    const StandardParameters stated = standard_parameters(*body);
+    const StandardParameters deviations = prior_deviations(stated, share);
+    for (Index k = 0; k < kStandardParameters; ++k) {
+      const Index column = j * kStandardParameters + k;
+      const bool is_seen = lengths(column) > kSeen * lengths.maxCoeff();
+      if (!is_seen || !(deviations(k) > 0.0)) continue;
+      chosen.push_back(column);
+      parameters.push_back({j, k, stated(k), deviations(k)});
+    }
+  }
+  if (chosen.empty()) return {};
+  ForceBalanceData result = data;
+  const Index before = data.estimation.model.count;
+  add_columns(chosen, data.estimation.bodies, result.estimation.model);
+  add_columns(chosen, data.validation.bodies, result.validation.model);
+  Eigen::VectorXd& precision = result.estimation.model_precision;
+  precision = Eigen::VectorXd::Zero(result.estimation.model.count);
+  result.estimation.worth = worth;
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const UncertainParameter& parameter = parameters[k];
+    const auto own = static_cast<std::size_t>(parameter.parameter);
+    precision(before + static_cast<Index>(k)) =
+        1.0 / (worth * parameter.deviation * parameter.deviation);
+    result.parameter_names.push_back(
+        fmt::format("{} departure of {}", kStandardParameterNames[own],
+                    robot.joints[static_cast<std::size_t>(parameter.link)].name));
+    result.parameter_units.emplace_back(kUnits[own]);
+    result.parameter_kinds.push_back(QuantityKind::kOther);
+  }
+  result.uncertain = std::move(parameters);
+  for (ForceBalanceRows* rows : {&result.estimation, &result.validation}) {
+    rows->laws = std::make_shared<LawSampleCache>(rows->samples());  // places are others now
+  }
+  return result;
+}
+
+std::vector<std::string> departures_from_stated(
+    const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
+  std::vector<std::pair<double, std::string>> found;
+  const std::size_t first = model_parameters.size() - data.uncertain.size();
+  for (std::size_t k = 0; k < data.uncertain.size(); ++k) {
+    const UncertainParameter& parameter = data.uncertain[k];
+    const LawParameterEstimate& departure = model_parameters[first + k];
+    const double errors = std::abs(departure.value) / departure.standard_error;
+    if (!(errors > kToldApart)) continue;
+    const auto own = static_cast<std::size_t>(parameter.parameter);
+    found.emplace_back(
+        -errors,
+        fmt::format("{} of {}'s link {:.3g} ± {:.2g} {} (stated: {:.3g})", kWords[own],
+                    data.robot.joints[static_cast<std::size_t>(parameter.link)].name,
+                    parameter.stated + departure.value, departure.standard_error, kUnits[own],
+                    parameter.stated));
+  }
+  std::ranges::stable_sort(found, {}, &std::pair<double, std::string>::first);
+  std::vector<std::string> words;
+  for (auto& [order, each] : found) words.push_back(std::move(each));
+  return words;
+}
+
+}  // namespace graybox
