@@ -387,7 +387,6 @@ BalanceProjection::BalanceProjection(const BalanceRegression& regression,
       noise_(noise.cwiseMax(kLeastNoise * regression.noise_)),
       weights_(regression.noise_.cwiseQuotient(noise_)) {
   const ForceBalanceRows& rows = regression.rows_;
-  const Index p = regression.basis_.cols();
   Eigen::MatrixXd normal = regression.prior_.transpose() * regression.prior_;
   BalanceColumns force;
   force.count = 1;
