@@ -561,13 +561,14 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
 TEST_F(ForceBalance, FindsNothingInAnArmThatIsWhole) {
   const char* given = std::getenv("GRAYBOX_TEST_RUNS");
   const int runs = given != nullptr ? std::atoi(given) : 3;
-  int with_laws = 0;
+  int with_laws = 0, freed = 0;
   for (const double memory : {0.0, 0.9, 0.98}) {
     for (int run = 0; run < runs; ++run) {
       record_arm(folder_, kLiftingArm, kLiftingArm, Eigen::Vector3d::Ones(),
                  static_cast<std::uint64_t>(1000 * run + 7), memory);
       const auto data = problem();
       const Diagnosis diagnosis = diagnose(*data);
+      freed += diagnosis.freed_model ? 1 : 0;
       if (diagnosis.effects.empty()) continue;
       ++with_laws;
       std::cout << "memory " << memory << ": " << names_of(*data, diagnosis) << '\n';
@@ -575,6 +576,93 @@ TEST_F(ForceBalance, FindsNothingInAnArmThatIsWhole) {
   }
   std::cout << with_laws << " of " << 3 * runs << " with a false law\n";
   EXPECT_LE(20 * with_laws, 3 * runs + 20);
+  EXPECT_EQ(freed, 0) << "bodies that are as stated were said to be off";
+}
+
+// Links that weigh more and whose mass sits elsewhere than the drawing says: no law, but the bodies.
+TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
+  const std::string heavier = replaced(
+      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2, 0,", "mass: 4.5, centre_of_mass: [0.22, 0,"),
+      "mass: 3, centre_of_mass: [0.1, 0,", "mass: 2.8, centre_of_mass: [0.09, 0.005,");
+  record_arm(folder_, heavier, kLiftingArm);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_TRUE(diagnosis.freed_model.has_value());
+  EXPECT_LT(diagnosis.freed_model->error_freed, 0.5 * diagnosis.freed_model->error_stated);
+  EXPECT_TRUE(diagnosis.effects.empty()) << names_of(*data, diagnosis);
+  ASSERT_FALSE(diagnosis.freed_model->departures.empty());
+  // 4.5 kg at 0.22 m and what the elbow holds 0.4 m out: the static moment about the shoulder.
+  double moment = 4.0 * 0.2 + 3.0 * 0.4, variance = 0.0;
+  for (const LawParameterEstimate& each : diagnosis.after.model_parameters) {
+    if (each.name == "MX departure of shoulder") moment += each.value;
+    if (each.name == "M departure of elbow") moment += 0.4 * each.value;
+    if (each.name == "MX departure of shoulder") variance = std::pow(each.standard_error, 2);
+  }
+  EXPECT_NEAR(moment, 4.5 * 0.22 + 2.8 * 0.4, 4.0 * std::sqrt(variance));
+  EXPECT_NEAR(moment, 4.5 * 0.22 + 2.8 * 0.4, 0.03);
+}
+
+TEST_F(ForceBalance, KeepsBodiesThatAreStatedToBeExact) {
+  const std::string heavier =
+      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2, 0,", "mass: 4.5, centre_of_mass: [0.22, 0,");
+  record_arm(folder_, heavier, kLiftingArm + "body_uncertainty: 0\n");
+  EXPECT_FALSE(diagnose(*problem()).freed_model.has_value());
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm + "body_uncertainty: 20\n";
+  try {
+    (void)problem();
+    FAIL() << "a share of 20";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("body_uncertainty is a share"), std::string::npos)
+        << error.what();
+  }
+}
+
+// Against the closed form of least squares with a prior, noise as it was found.
+TEST(BalanceRegression, WeighsAPriorAsRowsOfItsOwn) {
+  constexpr Eigen::Index kSamples = 300;
+  ForceBalanceRows rows;
+  Random random(4);
+  Eigen::MatrixXd columns(kSamples, 3);
+  for (double& value : columns.reshaped()) value = random.normal();
+  columns.col(2) = columns.col(0) + 1e-3 * columns.col(2);  // told apart by the prior alone
+  const Eigen::Vector3d truth(1.0, -2.0, 0.5);
+  Eigen::VectorXd force = columns * truth;
+  for (double& value : force) value += 0.3 * random.normal();
+  rows.measured = rows.force = force;
+  rows.model = {{columns}, 3};
+  rows.model_precision = Eigen::Vector3d(0.0, 4.0, 100.0);
+  rows.pieces.resize(1);
+  rows.pieces[0].time = Eigen::VectorXd::LinSpaced(kSamples, 0.0, 3.0);
+  rows.names = {"one"};
+  const BalanceFit fit = BalanceRegression(rows).fit({});
+  ASSERT_TRUE(fit.full_rank);
+  const double weight = 1.0 / (fit.noise(0) * fit.noise(0));
+  const Eigen::Matrix3d normal =
+      weight * columns.transpose() * columns + Eigen::Matrix3d(rows.model_precision.asDiagonal());
+  const Eigen::Vector3d expected = normal.ldlt().solve(weight * columns.transpose() * force);
+  EXPECT_LT((fit.model - expected).norm(), 1e-4 * expected.norm());
+  EXPECT_NEAR(fit.noise(0), 0.3, 0.05);
+}
+
+// What is kept is what would be computed, for whatever key comes next.
+TEST(LawSampleCache, GivesEachKeyItsOwn) {
+  LawSampleCache cache(1 << 20);  // so large that few fit
+  const int place = 0, law = 0;
+  int computed = 0;
+  const auto ask = [&](double parameter) {
+    return (*cache.get({&place, &law, {parameter}}, [&] {
+      ++computed;
+      return Eigen::VectorXd::Constant(2, parameter).eval();
+    }))(1);
+  };
+  for (int round = 0; round < 3; ++round) {
+    for (int k = 0; k < 500; ++k) EXPECT_EQ(ask(k), k);
+  }
+  EXPECT_EQ(ask(499.0), 499.0);
+  EXPECT_EQ(computed > 500, true);
+  const int before = computed;
+  EXPECT_EQ(ask(499.0), 499.0);
+  EXPECT_EQ(computed, before);
 }
 
 // What holds the shoulder up is as strong as the load. A payload that spares the shoulder its

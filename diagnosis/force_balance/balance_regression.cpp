@@ -301,7 +301,8 @@ void BalanceRegression::settle(const System& system, int iterations, Settled& st
     }
     const double change = ((next - state.relative_noise).array() / next.array()).abs().maxCoeff();
     state.relative_noise = next;
-    if (change < kNoiseTolerance || joints == 1) return;
+    const bool is_weighed = joints > 1 || prior_.rows() > 0;
+    if (change < kNoiseTolerance || !is_weighed) return;
   }
 }
 

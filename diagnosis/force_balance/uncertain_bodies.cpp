@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <string_view>
 #include <utility>
-
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {

@@ -15,6 +15,8 @@
 #include <vector>
 
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
+#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 

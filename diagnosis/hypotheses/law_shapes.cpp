@@ -404,6 +404,12 @@ Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& pl
   return is_spring ? Characteristic::kSpring : Characteristic::kNone;
 }
 
+bool is_dry_friction(std::string_view law) {
+  static const std::set<std::string_view> kDry = {"coulomb", "asymmetric_coulomb", "stribeck",
+                                                  "dahl",    "lugre",              "play_and_slip"};
+  return kDry.count(law) > 0;
+}
+
 std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_friction_may_creep) {
   const std::string& name = entry.name;
   const bool is_dry_friction = name == "stribeck" || name == "asymmetric_coulomb" ||

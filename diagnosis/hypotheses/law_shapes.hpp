@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "graybox/diagnosis/hypotheses/candidate_place.hpp"
@@ -63,6 +64,9 @@ struct LawShape {
 // kNone of linear laws, of drag, of what follows the position where the model has no spring, and of
 // users' laws.
 [[nodiscard]] Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& place);
+
+// Friction with a level that it holds at standstill: a joint has one.
+[[nodiscard]] bool is_dry_friction(std::string_view law);
 
 // Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition
 // velocity may lie above all velocities that were recorded, so that it is viscous.

@@ -6,6 +6,8 @@
 #include <set>
 #include <span>
 
+#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+
 namespace graybox {
 namespace {
 
@@ -67,12 +69,28 @@ bool may_stand_in(const Hypothesis& rival, const Hypothesis& found) {
   });
 }
 
+namespace {
+
+// Where the noise is not known: a further dry friction at a place that has one would be the same
+// physics twice. Another may take its place.
+bool is_second_dry_friction(const SearchState& state, const Hypothesis& hypothesis,
+                            const ExtendedFit& fit) {
+  if (state.problem->noise_is_known() || !is_dry_friction(hypothesis.law)) return false;
+  return std::ranges::any_of(fit.laws, [&](const FittedLaw& law) {
+    return state.place_of(law.hypothesis) == hypothesis.place &&
+           is_dry_friction(state.hypothesis(law.hypothesis).law);
+  });
+}
+
+}  // namespace
+
 std::vector<std::size_t> open_hypotheses(const SearchState& state, const ExtendedFit& fit) {
   std::vector<std::size_t> open;
   for (std::size_t i = 0; i < state.problem->hypotheses().size(); ++i) {
     const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
     const Hypothesis& hypothesis = state.hypothesis(i);
-    if (hypothesis.only_named || is_excluded(state, hypothesis) || is_closed(state, hypothesis)) {
+    if (hypothesis.only_named || is_excluded(state, hypothesis) || is_closed(state, hypothesis) ||
+        is_second_dry_friction(state, hypothesis, fit)) {
       continue;
     }
     if (hypothesis.repeatable || std::none_of(fit.laws.begin(), fit.laws.end(), present)) {
