@@ -109,8 +109,8 @@ struct SharedCharacteristic {
   std::vector<std::size_t> hypotheses;
 };
 
-// What the model states was given some freedom (MismatchProblem::with_uncertain_model), and predicts
-// better with it: errors beside the plain laws, NRMSE in %.
+// What the model states was free within its uncertainty (MismatchProblem::with_uncertain_model):
+// errors beside the plain laws that each needs, NRMSE in %.
 struct FreedModel {
   double error_stated = 0.0, error_freed = 0.0;
   bool on_kept_out = false;             // else on the recordings of the fit

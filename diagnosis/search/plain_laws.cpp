@@ -98,8 +98,8 @@ double error_of(const MismatchProblem& problem, const ExtendedFit& fit) {
 }
 
 // What the model states may be off by as much as it says, and forces at joints then only stand in for
-// that: with it free, fewer or other laws may be needed. It stays free where blocks kept out are
-// predicted better by far, and recordings kept out no worse.
+// that: with it free, fewer or other laws are needed. It stays free unless the model as stated
+// predicts blocks kept out better.
 void free_what_is_uncertain(SearchState& state) {
   const MismatchProblem& stated = *state.problem;
   std::unique_ptr<MismatchProblem> freed = stated.with_uncertain_model(state.result.after);
@@ -113,11 +113,7 @@ void free_what_is_uncertain(SearchState& state) {
   const ExtendedFit best = needed_plain_laws(state).value_or(*state.freed_without_laws);
   const double error_stated = error_of(stated, with_stated),
                error_freed = error_of(*state.problem, best);
-  const bool is_better =
-      best.usable && error_freed < error_stated &&
-      held_out_gain(with_stated, best).mean >= state.options.rare_gain &&
-      state.compare.predicts_better(with_stated, best, state.options.held_out_errors);
-  if (!is_better) {
+  if (!best.usable || state.compare.predicts_better(best, with_stated, kExclusionErrors)) {
     state.go_back_to(stated);
     state.result.after = with_stated;
     return;

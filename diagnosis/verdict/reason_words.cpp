@@ -86,9 +86,8 @@ std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis) {
   const FreedModel& freed = *diagnosis.freed_model;
   constexpr std::size_t kMost = 5;  // that are named
   std::vector<std::string> lines{fmt::format(
-      "The bodies of the links are not quite as stated: free within their uncertainty "
-      "(body_uncertainty in the model), beside plain laws, they lower the error on {} from "
-      "{:.4g} % to {:.4g} %.",
+      "The bodies of the links were free within their uncertainty (body_uncertainty in the model): "
+      "beside plain laws that changes the error on {} from {:.4g} % to {:.4g} %.",
       freed.on_kept_out ? "recordings kept out" : "the recordings of the fit", freed.error_stated,
       freed.error_freed)};
   const std::size_t shown = std::min(kMost, freed.departures.size());

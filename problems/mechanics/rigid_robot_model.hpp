@@ -19,8 +19,8 @@
 // elements in which their force is linear (LawParameter::is_linear), except those listed under
 // `known`. The other parameters of elements keep the value in the file unless they are listed under
 // `refine`.
-// `body_uncertainty` (0.1 if not stated) is how well stated bodies are known: a standard deviation
-// of 0.1 of their masses; 0: exactly.
+// `body_uncertainty` is how well stated bodies are known: 0.1 for a standard deviation of 10 % of
+// their masses; 0, if not stated: exactly.
 //
 // Denavit-Hartenberg rows: modified (Craig 1986, Khalil and Kleinfinger 1986) turns and shifts
 // before the joint, Rot_x(alpha) Trans_x(a) Trans_z(d) Rot_z(theta + q); standard (Denavit and
@@ -80,8 +80,8 @@ struct RigidRobotModel {
   std::vector<ElementParameter> known, refined;
   RobotChannels channels;  // empty lists if the file has none
   // How well bodies that are stated are known: standard deviation over the value. A diagnosis frees
-  // them by that much where recordings ask for it; 0: they are exact.
-  double body_uncertainty = 0.1;
+  // them by that much; 0: they are exact.
+  double body_uncertainty = 0.0;
 
   [[nodiscard]] Eigen::Index size() const { return static_cast<Eigen::Index>(joints.size()); }
 };
