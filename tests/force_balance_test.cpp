@@ -579,10 +579,10 @@ TEST_F(ForceBalance, FindsNothingInAnArmThatIsWhole) {
   EXPECT_EQ(freed, 0) << "bodies that are as stated were said to be off";
 }
 
-// Links that weigh more and whose mass sits elsewhere than the drawing says: no law, but the bodies.
+// Links that weigh more and whose mass sits elsewhere than the drawing says: no law, but bodies.
 TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
   const std::string heavier = replaced(
-      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2, 0,", "mass: 4.5, centre_of_mass: [0.22, 0,"),
+      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2,", "mass: 4.5, centre_of_mass: [0.22,"),
       "mass: 3, centre_of_mass: [0.1, 0,", "mass: 2.8, centre_of_mass: [0.09, 0.005,");
   record_arm(folder_, heavier, kLiftingArm + "body_uncertainty: 0.1\n");
   const auto data = problem();
@@ -604,7 +604,7 @@ TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
 
 TEST_F(ForceBalance, KeepsBodiesOfWhichNoUncertaintyIsStated) {
   const std::string heavier =
-      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2, 0,", "mass: 4.5, centre_of_mass: [0.22, 0,");
+      replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2,", "mass: 4.5, centre_of_mass: [0.22,");
   record_arm(folder_, heavier, kLiftingArm);
   EXPECT_FALSE(diagnose(*problem()).freed_model.has_value());
   std::ofstream(folder_ / "drive.yaml") << kLiftingArm + "body_uncertainty: 20\n";

@@ -39,6 +39,7 @@ constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
 constexpr int kNoiseRounds = 4;  // of refinements of shapes
+constexpr int kLateRounds = 6;   // of fits to a force that is moved in time
 // Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
 // place, which hangs on it.
 constexpr double kSettledNoise = 1.5;
@@ -256,8 +257,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (is_idle(j)) continue;
       const auto late = late_force(data_.estimation, rest, data_.validation, held_out, j);
       if (!late) continue;
-      channels[static_cast<std::size_t>(j)].late_by = late->seconds;
-      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = late->nrmse_held_out;
+      const LateForce whole = with_laws_refitted(fit, j, *late);
+      channels[static_cast<std::size_t>(j)].late_by = whole.seconds;
+      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = whole.nrmse_held_out;
     }
   }
 
@@ -303,6 +305,41 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
+  // Laws fitted to a late force take part of its lateness: with the force moved by what was told,
+  // the same laws are fitted again, until the force comes in time.
+  [[nodiscard]] LateForce with_laws_refitted(const ExtendedFit& fit, Index coordinate,
+                                             LateForce late) const {
+    std::vector<LawStart> laws;
+    for (const FittedLaw& law : fit.laws) {
+      LawStart& start = laws.emplace_back();
+      start.hypothesis = law.hypothesis;
+      for (const LawParameterEstimate& each : law.parameters) {
+        start.parameters.push_back(each.value);
+      }
+    }
+    for (int round = 1; round < kLateRounds; ++round) {
+      ForceBalanceData moved = data_;
+      for (ForceBalanceRows* rows : {&moved.estimation, &moved.validation}) {
+        advance_force(*rows, coordinate, late.seconds);
+        rows->laws = std::make_shared<LawSampleCache>(rows->samples());
+      }
+      const ForceBalanceProblem in_time(std::move(moved), options_);
+      const ExtendedFit refitted = in_time.fit(laws, nullptr);
+      if (!refitted.usable) break;
+      const ForceBalanceData& data = in_time.data_;
+      const Eigen::MatrixXd rest = in_time.residuals(refitted, data.estimation),
+                            held_out = in_time.residuals(refitted, data.validation);
+      const double signal = centred_square(data.validation.measured.col(coordinate));
+      const double nrmse = 100.0 * std::sqrt(held_out.col(coordinate).squaredNorm() / signal);
+      if (!(nrmse < late.nrmse_held_out)) break;
+      late.nrmse_held_out = nrmse;
+      const auto more = late_force(data.estimation, rest, data.validation, held_out, coordinate);
+      if (!more || std::abs(late.seconds + more->seconds) > kLongestDelay) break;
+      late = {late.seconds + more->seconds, more->nrmse_held_out};
+    }
+    return late;
+  }
+
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
   [[nodiscard]] bool is_idle(Index j) const { return data_.idle[static_cast<std::size_t>(j)]; }
 
@@ -711,8 +748,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   // What estimates by columns over the noise owe to the data and to the prior.
   struct Influences {
-    // Row t, column k is what the residuals at time t add to the error of parameter k, x_k - truth =
-    // sum over t.
+    // Row t, column k is what the residuals at time t add to the error of parameter k: x_k - truth
+    // is the sum over t.
     Eigen::MatrixXd of_data;
     // Row i, column k: what a standard deviation of the prior of parameter i does to that of k.
     Eigen::MatrixXd of_prior;
@@ -795,8 +832,9 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const auto own = static_cast<Index>(k);
-      const double of_data =
-          std::max(std::sqrt(covariance(influence.of_data.col(own), all.cols())(0, 0)), between(own));
+      const double within =
+          std::sqrt(covariance(influence.of_data.col(own), all.cols())(0, 0));
+      const double of_data = std::max(within, between(own));
       deviation(seen[k]) = std::hypot(of_data, influence.of_prior.col(own).norm());
     }
     const Index model = data_.estimation.model.count;

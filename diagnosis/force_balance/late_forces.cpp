@@ -50,6 +50,31 @@ double least_between(double before, double middle, double after) {
 
 }  // namespace
 
+void advance_force(ForceBalanceRows& rows, Index coordinate, double seconds) {
+  if (rows.empty()) return;
+  const Eigen::VectorXd measured = rows.measured.col(coordinate);
+  const Eigen::VectorXd known = measured - rows.force.col(coordinate);
+  if (rows.counts.size() == 0) rows.counts.setOnes(rows.samples(), rows.coordinates());
+  const Eigen::VectorXd counted = rows.counts.col(coordinate);
+  Index first = 0;
+  for (const Motion& piece : rows.pieces) {
+    const Index last = first + piece.samples();
+    const double step = piece.sample_time();
+    const Index shift = step > 0.0 ? std::lround(seconds / step) : 0;
+    for (Index t = first; t < last; ++t) {
+      const bool is_there = t + shift >= first && t + shift < last &&
+                            counted(t) > 0.0 && counted(t + shift) > 0.0;
+      rows.counts(t, coordinate) = is_there ? 1.0 : 0.0;
+      rows.measured(t, coordinate) = is_there ? measured(t + shift) : measured.mean();
+      rows.force(t, coordinate) = is_there ? measured(t + shift) - known(t) : 0.0;
+    }
+    first = last;
+  }
+  for (BalanceColumns* columns : {&rows.model, &rows.flange_body}) {
+    rows.leave_out_standing(*columns);
+  }
+}
+
 std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
                                     const ForceBalanceRows& held_out,
                                     const Eigen::MatrixXd& rest_held_out, Index coordinate) {

@@ -33,4 +33,8 @@ struct LateForce {
                                                   const Eigen::MatrixXd& rest_held_out,
                                                   Eigen::Index coordinate);
 
+// The rows with one coordinate's forces moved earlier by so many seconds, in whole samples. Where a
+// recording then has none, they do not count.
+void advance_force(ForceBalanceRows& rows, Eigen::Index coordinate, double seconds);
+
 }  // namespace graybox

@@ -28,7 +28,8 @@ std::size_t hash_of(const LawSampleCache::Key& key) {
 
 LawSampleCache::LawSampleCache(Eigen::Index samples)
     : entries_(std::clamp(
-          kMostBytes / (sizeof(double) * static_cast<std::size_t>(std::max<Eigen::Index>(samples, 1))),
+          kMostBytes /
+              (sizeof(double) * static_cast<std::size_t>(std::max<Eigen::Index>(samples, 1))),
           std::size_t{64}, kMostEntries)) {}
 
 LawSampleCache::Samples LawSampleCache::get(Key key,

@@ -97,8 +97,8 @@ double error_of(const MismatchProblem& problem, const ExtendedFit& fit) {
   return problem.validate(fit).value_or(fit.estimation).nrmse;
 }
 
-// What the model states may be off by as much as it says, and forces at joints then only stand in for
-// that: with it free, fewer or other laws are needed. It stays free unless the model as stated
+// What the model states may be off by as much as it says, and forces at joints then only stand in
+// for that: with it free, fewer or other laws are needed. It stays free unless the model as stated
 // predicts blocks kept out better.
 void free_what_is_uncertain(SearchState& state) {
   const MismatchProblem& stated = *state.problem;
