@@ -39,7 +39,7 @@ constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
 constexpr int kNoiseRounds = 4;  // of refinements of shapes
-constexpr int kLateRounds = 6;   // of fits to a force that is moved in time
+constexpr double kLateStep = 0.2;  // of a lateness, by which a force is moved on
 // Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
 // place, which hangs on it.
 constexpr double kSettledNoise = 1.5;
@@ -305,8 +305,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
-  // Laws fitted to a late force take part of its lateness: with the force moved by what was told,
-  // the same laws are fitted again, until the force comes in time.
+  // Laws fitted to a late force take part of its lateness. So the force is moved on, and the same
+  // laws are fitted again, as long as that lowers what they leave.
   [[nodiscard]] LateForce with_laws_refitted(const ExtendedFit& fit, Index coordinate,
                                              LateForce late) const {
     std::vector<LawStart> laws;
@@ -317,27 +317,38 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         start.parameters.push_back(each.value);
       }
     }
-    for (int round = 1; round < kLateRounds; ++round) {
-      ForceBalanceData moved = data_;
-      for (ForceBalanceRows* rows : {&moved.estimation, &moved.validation}) {
-        advance_force(*rows, coordinate, late.seconds);
-        rows->laws = std::make_shared<LawSampleCache>(rows->samples());
-      }
-      const ForceBalanceProblem in_time(std::move(moved), options_);
-      const ExtendedFit refitted = in_time.fit(laws, nullptr);
-      if (!refitted.usable) break;
-      const ForceBalanceData& data = in_time.data_;
-      const Eigen::MatrixXd rest = in_time.residuals(refitted, data.estimation),
-                            held_out = in_time.residuals(refitted, data.validation);
-      const double signal = centred_square(data.validation.measured.col(coordinate));
-      const double nrmse = 100.0 * std::sqrt(held_out.col(coordinate).squaredNorm() / signal);
-      if (!(nrmse < late.nrmse_held_out)) break;
-      late.nrmse_held_out = nrmse;
-      const auto more = late_force(data.estimation, rest, data.validation, held_out, coordinate);
-      if (!more || std::abs(late.seconds + more->seconds) > kLongestDelay) break;
-      late = {late.seconds + more->seconds, more->nrmse_held_out};
+    const double step = std::copysign(
+        std::max(data_.estimation.pieces.front().sample_time(), kLateStep * std::abs(late.seconds)),
+        late.seconds);
+    double least = std::numeric_limits<double>::infinity();
+    for (double seconds = late.seconds; std::abs(seconds) < kLongestDelay; seconds += step) {
+      const auto left = left_with_force_moved(laws, coordinate, seconds);
+      if (!left || left->estimation >= least) break;
+      least = left->estimation;
+      if (left->held_out < late.nrmse_held_out) late = {seconds, left->held_out};
     }
     return late;
+  }
+  // NRMSE of one coordinate, %; none where the laws can't be fitted.
+  struct MovedRest {
+    double estimation = 0.0, held_out = 0.0;
+  };
+  [[nodiscard]] std::optional<MovedRest> left_with_force_moved(std::span<const LawStart> laws,
+                                                               Index coordinate,
+                                                               double seconds) const {
+    ForceBalanceData moved = data_;
+    for (ForceBalanceRows* rows : {&moved.estimation, &moved.validation}) {
+      advance_force(*rows, coordinate, seconds);
+      rows->laws = std::make_shared<LawSampleCache>(rows->samples());
+    }
+    const ForceBalanceProblem in_time(std::move(moved), options_);
+    const ExtendedFit fit = in_time.fit(laws, nullptr);
+    if (!fit.usable) return {};
+    const auto nrmse = [&](const ForceBalanceRows& rows) {
+      const double square = in_time.residuals(fit, rows).col(coordinate).squaredNorm();
+      return 100.0 * std::sqrt(square / centred_square(rows.measured.col(coordinate)));
+    };
+    return MovedRest{nrmse(in_time.data_.estimation), nrmse(in_time.data_.validation)};
   }
 
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
