@@ -741,7 +741,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
-  // Of parameters of the model and of as many more as there are, which have none.
+  // The prior precision of all parameters of a fit: those of laws have none.
   [[nodiscard]] Eigen::VectorXd prior_precision(Index parameters) const {
     Eigen::VectorXd precision = Eigen::VectorXd::Zero(parameters);
     const Eigen::VectorXd& model = data_.estimation.model_precision;
@@ -1185,7 +1185,8 @@ HypothesisScore ForceBalanceProblem::score_of(std::size_t hypothesis, const Eige
   return best;
 }
 
-// Of columns over the noise with one another, with what the fit has and with what is left.
+// Products of columns over the noise with one another, with what the fit has and with what it
+// leaves.
 CandidateProducts ForceBalanceProblem::products_with(const BalanceColumns& columns,
                                                      const ScoreQuestion& question) const {
   const Index samples = data_.estimation.samples();

@@ -20,10 +20,10 @@
 
 namespace graybox {
 
-// Of a body with these standard parameters, about the origin of its frame.
+// The prior's standard deviations for a body with these standard parameters.
 [[nodiscard]] StandardParameters prior_deviations(const StandardParameters& stated, double share);
 
-// The same recordings with the bodies free. `worth`: N_eff / N. None where no body is stated, where
+// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body is stated, where
 // the model says that they are exact, where the drives' gains are unknown, or of one joint alone.
 [[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
                                                                     double worth);
