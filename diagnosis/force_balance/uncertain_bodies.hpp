@@ -23,8 +23,9 @@ namespace graybox {
 // The prior's standard deviations for a body with these standard parameters.
 [[nodiscard]] StandardParameters prior_deviations(const StandardParameters& stated, double share);
 
-// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body is stated, where
-// the model says that they are exact, where the drives' gains are unknown, or of one joint alone.
+// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body is
+// stated, where the model says that they are exact, where the drives' gains are unknown, or of one
+// joint alone.
 [[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
                                                                     double worth);
 
