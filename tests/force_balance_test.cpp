@@ -14,6 +14,7 @@
 #include "graybox/diagnosis/force_balance/balance_regression.hpp"
 #include "graybox/diagnosis/force_balance/coloured_noise.hpp"
 #include "graybox/diagnosis/force_balance/derivative_noise.hpp"
+#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/force_balance/standstill.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
@@ -227,6 +228,27 @@ TEST_F(ForceBalance, DoesNotTakeTheLowPassForAPast) {
       EXPECT_GT(share, 0.7);
     }
   }
+}
+
+// Five samples to a period of the low-pass, but a thousand at least; the answer stays.
+TEST_F(ForceBalance, ThinsWhatALowPassLeavesAndAnswersTheSame) {
+  record([](double, double v) { return 15.0 * v; }, 0.5, 8);
+  std::string campaign = testing::read_text(folder_ / "campaign.yaml");
+  campaign = replaced(campaign, "  - {file: run_2.csv, role: validation}", "  - {file: run_2.csv}");
+  const RigidRobotModel drive = load_rigid_robot(folder_ / "drive.yaml");
+  double damping[2] = {0.0, 0.0};
+  for (const bool is_filtered : {false, true}) {
+    std::ofstream(folder_ / "campaign.yaml")
+        << (is_filtered ? replaced(campaign, "experiments:",
+                                   "preprocess:\n  - {kind: low_pass, frequency: 4}\nexperiments:")
+                        : campaign);
+    const ForceBalanceData data = load_force_balance_data(drive, read_campaign(folder_));
+    EXPECT_EQ(data.estimation.samples(), is_filtered ? 1000 : 3000);
+    const Diagnosis diagnosis = diagnose(*problem());
+    ASSERT_EQ(diagnosis.effects.size(), 1U);
+    damping[is_filtered ? 1 : 0] = diagnosis.effects[0].law.parameters[0].value;
+  }
+  EXPECT_NEAR(damping[1], damping[0], 0.02 * damping[0]);
 }
 
 TEST(ColouredNoise, KnowsWhatSamplesOfAKnownMemoryAreWorth) {

@@ -405,8 +405,7 @@ Eigen::MatrixXd BalanceProjection::columns(const BalanceColumns& columns) const 
   const Index samples = regression_.rows_.samples(), joints = regression_.coordinates();
   const Eigen::MatrixXd& basis = regression_.basis_;
   const Eigen::MatrixXd& prior = regression_.prior_;
-  Eigen::MatrixXd result =
-      Eigen::MatrixXd::Zero(samples * joints + prior.rows(), columns.count);
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(samples * joints + prior.rows(), columns.count);
   Eigen::MatrixXd shares = Eigen::MatrixXd::Zero(basis.cols(), columns.count);
   for (Index j = 0; j < joints; ++j) {
     const Eigen::MatrixXd& own = columns.in[static_cast<std::size_t>(j)];

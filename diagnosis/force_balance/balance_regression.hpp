@@ -7,8 +7,8 @@
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //
-// Parameters of the model with a prior (ForceBalanceRows::model_precision) have a row more each, its
-// root over the parameter, which belongs to no block: [W; root] = [Q; G] R.
+// Parameters of the model with a prior (ForceBalanceRows::model_precision) have a row more each,
+// the precision's root over the parameter, which belongs to no block: [W; root] = [Q; G] R.
 //
 // The s_j are the most likely ones: those of the least sum of ln s_j. It may have several minima,
 // for where a law is missing, what coordinates share suits some of them or the others. So the
@@ -101,7 +101,8 @@ class BalanceRegression {
 };
 
 // Rows over a noise of one's own, less what the model's columns imitate there. Coordinates follow
-// one another; after them come the rows of the prior, if there are any. Cost: O(N p m) for m columns.
+// one another; after them come the rows of the prior, if there are any. Cost: O(N p m) for m
+// columns.
 class BalanceProjection {
  public:
   // `regression` must outlive it.

@@ -30,8 +30,8 @@ struct PositionRecord {
 [[nodiscard]] std::optional<double> low_pass_for_acceleration(
     std::span<const PositionRecord> records);
 
-// The same of a drive of one joint and its recordings; none where velocities are recorded, the
-// campaign has filtered already, or its samples are uneven.
+// The low-pass that a drive of one joint and its recordings need; none where velocities are
+// recorded, the campaign has filtered already, or its samples are uneven.
 [[nodiscard]] std::optional<LowPass> missing_low_pass(const RigidRobotModel& drive,
                                                       const Campaign& campaign);
 

@@ -68,19 +68,6 @@ void thin(std::vector<Motion>& pieces) {
   for (Motion& piece : pieces) piece = thinned(piece, stride);
 }
 
-void leave_out_standing_forces(ForceBalanceRows& rows) {
-  if (rows.counts.size() == 0) return;
-  rows.force.array() *= rows.counts.array();
-  for (BalanceColumns* columns : {&rows.model, &rows.flange_body, &rows.bodies}) {
-    rows.leave_out_standing(*columns);
-  }
-  for (Eigen::Index j = 0; j < rows.coordinates(); ++j) {
-    const Eigen::ArrayXd counts = rows.counts.col(j);
-    const double mean = rows.measured.col(j).dot(counts.matrix()) / std::max(1.0, counts.sum());
-    rows.measured.col(j) = (counts > 0.0).select(rows.measured.col(j), mean);
-  }
-}
-
 // Rows of all pieces, in order.
 ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> names,
                          const RigidRobotModel& robot, TorqueColumns& columns) {
@@ -98,7 +85,8 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                    Eigen::MatrixXd(samples, kStandardParameters)),
                       kStandardParameters};
-  const bool wants_bodies = joints > 1 && !robot.channels.unknown_drive_gains;
+  const bool wants_bodies =
+      joints > 1 && robot.body_uncertainty > 0.0 && !robot.channels.unknown_drive_gains;
   if (wants_bodies) {
     const Eigen::Index count = joints * kStandardParameters;
     rows.bodies = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
@@ -140,7 +128,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
       }
     }
   }
-  leave_out_standing_forces(rows);
+  rows.leave_out_standing_forces();
   rows.laws = std::make_shared<LawSampleCache>(rows.samples());
   return rows;
 }
@@ -424,6 +412,17 @@ void ForceBalanceRows::leave_out_standing(BalanceColumns& columns) const {
   for (std::size_t j = 0; j < columns.in.size(); ++j) {
     if (columns.in[j].size() == 0) continue;
     columns.in[j].array().colwise() *= counts.col(static_cast<Eigen::Index>(j)).array();
+  }
+}
+
+void ForceBalanceRows::leave_out_standing_forces() {
+  if (counts.size() == 0) return;
+  force.array() *= counts.array();
+  for (BalanceColumns* columns : {&model, &flange_body, &bodies}) leave_out_standing(*columns);
+  for (Eigen::Index j = 0; j < coordinates(); ++j) {
+    const Eigen::ArrayXd counting = counts.col(j);
+    const double mean = measured.col(j).dot(counting.matrix()) / std::max(1.0, counting.sum());
+    measured.col(j) = (counting > 0.0).select(measured.col(j), mean);
   }
 }
 

@@ -53,7 +53,9 @@ struct ForceBalanceRows {
   [[nodiscard]] double counted(Eigen::Index coordinate, Eigen::Index first,
                                Eigen::Index rows) const;
   void leave_out_standing(BalanceColumns& columns) const;
-  // Root mean squares of `values` (samples x coordinates, zero where nothing counts), by coordinate.
+  // What does not count becomes zero on both sides of the balance.
+  void leave_out_standing_forces();
+  // Root mean squares of `values` by coordinate (samples x coordinates, zero where nothing counts).
   [[nodiscard]] Eigen::VectorXd root_mean_squares(const Eigen::MatrixXd& values) const;
 };
 

@@ -5,6 +5,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <limits>
 #include <memory>
 #include <string_view>
@@ -38,7 +39,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr Index kShownCurves = 6;  // of the recordings of one role
 constexpr int kGainRounds = 16;    // of fits that take the drives' gains from one another
 constexpr double kGainTolerance = 1e-4;
-constexpr int kNoiseRounds = 4;  // of refinements of shapes
+constexpr int kNoiseRounds = 4;    // of refinements of shapes
 constexpr double kLateStep = 0.2;  // of a lateness, by which a force is moved on
 // Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
 // place, which hangs on it.
@@ -188,6 +189,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   [[nodiscard]] std::unique_ptr<MismatchProblem> with_uncertain_model(
       const ExtendedFit& fit) const override {
+    if (!may_free_bodies(data_)) return nullptr;
     const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
     double counted = 0.0, effective = 0.0;
     for (Index j = 0; j < coordinates(); ++j) {
@@ -309,14 +311,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   // laws are fitted again, as long as that lowers what they leave.
   [[nodiscard]] LateForce with_laws_refitted(const ExtendedFit& fit, Index coordinate,
                                              LateForce late) const {
-    std::vector<LawStart> laws;
-    for (const FittedLaw& law : fit.laws) {
-      LawStart& start = laws.emplace_back();
-      start.hypothesis = law.hypothesis;
-      for (const LawParameterEstimate& each : law.parameters) {
-        start.parameters.push_back(each.value);
-      }
-    }
+    const std::vector<LawStart> laws = starts_of(fit);
     const double step = std::copysign(
         std::max(data_.estimation.pieces.front().sample_time(), kLateStep * std::abs(late.seconds)),
         late.seconds);
@@ -843,8 +838,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const auto own = static_cast<Index>(k);
-      const double within =
-          std::sqrt(covariance(influence.of_data.col(own), all.cols())(0, 0));
+      const double within = std::sqrt(covariance(influence.of_data.col(own), all.cols())(0, 0));
       const double of_data = std::max(within, between(own));
       deviation(seen[k]) = std::hypot(of_data, influence.of_prior.col(own).norm());
     }
@@ -933,10 +927,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] PlacedLaw placed_of(const ExtendedFit& fit, const FittedLaw& law) const {
-    std::vector<double> parameters;
-    for (const LawParameterEstimate& estimate : law.parameters)
-      parameters.push_back(estimate.value);
-    return placed(law.hypothesis, std::move(parameters), inverse_gains(fit));
+    return placed(law.hypothesis, law.values(), inverse_gains(fit));
   }
 
   // Relative errors are of all coordinates together, as tables of published results have them.
@@ -1122,6 +1113,11 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   append_prior_rows(parameters);
   right.conservativeResize(parameters.rows(), Eigen::NoChange);
   right.bottomRows(parameters.rows() - rest.size()).setZero();
+  const Eigen::VectorXd precision = prior_precision(parameters.cols());
+  for (Index k = 0; k < parameters.rows() - rest.size(); ++k) {
+    const double value = fit.model_parameters[static_cast<std::size_t>(k)].value;
+    right(rest.size() + k, 0) = -std::sqrt(precision(k)) * value;
+  }
   Eigen::MatrixXd basis(parameters.rows(), 0);
   (void)extend_basis(parameters, basis);
   const double square = right.col(0).squaredNorm();
@@ -1135,10 +1131,18 @@ ScoreTable ForceBalanceProblem::scores(const ExtendedFit& fit, std::span<const s
   table.scores.resize(asked.size());
   std::vector<std::vector<double>> minima(
       asked.size(), std::vector<double>(static_cast<std::size_t>(null_draws), 1.0));
+  const Eigen::VectorXd gains = inverse_gains(fit);
+  std::exception_ptr failure;
 #pragma omp parallel for num_threads(options_.threads) schedule(dynamic)
   for (std::size_t i = 0; i < asked.size(); ++i) {
-    table.scores[i] = score_of(asked[i], inverse_gains(fit), question, minima[i]);
+    try {
+      table.scores[i] = score_of(asked[i], gains, question, minima[i]);
+    } catch (...) {  // must not leave a thread
+#pragma omp critical(force_balance_scores)
+      failure = std::current_exception();
+    }
   }
+  if (failure) std::rethrow_exception(failure);
   table.null_minima.assign(static_cast<std::size_t>(null_draws), 1.0);
   for (const std::vector<double>& own : minima) {
     for (std::size_t b = 0; b < own.size(); ++b) {

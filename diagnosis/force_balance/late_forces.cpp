@@ -62,17 +62,17 @@ void advance_force(ForceBalanceRows& rows, Index coordinate, double seconds) {
     const double step = piece.sample_time();
     const Index shift = step > 0.0 ? std::lround(seconds / step) : 0;
     for (Index t = first; t < last; ++t) {
-      const bool is_there = t + shift >= first && t + shift < last &&
-                            counted(t) > 0.0 && counted(t + shift) > 0.0;
+      const Index then = t + shift;
+      const bool is_there =
+          then >= first && then < last && counted(t) > 0.0 && counted(then) > 0.0;
       rows.counts(t, coordinate) = is_there ? 1.0 : 0.0;
-      rows.measured(t, coordinate) = is_there ? measured(t + shift) : measured.mean();
-      rows.force(t, coordinate) = is_there ? measured(t + shift) - known(t) : 0.0;
+      if (!is_there) continue;
+      rows.measured(t, coordinate) = measured(then);
+      rows.force(t, coordinate) = measured(then) - known(t);
     }
     first = last;
   }
-  for (BalanceColumns* columns : {&rows.model, &rows.flange_body}) {
-    rows.leave_out_standing(*columns);
-  }
+  rows.leave_out_standing_forces();
 }
 
 std::optional<LateForce> late_force(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,

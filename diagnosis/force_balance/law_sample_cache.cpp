@@ -30,7 +30,7 @@ LawSampleCache::LawSampleCache(Eigen::Index samples)
     : entries_(std::clamp(
           kMostBytes /
               (sizeof(double) * static_cast<std::size_t>(std::max<Eigen::Index>(samples, 1))),
-          std::size_t{64}, kMostEntries)) {}
+          std::size_t{1}, kMostEntries)) {}
 
 LawSampleCache::Samples LawSampleCache::get(Key key,
                                             const std::function<Eigen::VectorXd()>& compute) {

@@ -58,13 +58,13 @@ StandardParameters prior_deviations(const StandardParameters& stated, double sha
   return deviations;
 }
 
+bool may_free_bodies(const ForceBalanceData& data) {
+  return data.estimation.bodies.count > 0 && data.uncertain.empty();
+}
+
 std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data, double worth) {
+  if (!may_free_bodies(data)) return {};
   const RigidRobotModel& robot = data.robot;
-  const double share = robot.body_uncertainty;
-  if (robot.size() < 2 || !(share > 0.0) || robot.channels.unknown_drive_gains ||
-      !data.uncertain.empty()) {
-    return {};
-  }
   const Eigen::VectorXd lengths = lengths_of(data.estimation.bodies);
   std::vector<Index> chosen;
   std::vector<UncertainParameter> parameters;
@@ -72,7 +72,7 @@ std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& da
     const std::optional<RigidBody>& body = robot.joints[static_cast<std::size_t>(j)].body;
     if (!body || !(body->mass > 0.0)) continue;
     const StandardParameters stated = standard_parameters(*body);
-    const StandardParameters deviations = prior_deviations(stated, share);
+    const StandardParameters deviations = prior_deviations(stated, robot.body_uncertainty);
     for (Index k = 0; k < kStandardParameters; ++k) {
       const Index column = j * kStandardParameters + k;
       const bool is_seen = lengths(column) > kSeen * lengths.maxCoeff();

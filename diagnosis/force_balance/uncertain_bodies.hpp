@@ -3,8 +3,9 @@
 //
 // A drawing knows masses to some per cent, and knows no cables, grease and covers. Of a body of
 // mass m and radius r, r^2 = trace(I) / (2 m) with I about its frame's origin, the standard
-// deviations of the prior are `share` times m for the mass, m r for the first moments and m r^2 for the moments of
-// inertia. The model's columns are then W d, d the departures from what is stated, and the fit
+// deviations of the prior are `share` times m for the mass, m r for the first moments and m r^2
+// for the moments of inertia. The model's columns are then W d, d the departures from what is
+// stated, and the fit
 // minimises sum (rest / s_j)^2 + precision d^2 (generalised least squares with a prior; Theil and
 // Goldberger 1961). Residuals follow each other in time, so that N of them say as much as N_eff
 // independent ones: the precision is N / N_eff over the variance.
@@ -20,17 +21,20 @@
 
 namespace graybox {
 
+// Whether any body may be freed: of a robot with several joints, whose model says that its bodies
+// are uncertain and whose drives' gains are known, and where none is free already.
+[[nodiscard]] bool may_free_bodies(const ForceBalanceData& data);
+
 // The prior's standard deviations for a body with these standard parameters.
 [[nodiscard]] StandardParameters prior_deviations(const StandardParameters& stated, double share);
 
-// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body is
-// stated, where the model says that they are exact, where the drives' gains are unknown, or of one
-// joint alone.
+// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body may
+// be freed, or none is stated.
 [[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
                                                                     double worth);
 
-// "mass of joint_2's link 312 ± 8 kg (stated: 339)" of the parameters that are off by more than two
-// standard errors, those that are off most first.
+// "mass of joint_2's link 312 ± 8 kg (stated: 339)" of the parameters that are off by more than
+// two standard errors, those that are off most first.
 [[nodiscard]] std::vector<std::string> departures_from_stated(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 

@@ -64,9 +64,7 @@ void add_conservative_part(const LawEntry& entry, const FittedLaw& law, LawTrace
     trace.conservative = trace.force;
     return;
   }
-  std::vector<double> values;
-  for (const LawParameterEstimate& estimate : law.parameters) values.push_back(estimate.value);
-  const std::shared_ptr<const Law> force = entry.make(values);
+  const std::shared_ptr<const Law> force = entry.make(law.values());
   trace.has_memory = force->state_count() > 0;
   if (trace.has_memory) return;
   for (std::size_t t = 0; t < trace.force.size(); ++t) {

@@ -90,6 +90,12 @@ struct FittedLaw {
   // for residuals that follow each other; chi-square with the law's parameters as degrees of
   // freedom at most.
   double wald_statistic = 0.0;
+
+  [[nodiscard]] std::vector<double> values() const {
+    std::vector<double> result;
+    for (const LawParameterEstimate& parameter : parameters) result.push_back(parameter.value);
+    return result;
+  }
 };
 
 // How a fitted model does on one set of recordings.
@@ -156,6 +162,13 @@ struct LawStart {
 
   friend bool operator==(const LawStart&, const LawStart&) = default;
 };
+
+// The laws of a fit where it has them.
+[[nodiscard]] inline std::vector<LawStart> starts_of(const ExtendedFit& fit) {
+  std::vector<LawStart> starts;
+  for (const FittedLaw& law : fit.laws) starts.push_back({law.hypothesis, law.values()});
+  return starts;
+}
 
 // One hypothesis in the light of a fit without it.
 struct HypothesisScore {
@@ -289,8 +302,9 @@ class MismatchProblem {
     return HeldOutPrediction{*assessment, {}};
   }
 
-  // The same problem with what the model states free within its uncertainty, judged by what this fit
-  // leaves; the hypotheses are the same. Null where nothing is uncertain, or all is free already.
+  // Frees what the model states within its uncertainty, with a prior that is weighed by what this
+  // fit leaves; the hypotheses are the same. Null where nothing is uncertain, or all is free
+  // already.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> with_uncertain_model(
       const ExtendedFit& /*fit*/) const {
     return nullptr;

@@ -577,11 +577,7 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     std::vector<ActingLaw> laws = base_laws_;
     take_model_parameters(fit, parameters, laws);
     for (const FittedLaw& law : fit.laws) {
-      ActingLaw& acting =
-          laws.emplace_back(ActingLaw{places_[law.hypothesis], entries_[law.hypothesis], {}, {}});
-      for (const LawParameterEstimate& estimate : law.parameters) {
-        acting.parameters.push_back(estimate.value);
-      }
+      laws.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.values(), {}});
     }
     return evaluate_model(*family_, data_, parameters, std::move(laws), true, options_.threads);
   }

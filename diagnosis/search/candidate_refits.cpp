@@ -14,18 +14,6 @@ constexpr double kShareBehind = 0.3;
 
 }  // namespace
 
-std::vector<LawStart> starts_of(const ExtendedFit& fit) {
-  std::vector<LawStart> starts;
-  for (const FittedLaw& law : fit.laws) {
-    LawStart& start = starts.emplace_back();
-    start.hypothesis = law.hypothesis;
-    for (const LawParameterEstimate& parameter : law.parameters) {
-      start.parameters.push_back(parameter.value);
-    }
-  }
-  return starts;
-}
-
 std::vector<std::vector<LawStart>> each_beside(const std::vector<LawStart>& kept,
                                                const std::vector<LawStart>& candidates) {
   std::vector<std::vector<LawStart>> asked(candidates.size(), kept);

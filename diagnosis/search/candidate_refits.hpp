@@ -31,9 +31,6 @@ struct Trial {
   ExtendedFit fit;
 };
 
-// The laws of a fit where it has them.
-[[nodiscard]] std::vector<LawStart> starts_of(const ExtendedFit& fit);
-
 [[nodiscard]] std::vector<std::vector<LawStart>> each_beside(
     const std::vector<LawStart>& kept, const std::vector<LawStart>& candidates);
 

@@ -21,7 +21,8 @@
 //      must predict: with contiguous blocks of the recordings kept out in turn, the squared error
 //      falls by `held_out_gain` at least and by `held_out_errors` standard errors over the blocks,
 //      of the friction that every joint has by two. There a robot with several joints begins with
-//      all plain laws at once (plain_laws.hpp).
+//      all plain laws at once (plain_laws.hpp), and again with what the model states free, where
+//      it says how uncertain that is. A place has one dry friction: another may come in its stead.
 //      Where none does, up to four laws are taken together, each the one that predicts best beside
 //      those before, if beside the others each passes the same tests: one of several harmonics of a
 //      ripple drowns in the others. Laws of a lower rank (Hypothesis::rank) are taken first, as
@@ -42,8 +43,9 @@
 //   4. Prune backwards: laws without which BIC is not higher by more than `exclusion_margin` go (or
 //      those that do not predict, as in step 3), for the model without a law is a rival of the one
 //      with it, and laws that only generalise another of fewer parameters give way to it unless
-//      they are better by `exclusion_margin` (predict better). Where the noise is not known, laws
-//      for which another predicts better now are exchanged, and steps 3 and 4 repeated.
+//      they are better by `exclusion_margin` (predict better; by as much as a law that comes in,
+//      where they have sizes that the recordings do not determine). Where the noise is not known,
+//      laws for which another predicts better now are exchanged, and steps 3 and 4 repeated.
 //   5. Rivals: for each law that stayed, the alternatives in its stead. Those that are not worse by
 //      `exclusion_margin` (10: "very strong", Kass and Raftery 1995), or than which the law does
 //      not predict better, can't be excluded and form one class with it. Worse in both, BIC and

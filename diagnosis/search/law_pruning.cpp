@@ -115,7 +115,7 @@ void simplify_laws(SearchState& state) {
     if (found.special_cases.empty() && state.problem->noise_is_known()) continue;
     const ExtendedFit without = fit_without(state, state.result.after, law);
     if (!without.usable) continue;
-    // Of a law that the recordings do not determine a sum of plainer ones may well be.
+    // Recordings that do not determine a law may well determine a sum of plainer ones.
     const bool is_told =
         std::ranges::all_of(state.result.after.laws[law].parameters, is_determined);
     if ((!is_told && give_way_to_sum(state, law, without)) ||

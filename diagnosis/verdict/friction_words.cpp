@@ -54,13 +54,11 @@ std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
 
 // While it slides.
 double force_of(const FittedLaw& law, const std::string& name, double speed) {
-  std::vector<double> values;
-  for (const LawParameterEstimate& parameter : law.parameters) values.push_back(parameter.value);
   if (name == "dahl") {
     const auto level = std::ranges::find(law.parameters, "level", &LawParameterEstimate::name);
     return std::copysign(level->value, speed);
   }
-  return find_law(name, false)->make(values)->force(0.0, speed, {});
+  return find_law(name, false)->make(law.values())->force(0.0, speed, {});
 }
 
 double force_at(const Place& place, std::span<const Hypothesis> hypotheses, double speed) {
