@@ -17,9 +17,11 @@
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "graybox/diagnosis/force_balance/standstill.hpp"
+#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
 #include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
 #include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
 #include "graybox/diagnosis/recordings/preprocess.hpp"
 #include "graybox/diagnosis/search/diagnosis_search.hpp"
 #include "graybox/diagnosis/search/verdict_reasons.hpp"
@@ -622,6 +624,30 @@ TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
   }
   EXPECT_NEAR(moment, 4.5 * 0.22 + 2.8 * 0.4, 4.0 * std::sqrt(variance));
   EXPECT_NEAR(moment, 4.5 * 0.22 + 2.8 * 0.4, 0.03);
+  EXPECT_EQ(excluding(diagnosis.implausible), 0U);
+}
+
+// The gate sees bodies as they were fitted: this one's centre of mass lies outside of it.
+TEST_F(ForceBalance, TellsBodiesThatCanNotExist) {
+  record_arm(folder_, kLiftingArm, kLiftingArm + "body_uncertainty: 0.1\n");
+  const auto stated = problem();
+  const auto freed = stated->with_uncertain_model(stated->fit({}));
+  ASSERT_NE(freed, nullptr);
+  ExtendedFit fit = freed->fit({});
+  const auto flaws = [&] { return implausibilities(fit_physics(*freed, fit)); };
+  EXPECT_TRUE(flaws().empty());
+  for (LawParameterEstimate& each : fit.model_parameters) {
+    if (each.name != "MX departure of shoulder") continue;
+    each.value = 40.0;  // kg m, of a body of 4 kg
+    each.standard_error = 0.5;
+  }
+  const std::vector<Implausibility> found = flaws();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].rule, PlausibilityRule::kBody);
+  EXPECT_EQ(found[0].quantity, "shoulder's link");
+  EXPECT_TRUE(found[0].excludes);
+  EXPECT_GT(found[0].standard_errors, 70.0);  // of 80: what is left must lie inside
+  EXPECT_LT(found[0].standard_errors, 80.0);
 }
 
 TEST_F(ForceBalance, KeepsBodiesOfWhichNoUncertaintyIsStated) {

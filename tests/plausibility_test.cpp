@@ -136,6 +136,19 @@ TEST(Plausibility, ExcludesSizesBeyondWhatTheChannelCarried) {
   EXPECT_TRUE(implausibilities(physics).empty());
 }
 
+// A weight of 50 N m, of which a small swing shows 2.
+TEST(Plausibility, AllowsAForceOfWhichTheMotionShowsASmallPart) {
+  FittedPhysics physics = with(quantity(QuantityKind::kForce, 50.0, 0.1));
+  physics.quantities[0].law = 0;
+  physics.laws.push_back(swing(
+      "gravity", [](double z, double) { return 50.0 * std::sin(z); }, 0.04));
+  EXPECT_TRUE(implausibilities(physics).empty());
+  physics.laws[0].carried = 0.5;
+  EXPECT_TRUE(has(implausibilities(physics), PlausibilityRule::kSize));
+  physics.quantities[0].standard_error = 30.0;
+  EXPECT_TRUE(has(implausibilities(physics), PlausibilityRule::kSize, false));
+}
+
 TEST(Plausibility, ExcludesThresholdsThatTheMotionNeverReached) {
   for (const QuantityKind kind : {QuantityKind::kDeflection, QuantityKind::kRate}) {
     FittedPhysics physics = with(quantity(kind, 66.0, PhysicalQuantity::kNone));
@@ -291,6 +304,8 @@ TEST(Plausibility, KnowsInertiasThatBreakTheTriangle) {
     FittedPhysics physics;
     physics.bodies = {body};
     EXPECT_TRUE(has(implausibilities(physics), PlausibilityRule::kBody));
+    physics.bodies[0].errors_from_possible = 2.0;  // it may be otherwise
+    EXPECT_TRUE(has(implausibilities(physics), PlausibilityRule::kBody, false));
     body.mass = -1.0;
     EXPECT_FALSE(can_exist(body));
   }

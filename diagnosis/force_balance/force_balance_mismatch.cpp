@@ -268,6 +268,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
     PhysicalContext context;
     context.kinds = data_.parameter_kinds;
+    context.bodies = fitted_bodies(data_, fit.model_parameters);
     for (const FittedLaw& law : fit.laws) {
       PhysicalContext::OfLaw& own = context.laws.emplace_back();
       const PlacedLaw placed_law = placed_of(fit, law);
@@ -1204,8 +1205,7 @@ CandidateProducts ForceBalanceProblem::products_with(const BalanceColumns& colum
     products.information.noalias() += own.transpose() * own;
     products.nuisance.noalias() +=
         own.transpose() * question.basis.middleRows(j * samples, samples);
-    products.scores.noalias() +=
-        own.transpose() * question.right.middleRows(j * samples, samples);
+    products.scores.noalias() += own.transpose() * question.right.middleRows(j * samples, samples);
   }
   return products;
 }

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include "graybox/diagnosis/plausibility/plausibility.hpp"
+
 namespace graybox {
 namespace {
 
@@ -16,12 +18,13 @@ using Index = Eigen::Index;
 
 constexpr double kSeen = 1e-9;      // length of a column that the motion shows, of the longest
 constexpr double kToldApart = 2.0;  // standard errors
+constexpr int kHalvings = 40;
 
 constexpr std::array<std::string_view, 10> kUnits{"kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2",
                                                   "kg m^2", "kg m",   "kg m",   "kg m",   "kg"};
 constexpr std::array<std::string_view, 10> kWords{
-    "inertia XX", "inertia XY", "inertia XZ", "inertia YY", "inertia YZ", "inertia ZZ",
-    "mass times x", "mass times y", "mass times z", "mass"};
+    "inertia XX", "inertia XY",   "inertia XZ",   "inertia YY",   "inertia YZ",
+    "inertia ZZ", "mass times x", "mass times y", "mass times z", "mass"};
 
 void add_columns(const std::vector<Index>& chosen, const BalanceColumns& more,
                  BalanceColumns& columns) {
@@ -35,6 +38,25 @@ void add_columns(const std::vector<Index>& chosen, const BalanceColumns& more,
     }
   }
   columns.count += count;
+}
+
+PhysicalBody body_of(const StandardParameters& p, std::string name) {
+  PhysicalBody body{std::move(name), p(9), p.segment<3>(6), Eigen::Matrix3d(), 0.0};
+  body.inertia << p(0), p(1), p(2), p(1), p(3), p(4), p(2), p(4), p(5);
+  return body;
+}
+
+// The share of the way from the fitted to the stated parameters at which the body begins to exist.
+// Bodies that can exist are a convex set.
+double share_to_possible(const StandardParameters& fitted, const StandardParameters& stated) {
+  double impossible = 0.0, possible = 1.0;
+  if (can_exist(body_of(fitted, {}))) return 0.0;
+  for (int halving = 0; halving < kHalvings; ++halving) {
+    const double share = 0.5 * (impossible + possible);
+    const StandardParameters between = (1.0 - share) * fitted + share * stated;
+    (can_exist(body_of(between, {})) ? possible : impossible) = share;
+  }
+  return possible;
 }
 
 Eigen::VectorXd lengths_of(const BalanceColumns& columns) {
@@ -107,6 +129,27 @@ std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& da
   return result;
 }
 
+std::vector<PhysicalBody> fitted_bodies(const ForceBalanceData& data,
+                                        const std::vector<LawParameterEstimate>& model_parameters) {
+  std::vector<PhysicalBody> bodies;
+  const std::size_t first = model_parameters.size() - data.uncertain.size();
+  for (std::size_t k = 0; k < data.uncertain.size();) {
+    const Index link = data.uncertain[k].link;
+    const RobotJoint& joint = data.robot.joints[static_cast<std::size_t>(link)];
+    const StandardParameters stated = standard_parameters(*joint.body);
+    StandardParameters fitted = stated;
+    double errors = 0.0;  // of the parameter that departs by most of its own
+    for (; k < data.uncertain.size() && data.uncertain[k].link == link; ++k) {
+      const LawParameterEstimate& departure = model_parameters[first + k];
+      fitted(data.uncertain[k].parameter) += departure.value;
+      errors = std::max(errors, std::abs(departure.value) / departure.standard_error);
+    }
+    bodies.push_back(body_of(fitted, joint.name + "'s link"));
+    bodies.back().errors_from_possible = share_to_possible(fitted, stated) * errors;
+  }
+  return bodies;
+}
+
 std::vector<std::string> departures_from_stated(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
   std::vector<std::pair<double, std::string>> found;
@@ -118,11 +161,10 @@ std::vector<std::string> departures_from_stated(
     if (!(errors > kToldApart)) continue;
     const auto own = static_cast<std::size_t>(parameter.parameter);
     found.emplace_back(
-        -errors,
-        fmt::format("{} of {}'s link {:.3g} ± {:.2g} {} (stated: {:.3g})", kWords[own],
-                    data.robot.joints[static_cast<std::size_t>(parameter.link)].name,
-                    parameter.stated + departure.value, departure.standard_error, kUnits[own],
-                    parameter.stated));
+        -errors, fmt::format("{} of {}'s link {:.3g} ± {:.2g} {} (stated: {:.3g})", kWords[own],
+                             data.robot.joints[static_cast<std::size_t>(parameter.link)].name,
+                             parameter.stated + departure.value, departure.standard_error,
+                             kUnits[own], parameter.stated));
   }
   std::ranges::stable_sort(found, {}, &std::pair<double, std::string>::first);
   std::vector<std::string> words;

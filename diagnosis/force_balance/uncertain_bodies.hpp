@@ -17,6 +17,7 @@
 
 #include "graybox/diagnosis/force_balance/force_balance_data.hpp"
 #include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
 #include "graybox/problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
@@ -32,6 +33,12 @@ namespace graybox {
 // be freed, or none is stated.
 [[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
                                                                     double worth);
+
+// The bodies as a fit of such data has them, and by how many of their standard errors the parameters
+// must change towards what is stated until the body can exist (plausibility.hpp). Empty where no
+// body is free.
+[[nodiscard]] std::vector<PhysicalBody> fitted_bodies(
+    const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 
 // "mass of joint_2's link 312 ± 8 kg (stated: 339)" of the parameters that are off by more than
 // two standard errors, those that are off most first.

@@ -54,7 +54,10 @@ void add_model(const PhysicalContext& context, const ExtendedFit& fit, FittedPhy
     quantity.value = estimate.value;
     quantity.standard_error = estimate.standard_error;
     if (p < context.starts.size()) quantity.start = context.starts[p];
+    if (p < context.lowest.size()) quantity.lowest = context.lowest[p];
+    if (p < context.highest.size()) quantity.highest = context.highest[p];
   }
+  physics.bodies = context.bodies;
 }
 
 // What the deflection alone sets is given back, and what moves a mass. The rest is taken from the

@@ -23,9 +23,11 @@ struct PhysicalContext {
     double inertia = std::numeric_limits<double>::quiet_NaN();
     LawTrace trace;  // its names and its conservative part are filled in by fit_physics
   };
-  std::vector<double> starts;       // of the model's parameters; empty: none
-  std::vector<QuantityKind> kinds;  // likewise; empty: by their units
-  std::vector<OfLaw> laws;          // in the fit's order; empty: nothing is known
+  std::vector<double> starts;           // of the model's parameters; empty: none
+  std::vector<QuantityKind> kinds;      // likewise; empty: by their units
+  std::vector<double> lowest, highest;  // likewise, where the search for them ended; NaN: nowhere
+  std::vector<PhysicalBody> bodies;  // as the fit has them; empty: as stated, or not by themselves
+  std::vector<OfLaw> laws;           // in the fit's order; empty: nothing is known
 };
 
 class PhysicalEvidence {

@@ -56,6 +56,13 @@ double removable(const MatrixXd& matrix, const VectorXd& b) {
   return 1.0 / along;
 }
 
+// Not a number where there is none.
+double largest_of(const std::vector<double>& forces) {
+  double largest = std::numeric_limits<double>::quiet_NaN();
+  for (const double force : forces) largest = std::fmax(largest, std::abs(force));
+  return largest;
+}
+
 // Excited frequencies, levels, positions, and how far the outputs went (rms).
 CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord>& records,
                       bool kept_out) {
@@ -275,6 +282,7 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
       own.trace.deflection = pictures[l].deflection;
       own.trace.rate = pictures[l].rate;
       own.trace.force = pictures[l].law_force;
+      own.trace.carried = largest_of(own.trace.force);
     }
     return context;
   }

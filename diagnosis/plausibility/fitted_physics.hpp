@@ -70,6 +70,9 @@ struct PhysicalBody {
   double mass = 0.0;
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+  // By how many of their standard errors its parameters must change until it can exist; infinite:
+  // not known.
+  double errors_from_possible = std::numeric_limits<double>::infinity();
 };
 
 // A direction of the parameters that the data do not see: relative changes, the largest 1, one for

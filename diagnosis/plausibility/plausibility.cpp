@@ -200,15 +200,26 @@ class Examination {
     const bool is_force =
         quantity.kind == QuantityKind::kForce || quantity.kind == QuantityKind::kFriction;
     if (!is_force || trace == nullptr || !(trace->carried > 0.0)) return;
-    const double limit = limits_.size * trace->carried;
-    const double beyond = std::abs(quantity.value) - limit;
+    const double share = share_reached(quantity, *trace);
+    const double size = share * std::abs(quantity.value);
+    const double beyond = size - limits_.size * trace->carried;
     if (!(beyond > 0.0)) return;
-    const double errors = has_error(quantity) ? beyond / quantity.standard_error : kInfinity;
+    const double errors =
+        has_error(quantity) ? beyond / (share * quantity.standard_error) : kInfinity;
     add(PlausibilityRule::kSize, quantity, errors,
-        fmt::format("{} exceeds what the channel ever carried, {:.3g}{}, {:.3g} times: {}",
-                    quantity.name, trace->carried, unit_words(quantity.unit),
-                    std::abs(quantity.value) / trace->carried, value_words(quantity)),
+        fmt::format("{} exceeds what was ever carried there, {:.3g}{}, {:.3g} times: {}",
+                    quantity.name, trace->carried, unit_words(quantity.unit), size / trace->carried,
+                    value_words(quantity)),
         errors > kReachedErrors);
+  }
+
+  // How much of a force acted: a pendulum that swings by a little shows a small part of its weight.
+  // Friction is told by its level, however little of it the motion shows.
+  static double share_reached(const PhysicalQuantity& quantity, const LawTrace& trace) {
+    if (quantity.kind == QuantityKind::kFriction || trace.force.empty()) return 1.0;
+    const double largest = std::abs(
+        *std::ranges::max_element(trace.force, {}, [](double force) { return std::abs(force); }));
+    return std::min(1.0, largest / std::abs(quantity.value));
   }
 
   void examine_threshold(const PhysicalQuantity& quantity) {
@@ -377,8 +388,10 @@ class Examination {
 
   void examine_body(const PhysicalBody& body) {
     if (can_exist(body)) return;
-    add(PlausibilityRule::kBody, body.name, body.mass,
-        fmt::format("no body has the inertia and centre of mass of {}", body.name));
+    flaws_.push_back({PlausibilityRule::kBody, body.name, body.mass, body.errors_from_possible,
+                      fmt::format("no body has the inertia and centre of mass of {}", body.name),
+                      remedy_for(PlausibilityRule::kBody, QuantityKind::kOther),
+                      body.errors_from_possible > limits_.sign_errors});
   }
 
   const FittedPhysics& physics_;

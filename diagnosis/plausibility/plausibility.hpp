@@ -8,8 +8,8 @@
 //               error), or negative without any: not determined
 //   bound       a value at a bound of the search, or `runaway` times its start or more away from
 //               it; damping and friction may vanish
-//   size        a friction level or force that exceeds three times what the channel ever carried,
-//               by three errors
+//   size        a friction level, or the force of a law along the motion, that exceeds three times
+//               what was ever carried there, by three errors
 //   threshold   a gap, clearance or velocity that the recorded motion never reached, by three
 //               errors where there is one
 //   energy      unless the sizes of its laws leave it open: a passive law that gives out more than
@@ -25,7 +25,7 @@
 //   body        a body that can't exist: its pseudo-inertia [tr(I)/2 1 - I, m c; (m c)^T, m] is not
 //               positive definite (Wensing, Kim and Slotine, IEEE Robotics and Automation Letters
 //               3, 2018), or the principal moments about its centre of mass break the triangle
-//               inequalities
+//               inequalities; by three errors, where they are known
 // Each says which parameter, by how many standard errors, and what such a thing usually means.
 //
 //   for (const Implausibility& flaw : implausibilities(physics)) fmt::print("{}\n", flaw.words);

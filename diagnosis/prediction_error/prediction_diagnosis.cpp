@@ -24,9 +24,9 @@ using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
-constexpr const char* kBoundTest = "masses and springs that ran to a bound of the search";
 constexpr const char* kLawsTest = "laws found";
 constexpr const char* kHeldOutTest = "error kept out";
+constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
 constexpr double kHeldOutLimit = 15.0;           // % of the signal
 constexpr double kNoiseLimit = 1.5;              // times the stated noise
 constexpr double kNoiseMultiple = 2.0;           // of the sensors' noise
@@ -275,9 +275,13 @@ class DiagnosisBuilder {
     PhysicalContext context;
     const JudgedModel& found = final_->found();
     for (const std::size_t index : found.fit.free) {
-      if (index < found.fit.model.own_parameters()) {
-        context.starts.push_back(findings_->as_given.model.parameters[index].value);
-      }
+      if (index >= found.fit.model.own_parameters()) continue;
+      context.starts.push_back(findings_->as_given.model.parameters[index].value);
+      const ParameterSpace& space = found.fit.model.space[index];
+      const bool has_bounds = space.logarithmic;  // the others may become zero
+      const bool has_lowest = has_bounds && space.low > kVanished * space.scale;
+      context.lowest.push_back(has_lowest ? space.low : PhysicalQuantity::kNone);
+      context.highest.push_back(has_bounds ? space.high : PhysicalQuantity::kNone);
     }
     for (const PlacedFinding& law : found.fit.model.laws) {
       context.laws.push_back(context_of(found.fit.model.model, law.part));
@@ -334,28 +338,10 @@ class DiagnosisBuilder {
     return reason;
   }
 
-  [[nodiscard]] std::vector<std::string> parameters_at_bounds() const {
-    std::vector<std::string> names;
-    const PredictionFit& fit = final_->found().fit;
-    for (std::size_t i = 0; i < fit.free.size(); ++i) {
-      const ParameterSpace& space = fit.model.space[fit.free[i]];
-      const double value = fit.model.model.parameters[fit.free[i]].value;
-      const bool is_own = fit.free[i] < fit.model.own_parameters();
-      const bool is_low = space.low > 1e-6 * space.scale && value <= space.low * (1.0 + 1e-9);
-      if (is_own && space.logarithmic && (is_low || value >= space.high * (1.0 - 1e-9))) {
-        names.push_back(fit.model.model.parameters[fit.free[i]].name);
-      }
-    }
-    return names;
-  }
-
   void add_plausibility(std::vector<VerdictReason>& list) const {
     const std::size_t absurd = excluding(result_.implausible);
     list.push_back(test(kAbsurdTest, static_cast<double>(absurd), 0.0, absurd == 0,
                         absurd > 0 ? result_.implausible.front().remedy : ""));
-    const std::vector<std::string> bounds = parameters_at_bounds();
-    list.push_back(test(kBoundTest, static_cast<double>(bounds.size()), 0.0, bounds.empty(),
-                        bounds.empty() ? "" : "check the stated value of " + bounds.front()));
   }
 
   void add_held_out(std::vector<VerdictReason>& list) const {
@@ -431,9 +417,9 @@ std::string doubt_about(const Diagnosis& diagnosis) {
   if (diagnosis.interrupted || diagnosis.verdict != Verdict::kUnknown) return "";
   for (const VerdictReason& reason : diagnosis.reasons) {
     if (!has_failed(reason)) continue;
-    const bool is_decisive =
-        reason.test.starts_with(kAbsurdTest) || reason.test.starts_with(kBoundTest) ||
-        reason.test.starts_with(kLawsTest) || reason.test.starts_with(kHeldOutTest);
+    const bool is_decisive = reason.test.starts_with(kAbsurdTest) ||
+                             reason.test.starts_with(kLawsTest) ||
+                             reason.test.starts_with(kHeldOutTest);
     if (is_decisive) return reason.test;
   }
   return "";
