@@ -1,10 +1,10 @@
-#include "graybox/bench/benchmark_sets.hpp"
+#include "bench/benchmark_sets.hpp"
 
 #include <map>
 #include <memory>
 #include <utility>
 
-#include "graybox/bench/study/study_sets.hpp"
+#include "bench/study/study_sets.hpp"
 
 namespace graybox::bench {
 

@@ -22,15 +22,15 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/benchmark_folder.hpp"
-#include "graybox/bench/thread_argument.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "bench/benchmark_folder.hpp"
+#include "bench/thread_argument.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
 
 namespace {
 

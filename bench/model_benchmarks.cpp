@@ -33,22 +33,22 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/bench/benchmark_folder.hpp"
-#include "graybox/bench/thread_argument.hpp"
-#include "graybox/diagnosis/maximum_likelihood.hpp"
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/mechanics/chain_dynamics.hpp"
-#include "graybox/problems/robot_dynamics.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "bench/benchmark_folder.hpp"
+#include "bench/thread_argument.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/local_model.hpp"
+#include "problems/mechanics/chain_dynamics.hpp"
+#include "problems/robot_dynamics.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_model.hpp"
 
 namespace {
 

@@ -5,9 +5,9 @@
 
 #include <string>
 
-#include "graybox/bench/study/study_sets.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/dual_newton.hpp"
+#include "bench/study/study_sets.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/dual_newton.hpp"
 
 namespace {
 

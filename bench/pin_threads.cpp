@@ -1,4 +1,4 @@
-#include "graybox/bench/pin_threads.hpp"
+#include "bench/pin_threads.hpp"
 
 #include <unistd.h>
 

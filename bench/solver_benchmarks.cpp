@@ -24,15 +24,15 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/benchmark_sets.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/bench/study/plan.hpp"
-#include "graybox/bench/study/study_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/hessian_assembly.hpp"
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/solve_report.hpp"
+#include "bench/benchmark_sets.hpp"
+#include "bench/pin_threads.hpp"
+#include "bench/study/plan.hpp"
+#include "bench/study/study_sets.hpp"
+#include "problems/error.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/hessian_assembly.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/thread_argument.hpp"
+#include "bench/thread_argument.hpp"
 
 #include <algorithm>
 #include <charconv>

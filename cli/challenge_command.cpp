@@ -9,14 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/challenge/make_challenge.hpp"
-#include "graybox/bench/challenge/run_challenge.hpp"
-#include "graybox/bench/challenge/score_challenge.hpp"
-#include "graybox/bench/study/environment.hpp"
-#include "graybox/problems/error.hpp"
-#include "interrupt.hpp"
+#include "bench/challenge/make_challenge.hpp"
+#include "bench/challenge/run_challenge.hpp"
+#include "bench/challenge/score_challenge.hpp"
+#include "bench/study/environment.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -5,15 +5,15 @@
 #include <optional>
 #include <string>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "criterion_arguments.hpp"
-#include "exact_report_text.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/exact/exact_design_file.hpp"
-#include "graybox/solvers/exact/exact_screening.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "set_arguments.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/criterion_arguments.hpp"
+#include "cli/exact_report_text.hpp"
+#include "cli/set_arguments.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/exact/exact_design_file.hpp"
+#include "solvers/exact/exact_screening.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

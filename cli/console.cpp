@@ -1,4 +1,4 @@
-#include "console.hpp"
+#include "cli/console.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "interrupt.hpp"
+#include "cli/interrupt.hpp"
 
 namespace graybox::cli {
 namespace {

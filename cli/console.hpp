@@ -4,10 +4,10 @@
 #include <chrono>
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/design.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/design.hpp"
+#include "solvers/solve_report.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox::cli {
 

@@ -1,4 +1,4 @@
-#include "criterion_arguments.hpp"
+#include "cli/criterion_arguments.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/criterion.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/criterion.hpp"
 
 namespace graybox::cli {
 

@@ -1,6 +1,6 @@
 // `graybox design ...`: designs beyond one solve of one information set. One file each
 // (design_x_command.cpp), added here.
-#include "commands.hpp"
+#include "cli/commands.hpp"
 
 namespace graybox::cli {
 

@@ -13,20 +13,20 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "criterion_arguments.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "interrupt.hpp"
-#include "set_arguments.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/criterion_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/set_arguments.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

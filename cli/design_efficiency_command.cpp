@@ -13,19 +13,19 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "interrupt.hpp"
-#include "robot_arguments.hpp"
-#include "stiffness_arguments.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/robot_arguments.hpp"
+#include "cli/stiffness_arguments.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/robot_information.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -9,20 +9,20 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/robust/concentration_interior_point.hpp"
-#include "graybox/solvers/robust/robust_column_generation.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "interrupt.hpp"
-#include "robot_arguments.hpp"
-#include "set_arguments.hpp"
-#include "stiffness_arguments.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/robot_arguments.hpp"
+#include "cli/set_arguments.hpp"
+#include "cli/stiffness_arguments.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/robot_information.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/robust/concentration_interior_point.hpp"
+#include "solvers/robust/robust_column_generation.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

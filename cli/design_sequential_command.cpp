@@ -10,14 +10,14 @@
 #include <tuple>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/diagnosis/sequential_design.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "interrupt.hpp"
-#include "robot_arguments.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/robot_arguments.hpp"
+#include "diagnosis/sequential_design.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

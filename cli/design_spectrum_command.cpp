@@ -8,19 +8,19 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/robot_spectrum_information.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "interrupt.hpp"
-#include "robot_arguments.hpp"
-#include "spectrum_tables.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/robot_arguments.hpp"
+#include "cli/spectrum_tables.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/robot_spectrum_information.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

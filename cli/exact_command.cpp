@@ -11,17 +11,17 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "exact_report_text.hpp"
-#include "exact_table.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/solvers/exact/exact_design_file.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
-#include "interrupt.hpp"
-#include "set_arguments.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/exact_report_text.hpp"
+#include "cli/exact_table.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/set_arguments.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "solvers/exact/exact_design_file.hpp"
+#include "solvers/exact/exact_method.hpp"
 
 namespace graybox::cli {
 namespace {

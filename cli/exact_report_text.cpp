@@ -1,4 +1,4 @@
-#include "exact_report_text.hpp"
+#include "cli/exact_report_text.hpp"
 
 #include <fmt/format.h>
 

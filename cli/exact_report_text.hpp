@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/exact/exact_design_file.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/exact/exact_design_file.hpp"
 
 namespace graybox::cli {
 

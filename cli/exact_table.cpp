@@ -1,14 +1,14 @@
-#include "exact_table.hpp"
+#include "cli/exact_table.hpp"
 
 #include <fmt/format.h>
 
 #include <charconv>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/solvers/exact/exact_certificate.hpp"
-#include "interrupt.hpp"
+#include "cli/interrupt.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "solvers/exact/exact_certificate.hpp"
 
 namespace graybox::cli {
 namespace {

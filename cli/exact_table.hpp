@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/exact/exact_method.hpp"
 
 namespace graybox::cli {
 

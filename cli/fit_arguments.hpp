@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/fit_report.hpp"
+#include "diagnosis/fit_report.hpp"
 
 namespace graybox::cli {
 

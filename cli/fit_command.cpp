@@ -8,12 +8,12 @@
 #include <string>
 #include <string_view>
 
-#include "commands.hpp"
-#include "fit_arguments.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/yaml_field.hpp"
-#include "interrupt.hpp"
+#include "cli/commands.hpp"
+#include "cli/fit_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox::cli {
 namespace {

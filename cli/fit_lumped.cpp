@@ -7,10 +7,10 @@
 #include <optional>
 #include <utility>
 
-#include "fit_arguments.hpp"
-#include "graybox/diagnosis/output_error/output_error_fit.hpp"
-#include "graybox/problems/error.hpp"
-#include "interrupt.hpp"
+#include "cli/fit_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/output_error/output_error_fit.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -7,10 +7,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "fit_arguments.hpp"
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
-#include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
-#include "interrupt.hpp"
+#include "cli/fit_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 
 namespace graybox::cli {
 namespace {

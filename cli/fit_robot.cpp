@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "console.hpp"
-#include "fit_arguments.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/robot_fit.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "interrupt.hpp"
+#include "cli/console.hpp"
+#include "cli/fit_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/robot_fit.hpp"
+#include "problems/elements/robot_elements.hpp"
 
 namespace graybox::cli {
 

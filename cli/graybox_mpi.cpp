@@ -10,19 +10,19 @@
 #include <string>
 #include <utility>
 
-#include "commands.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/program_version.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/distributed/distributed_column_generation.hpp"
-#include "graybox/solvers/distributed/distributed_set.hpp"
-#include "graybox/solvers/distributed/mpi_transfer.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "interrupt.hpp"
-#include "set_arguments.hpp"
-#include "start_up.hpp"
-#include "trace_file.hpp"
+#include "cli/commands.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/set_arguments.hpp"
+#include "cli/start_up.hpp"
+#include "cli/trace_file.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/program_version.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/distributed/distributed_column_generation.hpp"
+#include "solvers/distributed/distributed_set.hpp"
+#include "solvers/distributed/mpi_transfer.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

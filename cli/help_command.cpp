@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "graybox/problems/error.hpp"
+#include "cli/commands.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "interrupt.hpp"
+#include "cli/interrupt.hpp"
 
 #include <fmt/format.h>
 #include <sys/time.h>
@@ -12,9 +12,9 @@
 #include <string_view>
 #include <utility>
 
-#include "commands.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
+#include "cli/commands.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox::cli {
 namespace {

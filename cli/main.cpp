@@ -4,15 +4,15 @@
 #include <new>
 #include <string>
 
-#include "commands.hpp"
-#include "graybox/diagnosis/quiet_ceres.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/program_version.hpp"
-#include "graybox/problems/shortened.hpp"
-#include "graybox/problems/stop.hpp"
-#include "option_checks.hpp"
-#include "start_up.hpp"
+#include "cli/commands.hpp"
+#include "cli/option_checks.hpp"
+#include "cli/start_up.hpp"
+#include "diagnosis/quiet_ceres.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/program_version.hpp"
+#include "problems/shortened.hpp"
+#include "problems/stop.hpp"
 
 namespace {
 

@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "graybox/bench/paper/covariance_table.hpp"
-#include "graybox/bench/paper/experiment_curve.hpp"
-#include "graybox/bench/paper/response_curve.hpp"
-#include "graybox/bench/paper/robot_poses.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "robot_arguments.hpp"
+#include "bench/paper/covariance_table.hpp"
+#include "bench/paper/experiment_curve.hpp"
+#include "bench/paper/response_curve.hpp"
+#include "bench/paper/robot_poses.hpp"
+#include "cli/commands.hpp"
+#include "cli/robot_arguments.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "solvers/design_file.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "graybox/diagnosis/prediction/model_prediction.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "interrupt.hpp"
+#include "cli/commands.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/prediction/model_prediction.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -4,16 +4,16 @@
 #include <memory>
 #include <string>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_spectrum_information.hpp"
-#include "robot_arguments.hpp"
-#include "set_arguments.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/robot_arguments.hpp"
+#include "cli/set_arguments.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/families/families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_spectrum_information.hpp"
 
 namespace graybox::cli {
 namespace {

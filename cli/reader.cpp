@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/formats/mat_file.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/formats/mat_file.hpp"
 
 int main(int argc, char** argv) {
   using graybox::ReadingTask;

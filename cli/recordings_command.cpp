@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "interrupt.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

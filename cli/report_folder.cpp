@@ -1,13 +1,13 @@
-#include "report_folder.hpp"
+#include "cli/report_folder.hpp"
 
 #include <fmt/format.h>
 
 #include <fstream>
 #include <string_view>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
-#include "graybox/diagnosis/responses/response_file.hpp"
-#include "graybox/diagnosis/responses/response_summary.hpp"
-#include "graybox/problems/error.hpp"
-#include "interrupt.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/responses/response_file.hpp"
+#include "diagnosis/responses/response_summary.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::cli {
 namespace {

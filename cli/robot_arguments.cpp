@@ -1,4 +1,4 @@
-#include "robot_arguments.hpp"
+#include "cli/robot_arguments.hpp"
 
 #include <fmt/format.h>
 
@@ -12,9 +12,9 @@
 #include <system_error>
 #include <utility>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::cli {
 namespace {

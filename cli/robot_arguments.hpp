@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox::cli {
 

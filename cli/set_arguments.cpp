@@ -1,8 +1,8 @@
-#include "set_arguments.hpp"
+#include "cli/set_arguments.hpp"
 
 #include <nlohmann/json.hpp>
 
-#include "graybox/problems/formats/information_set_file.hpp"
+#include "problems/formats/information_set_file.hpp"
 
 namespace graybox::cli {
 

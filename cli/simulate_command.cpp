@@ -10,14 +10,14 @@
 #include <sstream>
 #include <string>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "graybox/bench/study/progress.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/sha256.hpp"
-#include "interrupt.hpp"
+#include "bench/study/progress.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/interrupt.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/error.hpp"
+#include "problems/sha256.hpp"
 
 namespace graybox::cli {
 namespace {

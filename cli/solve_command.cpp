@@ -9,18 +9,18 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "commands.hpp"
-#include "console.hpp"
-#include "criterion_arguments.hpp"
-#include "graybox/bench/pin_threads.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "interrupt.hpp"
-#include "set_arguments.hpp"
-#include "trace_file.hpp"
+#include "bench/pin_threads.hpp"
+#include "cli/commands.hpp"
+#include "cli/console.hpp"
+#include "cli/criterion_arguments.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/set_arguments.hpp"
+#include "cli/trace_file.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

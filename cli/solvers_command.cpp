@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "commands.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "cli/commands.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "spectrum_tables.hpp"
+#include "cli/spectrum_tables.hpp"
 
 #include <fmt/format.h>
 
@@ -11,13 +11,13 @@
 #include <span>
 #include <utility>
 
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_spectrum_information.hpp"
-#include "graybox/problems/stiffness_samples.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "interrupt.hpp"
+#include "cli/interrupt.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_spectrum_information.hpp"
+#include "problems/stiffness_samples.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox::cli {
 namespace {

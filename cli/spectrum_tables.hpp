@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
-#include "graybox/solvers/block_designs.hpp"
+#include "problems/information_set.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
+#include "solvers/block_designs.hpp"
 
 namespace graybox::cli {
 

@@ -1,4 +1,4 @@
-#include "start_up.hpp"
+#include "cli/start_up.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -8,11 +8,11 @@
 #include <cstdio>
 #include <cstring>
 
-#include "build_commit.hpp"
-#include "commands.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
-#include "graybox/problems/formats/quiet_hdf5.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "cli/build_commit.hpp"
+#include "cli/commands.hpp"
+#include "problems/formats/input_guard.hpp"
+#include "problems/formats/quiet_hdf5.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "stiffness_arguments.hpp"
+#include "cli/stiffness_arguments.hpp"
 
 namespace graybox::cli {
 

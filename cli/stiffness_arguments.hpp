@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstddef>
 
-#include "graybox/problems/stiffness_samples.hpp"
+#include "problems/stiffness_samples.hpp"
 
 namespace graybox::cli {
 

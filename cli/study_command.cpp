@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
-#include "graybox/bench/study/environment.hpp"
-#include "graybox/bench/study/progress.hpp"
-#include "graybox/bench/study/row_file.hpp"
-#include "graybox/bench/study/study.hpp"
-#include "graybox/bench/study/study_sets.hpp"
-#include "graybox/bench/study/summary.hpp"
-#include "graybox/bench/study/tables.hpp"
-#include "graybox/bench/study/worker.hpp"
-#include "interrupt.hpp"
+#include "bench/study/environment.hpp"
+#include "bench/study/progress.hpp"
+#include "bench/study/row_file.hpp"
+#include "bench/study/study.hpp"
+#include "bench/study/study_sets.hpp"
+#include "bench/study/summary.hpp"
+#include "bench/study/tables.hpp"
+#include "bench/study/worker.hpp"
+#include "cli/commands.hpp"
+#include "cli/interrupt.hpp"
 
 namespace graybox::cli {
 namespace {

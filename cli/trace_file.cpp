@@ -1,8 +1,8 @@
-#include "trace_file.hpp"
+#include "cli/trace_file.hpp"
 
 #include <nlohmann/json.hpp>
 
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::cli {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox::cli {
 

@@ -4,9 +4,11 @@ install(TARGETS ${graybox_libraries} EXPORT graybox-targets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 foreach(folder problems solvers diagnosis)
-  install(DIRECTORY ${CMAKE_SOURCE_DIR}/${folder}/
-    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/graybox/${folder}
-    FILES_MATCHING PATTERN "*.hpp")
+  install(CODE "
+    set(source \"${CMAKE_SOURCE_DIR}\")
+    set(folder \"${folder}\")
+    set(destination \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_INCLUDEDIR}/graybox\")
+    include(\"${CMAKE_SOURCE_DIR}/cmake/install_headers.cmake\")")
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/problems/robot/
   DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot OPTIONAL)

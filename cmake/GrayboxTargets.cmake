@@ -1,12 +1,13 @@
 # Helpers every folder uses to declare its library, so that warnings, include paths and export
 # names are the same everywhere.
 
-# Headers are included as <graybox/problems/...> in the source tree, in the build tree and after
-# installation. A folder of links in the build tree makes that spelling work before installation.
+# In this repository headers are included from its root ("solvers/registry.hpp"); in programs that use
+# the installed package as "graybox/solvers/registry.hpp" (GrayboxInstall.cmake). A folder of links in
+# the build tree makes the second spelling work for the examples of the docs.
 function(graybox_link_include_tree)
   set(root "${CMAKE_BINARY_DIR}/include/graybox")
   file(MAKE_DIRECTORY "${root}")
-  foreach(folder problems solvers diagnosis bench)
+  foreach(folder problems solvers diagnosis)
     if(EXISTS "${CMAKE_SOURCE_DIR}/${folder}")
       file(CREATE_LINK "${CMAKE_SOURCE_DIR}/${folder}" "${root}/${folder}" SYMBOLIC)
     endif()
@@ -94,7 +95,7 @@ function(graybox_library name)
   add_library(graybox::${name} ALIAS ${target})
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(${target} PUBLIC
-    $<BUILD_INTERFACE:${CMAKE_BINARY_DIR}/include>
+    $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})

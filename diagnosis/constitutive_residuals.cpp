@@ -1,9 +1,9 @@
-#include "graybox/diagnosis/constitutive_residuals.hpp"
+#include "diagnosis/constitutive_residuals.hpp"
 
 #include <complex>
 #include <cstddef>
 
-#include "graybox/problems/frequency_response.hpp"
+#include "problems/frequency_response.hpp"
 
 namespace graybox {
 

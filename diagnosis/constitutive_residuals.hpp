@@ -33,9 +33,9 @@
 #include <Eigen/LU>
 #include <vector>
 
-#include "graybox/diagnosis/response_measurement.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/response_measurement.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

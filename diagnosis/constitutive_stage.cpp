@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/constitutive_stage.hpp"
+#include "diagnosis/constitutive_stage.hpp"
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "graybox/diagnosis/constitutive_residuals.hpp"
-#include "graybox/diagnosis/quiet_ceres.hpp"
-#include "graybox/diagnosis/stop_when_asked.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/constitutive_residuals.hpp"
+#include "diagnosis/quiet_ceres.hpp"
+#include "diagnosis/stop_when_asked.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

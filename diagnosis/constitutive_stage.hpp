@@ -23,8 +23,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/response_measurement.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/response_measurement.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

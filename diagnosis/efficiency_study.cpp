@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/efficiency_study.hpp"
+#include "diagnosis/efficiency_study.hpp"
 
 #include <fmt/format.h>
 
@@ -10,15 +10,15 @@
 #include <numbers>
 #include <utility>
 
-#include "graybox/diagnosis/response_model.hpp"
-#include "graybox/diagnosis/robot_line_fit.hpp"
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/robot_information.hpp"
+#include "diagnosis/response_model.hpp"
+#include "diagnosis/robot_line_fit.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "problems/robot_information.hpp"
 
 namespace graybox {
 namespace {

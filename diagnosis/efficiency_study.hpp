@@ -30,11 +30,11 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/estimator_statistics.hpp"
-#include "graybox/diagnosis/maximum_likelihood.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/estimator_statistics.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

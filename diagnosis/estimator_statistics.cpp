@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/estimator_statistics.hpp"
+#include "diagnosis/estimator_statistics.hpp"
 
 #include <fmt/format.h>
 
@@ -8,10 +8,10 @@
 #include <cmath>
 #include <string>
 
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/quantile.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/quantile.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/fit_report.hpp"
+#include "diagnosis/fit_report.hpp"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "diagnosis/plausibility/plausibility_words.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox {
 namespace {

@@ -33,8 +33,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/identifiability.hpp"
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/identifiability.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 

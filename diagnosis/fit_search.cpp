@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/fit_search.hpp"
+#include "diagnosis/fit_search.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -21,8 +21,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/fit_report.hpp"
-#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/fit_report.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
 
 namespace graybox {
 

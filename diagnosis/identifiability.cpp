@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/identifiability.hpp"
+#include "diagnosis/identifiability.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

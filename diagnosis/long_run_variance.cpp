@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/long_run_variance.hpp"
+#include "diagnosis/long_run_variance.hpp"
 
 #include <algorithm>
 #include <utility>

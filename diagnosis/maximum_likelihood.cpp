@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
@@ -13,10 +13,10 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/quiet_ceres.hpp"
-#include "graybox/diagnosis/stop_when_asked.hpp"
-#include "graybox/diagnosis/whitened_residuals.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/quiet_ceres.hpp"
+#include "diagnosis/stop_when_asked.hpp"
+#include "diagnosis/whitened_residuals.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

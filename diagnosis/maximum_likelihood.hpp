@@ -58,8 +58,8 @@
 #include <span>
 #include <string_view>
 
-#include "graybox/diagnosis/response_measurement.hpp"
-#include "graybox/diagnosis/response_model.hpp"
+#include "diagnosis/response_measurement.hpp"
+#include "diagnosis/response_model.hpp"
 
 namespace graybox {
 

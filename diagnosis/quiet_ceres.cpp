@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "diagnosis/quiet_ceres.hpp"
 
 #include <glog/logging.h>
 

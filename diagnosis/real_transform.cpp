@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/real_transform.hpp"
+#include "diagnosis/real_transform.hpp"
 
 #include <fftw3.h>
 

@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/recording_spread.hpp"
+#include "diagnosis/recording_spread.hpp"
 
 #include <cmath>
 
-#include "graybox/problems/distributions.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/response_measurement.hpp"
+#include "diagnosis/response_measurement.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <complex>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
 
 namespace graybox {
 

@@ -25,8 +25,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/random.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/response_model.hpp"
+#include "diagnosis/response_model.hpp"
 
 #include <Eigen/LU>
 #include <complex>
 #include <cstddef>
 #include <utility>
 
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
 
 namespace graybox {
 namespace {

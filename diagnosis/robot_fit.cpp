@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/robot_fit.hpp"
+#include "diagnosis/robot_fit.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,12 +8,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "graybox/diagnosis/constitutive_stage.hpp"
-#include "graybox/diagnosis/response_model.hpp"
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
-#include "graybox/diagnosis/robot_line_fit.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/constitutive_stage.hpp"
+#include "diagnosis/response_model.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/robot_line_fit.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

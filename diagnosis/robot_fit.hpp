@@ -24,11 +24,11 @@
 #include <functional>
 #include <vector>
 
-#include "graybox/diagnosis/fit_report.hpp"
-#include "graybox/diagnosis/fit_search.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/response_measurement.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/fit_report.hpp"
+#include "diagnosis/fit_search.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/response_measurement.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,14 +1,14 @@
-#include "graybox/diagnosis/robot_line_fit.hpp"
+#include "diagnosis/robot_line_fit.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/periodic_mismatch/cleared_fit.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
 
 namespace graybox {
 namespace {

@@ -18,10 +18,10 @@
 #include <Eigen/Core>
 #include <functional>
 
-#include "graybox/diagnosis/fit_report.hpp"
-#include "graybox/diagnosis/maximum_likelihood.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/fit_report.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
 
 namespace graybox {
 

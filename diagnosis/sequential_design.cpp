@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/sequential_design.hpp"
+#include "diagnosis/sequential_design.hpp"
 
 #include <fmt/format.h>
 
@@ -13,17 +13,17 @@
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/response_model.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/quantile.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/exact/exchange.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "diagnosis/response_model.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/quantile.hpp"
+#include "problems/random.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/stop.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/exact/exchange.hpp"
+#include "solvers/exact/relaxation.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 namespace {

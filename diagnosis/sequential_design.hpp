@@ -35,10 +35,10 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/maximum_likelihood.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
+#include "problems/information_set.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -3,7 +3,7 @@
 
 #include <ceres/iteration_callback.h>
 
-#include "graybox/problems/stop.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 

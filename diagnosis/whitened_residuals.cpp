@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/whitened_residuals.hpp"
+#include "diagnosis/whitened_residuals.hpp"
 
 #include <Eigen/LU>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
 
 namespace graybox {
 

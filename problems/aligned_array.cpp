@@ -1,4 +1,4 @@
-#include "graybox/problems/aligned_array.hpp"
+#include "problems/aligned_array.hpp"
 
 #include <sys/mman.h>
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/available_memory.hpp"
+#include "problems/available_memory.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -8,7 +8,7 @@
 #include <limits>
 #include <optional>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/distributions.hpp"
+#include "problems/distributions.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <boost/math/distributions/non_central_chi_squared.hpp>
 #include <boost/math/distributions/normal.hpp>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/environment_text.hpp"
+#include "problems/environment_text.hpp"
 
 #include <fmt/format.h>
 

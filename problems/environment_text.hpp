@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "graybox/problems/yaml_field.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 

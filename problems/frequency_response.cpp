@@ -1,4 +1,4 @@
-#include "graybox/problems/frequency_response.hpp"
+#include "problems/frequency_response.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>

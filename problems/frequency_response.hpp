@@ -18,8 +18,8 @@
 #include <complex>
 #include <vector>
 
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

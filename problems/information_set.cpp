@@ -1,4 +1,4 @@
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 #include <fmt/format.h>
 
@@ -6,11 +6,11 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/set_validation.hpp"
-#include "graybox/problems/sha256.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "problems/set_validation.hpp"
+#include "problems/sha256.hpp"
 
 namespace graybox {
 namespace {

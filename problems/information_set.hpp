@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
+#include "problems/aligned_array.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/problems/local_model.hpp"
+#include "problems/local_model.hpp"
 
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -27,8 +27,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/mechanics/rigid_chain.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

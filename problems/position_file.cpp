@@ -5,11 +5,11 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/file_kind.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
-#include "graybox/problems/formats/text_lines.hpp"
-#include "graybox/problems/robot_grid.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/file_kind.hpp"
+#include "problems/formats/input_guard.hpp"
+#include "problems/formats/text_lines.hpp"
+#include "problems/robot_grid.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/program_version.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox {
 namespace {

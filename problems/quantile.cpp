@@ -1,4 +1,4 @@
-#include "graybox/problems/quantile.hpp"
+#include "problems/quantile.hpp"
 
 #include <algorithm>
 #include <cstddef>

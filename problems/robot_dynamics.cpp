@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_dynamics.hpp"
+#include "problems/robot_dynamics.hpp"
 
 namespace graybox {
 

@@ -23,9 +23,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/problems/mechanics/chain_dynamics.hpp"
-#include "graybox/problems/mechanics/rigid_chain.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/mechanics/chain_dynamics.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

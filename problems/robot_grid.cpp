@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_grid.hpp"
+#include "problems/robot_grid.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <array>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/information_set.hpp"
+#include "problems/error.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 namespace {

@@ -42,9 +42,9 @@
 #include <memory>
 #include <span>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/information_set.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/problems/robot_information_moving.hpp"
+#include "problems/robot_information_moving.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
 #include <complex>
 
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_model.hpp"
+#include "problems/robot_model.hpp"
 
 #include <fmt/format.h>
 
@@ -11,10 +11,10 @@
 #include <numbers>
 #include <utility>
 
-#include "graybox/problems/environment_text.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/urdf_chain.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "problems/environment_text.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/urdf_chain.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

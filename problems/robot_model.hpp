@@ -41,7 +41,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_position_tables.hpp"
+#include "problems/robot_position_tables.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -13,13 +13,13 @@
 #include <exception>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/kernels/information_kernels.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
-#include "graybox/problems/stop.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/information_set.hpp"
+#include "problems/kernels/information_kernels.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/problems/robot_space.hpp"
+#include "problems/robot_space.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/candidate_space.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/candidate_space.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

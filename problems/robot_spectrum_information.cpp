@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_spectrum_information.hpp"
+#include "problems/robot_spectrum_information.hpp"
 
 #include <fmt/format.h>
 
@@ -7,10 +7,10 @@
 #include <numbers>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/kernels/information_kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/robot_position_tables.hpp"
+#include "problems/error.hpp"
+#include "problems/kernels/information_kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/robot_position_tables.hpp"
 
 namespace graybox {
 namespace {

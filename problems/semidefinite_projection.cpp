@@ -1,4 +1,4 @@
-#include "graybox/problems/semidefinite_projection.hpp"
+#include "problems/semidefinite_projection.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <span>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/set_validation.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/set_validation.hpp"
 
 namespace graybox {
 namespace {

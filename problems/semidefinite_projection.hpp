@@ -18,7 +18,7 @@
 #include <cstddef>
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/set_validation.hpp"
+#include "problems/set_validation.hpp"
 
 #include <fmt/format.h>
 
@@ -9,8 +9,8 @@
 #include <span>
 #include <string>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

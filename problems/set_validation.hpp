@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/sha256.hpp"
+#include "problems/sha256.hpp"
 
 #include <fmt/format.h>
 #include <openssl/evp.h>

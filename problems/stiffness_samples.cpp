@@ -1,12 +1,12 @@
-#include "graybox/problems/stiffness_samples.hpp"
+#include "problems/stiffness_samples.hpp"
 
 #include <fmt/format.h>
 
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

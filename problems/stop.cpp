@@ -1,4 +1,4 @@
-#include "graybox/problems/stop.hpp"
+#include "problems/stop.hpp"
 
 #include <algorithm>
 #include <atomic>

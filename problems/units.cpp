@@ -1,4 +1,4 @@
-#include "graybox/problems/units.hpp"
+#include "problems/units.hpp"
 
 #include <algorithm>
 #include <array>

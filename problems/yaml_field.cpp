@@ -1,4 +1,4 @@
-#include "graybox/problems/yaml_field.hpp"
+#include "problems/yaml_field.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,10 +8,10 @@
 #include <cstdint>
 #include <set>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/file_kind.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
-#include "graybox/problems/shortened.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/file_kind.hpp"
+#include "problems/formats/input_guard.hpp"
+#include "problems/shortened.hpp"
 
 namespace graybox {
 namespace {

@@ -1,12 +1,12 @@
-#include "graybox/solvers/augmented_system.hpp"
+#include "solvers/augmented_system.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/lapack.hpp"
-#include "graybox/solvers/tiled_cholesky.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/lapack.hpp"
+#include "solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {

@@ -21,9 +21,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/range_system.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/range_system.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/best_design.hpp"
+#include "solvers/best_design.hpp"
 
 namespace graybox {
 

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/design.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

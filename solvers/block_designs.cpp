@@ -1,15 +1,15 @@
-#include "graybox/solvers/block_designs.hpp"
+#include "solvers/block_designs.hpp"
 
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/block_limited_column_generation.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/two_step_design.hpp"
+#include "problems/error.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/block_limited_column_generation.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/two_step_design.hpp"
 
 namespace graybox {
 namespace {

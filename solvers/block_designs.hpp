@@ -19,10 +19,10 @@
 
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/candidate_blocks.hpp"
-#include "graybox/solvers/design.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/candidate_blocks.hpp"
+#include "solvers/design.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/block_limited_certificate.hpp"
+#include "solvers/block_limited_certificate.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/extended_information.hpp"
+#include "problems/error.hpp"
+#include "solvers/extended_information.hpp"
 
 namespace graybox {
 namespace {

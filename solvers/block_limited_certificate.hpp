@@ -27,10 +27,10 @@
 #include <functional>
 #include <span>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/candidate_blocks.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/candidate_blocks.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

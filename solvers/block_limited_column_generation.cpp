@@ -1,4 +1,4 @@
-#include "graybox/solvers/block_limited_column_generation.hpp"
+#include "solvers/block_limited_column_generation.hpp"
 
 #include <fmt/format.h>
 
@@ -9,14 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/best_design.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/block_limited_working_set.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/sensitivity_sample.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/best_design.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/block_limited_working_set.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/sensitivity_sample.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

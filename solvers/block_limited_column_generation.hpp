@@ -29,8 +29,8 @@
 //   const Certificate proof = certify_block_limited(set, s.design, blocks, 0.1);
 #pragma once
 
-#include "graybox/solvers/candidate_blocks.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/candidate_blocks.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/block_limited_working_set.hpp"
+#include "solvers/block_limited_working_set.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,11 +6,11 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/interior_point.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
-#include "graybox/solvers/lapack.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/interior_point.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/lapack.hpp"
 
 namespace graybox {
 

@@ -34,8 +34,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 

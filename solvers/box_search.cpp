@@ -1,4 +1,4 @@
-#include "graybox/solvers/box_search.hpp"
+#include "solvers/box_search.hpp"
 
 #include <algorithm>
 #include <cmath>

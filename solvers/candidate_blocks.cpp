@@ -1,8 +1,8 @@
-#include "graybox/solvers/candidate_blocks.hpp"
+#include "solvers/candidate_blocks.hpp"
 
 #include <fmt/format.h>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

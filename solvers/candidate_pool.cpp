@@ -1,11 +1,11 @@
-#include "graybox/solvers/candidate_pool.hpp"
+#include "solvers/candidate_pool.hpp"
 
 #include <algorithm>
 #include <functional>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 

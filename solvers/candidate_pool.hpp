@@ -10,9 +10,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/information_set.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/certificate.hpp"
+#include "solvers/certificate.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/criterion_certificate.hpp"
-#include "graybox/solvers/extended_information.hpp"
-#include "graybox/solvers/quadruple.hpp"
+#include "solvers/criterion_certificate.hpp"
+#include "solvers/extended_information.hpp"
+#include "solvers/quadruple.hpp"
 
 namespace graybox {
 namespace {

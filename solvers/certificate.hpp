@@ -65,9 +65,9 @@
 #include <string>
 #include <string_view>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/criterion.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/criterion.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

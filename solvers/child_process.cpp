@@ -1,4 +1,4 @@
-#include "graybox/solvers/child_process.hpp"
+#include "solvers/child_process.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -13,7 +13,7 @@
 #include <csignal>
 #include <cstring>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

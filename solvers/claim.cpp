@@ -1,4 +1,4 @@
-#include "graybox/solvers/claim.hpp"
+#include "solvers/claim.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

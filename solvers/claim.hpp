@@ -22,7 +22,7 @@
 #include <span>
 #include <string>
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/solvers/cocktail.hpp"
+#include "solvers/cocktail.hpp"
 
 #include <algorithm>
 #include <limits>
 #include <span>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/exchange_loop.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/exchange_loop.hpp"
 
 namespace graybox {
 namespace {

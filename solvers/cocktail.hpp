@@ -18,7 +18,7 @@
 // for n support points.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/column_generation.hpp"
+#include "solvers/column_generation.hpp"
 
 #include <fmt/format.h>
 
@@ -11,18 +11,18 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/best_design.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/criterion_column_generation.hpp"
-#include "graybox/solvers/fallback.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
-#include "graybox/solvers/screening.hpp"
-#include "graybox/solvers/sensitivity_sample.hpp"
-#include "graybox/solvers/tracer.hpp"
-#include "graybox/solvers/well_conditioned_start.hpp"
-#include "graybox/solvers/working_set.hpp"
+#include "problems/random.hpp"
+#include "solvers/best_design.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/criterion_column_generation.hpp"
+#include "solvers/fallback.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/screening.hpp"
+#include "solvers/sensitivity_sample.hpp"
+#include "solvers/tracer.hpp"
+#include "solvers/well_conditioned_start.hpp"
+#include "solvers/working_set.hpp"
 
 namespace graybox {
 namespace {

@@ -34,7 +34,7 @@
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/conditioned_set.hpp"
+#include "solvers/conditioned_set.hpp"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,11 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/twofold_congruence.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/stop.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/twofold_congruence.hpp"
 
 namespace graybox {
 namespace {

@@ -21,8 +21,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/continuous_design.hpp"
+#include "solvers/continuous_design.hpp"
 
 #include <fmt/format.h>
 
@@ -9,15 +9,15 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/box_search.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/working_set.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "problems/stop.hpp"
+#include "solvers/box_search.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/working_set.hpp"
 
 namespace graybox {
 namespace {

@@ -32,9 +32,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/candidate_space.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/candidate_space.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/criterion.hpp"
+#include "solvers/criterion.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,8 +10,8 @@
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/solvers/criterion_certificate.hpp"
+#include "solvers/criterion_certificate.hpp"
 
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
@@ -9,10 +9,10 @@
 #include <span>
 #include <type_traits>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/criterion_column_generation.hpp"
-#include "graybox/solvers/quadruple.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/criterion_column_generation.hpp"
+#include "solvers/quadruple.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

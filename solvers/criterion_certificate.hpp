@@ -24,11 +24,11 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/criterion.hpp"
-#include "graybox/solvers/design.hpp"
-#include "graybox/solvers/extended_information.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/criterion.hpp"
+#include "solvers/design.hpp"
+#include "solvers/extended_information.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/criterion_column_generation.hpp"
+#include "solvers/criterion_column_generation.hpp"
 
 #include <fmt/format.h>
 
@@ -11,11 +11,11 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/restricted_problem.hpp"
-#include "graybox/solvers/sensitivity_sample.hpp"
+#include "problems/random.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/restricted_problem.hpp"
+#include "solvers/sensitivity_sample.hpp"
 
 namespace graybox {
 namespace {

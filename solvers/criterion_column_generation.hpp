@@ -18,8 +18,8 @@
 // Results do not depend on the number of threads.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/solver.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 

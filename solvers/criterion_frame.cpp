@@ -1,8 +1,8 @@
-#include "graybox/solvers/criterion_frame.hpp"
+#include "solvers/criterion_frame.hpp"
 
 #include <cmath>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

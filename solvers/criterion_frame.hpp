@@ -19,8 +19,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/solvers/criterion.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "solvers/criterion.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 

@@ -1,9 +1,9 @@
-#include "graybox/solvers/damped_least_squares.hpp"
+#include "solvers/damped_least_squares.hpp"
 
 #include <algorithm>
 #include <numeric>
 
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/design_file.hpp"
+#include "solvers/design_file.hpp"
 
 #include <fmt/format.h>
 
@@ -10,10 +10,10 @@
 #include <type_traits>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox {
 namespace {

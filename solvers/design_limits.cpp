@@ -1,12 +1,12 @@
-#include "graybox/solvers/design_limits.hpp"
+#include "solvers/design_limits.hpp"
 
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/candidate_blocks.hpp"
+#include "problems/error.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/candidate_blocks.hpp"
 
 namespace graybox {
 namespace {

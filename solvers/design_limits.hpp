@@ -21,10 +21,10 @@
 #include <optional>
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design.hpp"
-#include "graybox/solvers/robust/concentration_limit.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design.hpp"
+#include "solvers/robust/concentration_limit.hpp"
 
 namespace graybox {
 

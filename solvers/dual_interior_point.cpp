@@ -1,6 +1,6 @@
-#include "graybox/solvers/dual_interior_point.hpp"
+#include "solvers/dual_interior_point.hpp"
 
-#include "graybox/solvers/dual_newton.hpp"
+#include "solvers/dual_newton.hpp"
 
 namespace graybox {
 

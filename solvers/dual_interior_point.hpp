@@ -8,7 +8,7 @@
 // the sum of all H_i is singular.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

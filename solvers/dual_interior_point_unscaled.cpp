@@ -1,6 +1,6 @@
-#include "graybox/solvers/dual_interior_point_unscaled.hpp"
+#include "solvers/dual_interior_point_unscaled.hpp"
 
-#include "graybox/solvers/dual_newton.hpp"
+#include "solvers/dual_newton.hpp"
 
 namespace graybox {
 

@@ -8,7 +8,7 @@
 
 #include <limits>
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

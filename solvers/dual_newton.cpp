@@ -1,15 +1,15 @@
-#include "graybox/solvers/dual_newton.hpp"
+#include "solvers/dual_newton.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/augmented_system.hpp"
-#include "graybox/solvers/interior_point.hpp"
-#include "graybox/solvers/nesterov_todd.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/augmented_system.hpp"
+#include "solvers/interior_point.hpp"
+#include "solvers/nesterov_todd.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

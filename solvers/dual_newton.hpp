@@ -44,9 +44,9 @@
 // p^2.
 #pragma once
 
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/range_system.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/range_system.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

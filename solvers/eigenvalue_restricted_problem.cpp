@@ -1,4 +1,4 @@
-#include "graybox/solvers/eigenvalue_restricted_problem.hpp"
+#include "solvers/eigenvalue_restricted_problem.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/range_system.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/range_system.hpp"
 
 namespace graybox {
 namespace {

@@ -57,9 +57,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/damped_least_squares.hpp"
-#include "graybox/solvers/restricted_problem.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/damped_least_squares.hpp"
+#include "solvers/restricted_problem.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/solvers/exchange_design.hpp"
+#include "solvers/exchange_design.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -15,9 +15,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/log_det_line.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/log_det_line.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exchange_loop.hpp"
+#include "solvers/exchange_loop.hpp"
 
 #include <cmath>
 #include <limits>
@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/start_design.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/start_design.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

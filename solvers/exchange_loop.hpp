@@ -12,8 +12,8 @@
 #include <functional>
 #include <span>
 
-#include "graybox/solvers/exchange_design.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/exchange_design.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/extended_information.hpp"
+#include "solvers/extended_information.hpp"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/quadruple.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/quadruple.hpp"
 
 namespace graybox {
 namespace {

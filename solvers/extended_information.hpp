@@ -23,8 +23,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

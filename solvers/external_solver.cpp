@@ -1,4 +1,4 @@
-#include "graybox/solvers/external_solver.hpp"
+#include "solvers/external_solver.hpp"
 
 #include <fmt/format.h>
 
@@ -14,13 +14,13 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/shortened.hpp"
-#include "graybox/solvers/child_process.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/shortened.hpp"
+#include "solvers/child_process.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

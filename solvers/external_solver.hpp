@@ -25,7 +25,7 @@
 
 #include <string>
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

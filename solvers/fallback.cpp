@@ -1,4 +1,4 @@
-#include "graybox/solvers/fallback.hpp"
+#include "solvers/fallback.hpp"
 
 #include <fmt/format.h>
 
@@ -9,12 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/dual_interior_point.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/sensitivity_error.hpp"
-#include "graybox/solvers/vertex_exchange.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/dual_interior_point.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/sensitivity_error.hpp"
+#include "solvers/vertex_exchange.hpp"
 
 namespace graybox {
 namespace {

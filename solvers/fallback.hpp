@@ -17,9 +17,9 @@
 #include <string>
 #include <string_view>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/solver.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/solver.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 

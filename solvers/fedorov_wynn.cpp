@@ -1,6 +1,6 @@
-#include "graybox/solvers/fedorov_wynn.hpp"
+#include "solvers/fedorov_wynn.hpp"
 
-#include "graybox/solvers/exchange_loop.hpp"
+#include "solvers/exchange_loop.hpp"
 
 namespace graybox {
 namespace {

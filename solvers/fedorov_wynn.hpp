@@ -13,7 +13,7 @@
 // Cost of an iteration: one pass over the set and O(d^3).
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,9 +1,9 @@
-#include "graybox/solvers/hessian_assembly.hpp"
+#include "solvers/hessian_assembly.hpp"
 
 #include <algorithm>
 
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/kernels/gram_kernels.hpp"
+#include "problems/stop.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
 
 namespace graybox {
 namespace {

@@ -16,7 +16,7 @@
 #include <cstddef>
 #include <span>
 
-#include "graybox/problems/aligned_array.hpp"
+#include "problems/aligned_array.hpp"
 
 namespace graybox {
 

@@ -1,9 +1,9 @@
-#include "graybox/solvers/information_step.hpp"
+#include "solvers/information_step.hpp"
 
 #include <algorithm>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/solvers/nesterov_todd.hpp"
-#include "graybox/solvers/normalized_set.hpp"
+#include "solvers/nesterov_todd.hpp"
+#include "solvers/normalized_set.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/interior_point.hpp"
+#include "solvers/interior_point.hpp"
 
 #include <fmt/format.h>
 
@@ -7,10 +7,10 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/lapack.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/lapack.hpp"
 
 namespace graybox {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/solver.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/solver.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

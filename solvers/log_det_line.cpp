@@ -1,4 +1,4 @@
-#include "graybox/solvers/log_det_line.hpp"
+#include "solvers/log_det_line.hpp"
 
 #include <algorithm>
 #include <cmath>

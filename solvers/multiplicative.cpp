@@ -1,4 +1,4 @@
-#include "graybox/solvers/multiplicative.hpp"
+#include "solvers/multiplicative.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,14 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/criterion_frame.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/error.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/criterion_frame.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/reweigh_pass.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

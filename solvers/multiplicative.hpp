@@ -30,7 +30,7 @@
 // Cost of an iteration: one pass (pricing, step and new M in a single read) and O(d^3).
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/multiplicative_accelerated.hpp"
+#include "solvers/multiplicative_accelerated.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,14 +8,14 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/screening.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/reweigh_pass.hpp"
+#include "solvers/screening.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

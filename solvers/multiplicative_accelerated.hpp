@@ -24,7 +24,7 @@
 // Cost of an iteration: three passes over the survivors and O(d^3).
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

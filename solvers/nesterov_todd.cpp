@@ -1,4 +1,4 @@
-#include "graybox/solvers/nesterov_todd.hpp"
+#include "solvers/nesterov_todd.hpp"
 
 #include <cmath>
 #include <limits>

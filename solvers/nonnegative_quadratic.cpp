@@ -1,10 +1,10 @@
-#include "graybox/solvers/nonnegative_quadratic.hpp"
+#include "solvers/nonnegative_quadratic.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 

@@ -1,14 +1,14 @@
-#include "graybox/solvers/normalized_set.hpp"
+#include "solvers/normalized_set.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/kernels/gram_kernels.hpp"
-#include "graybox/solvers/lapack.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/stop.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
+#include "solvers/lapack.hpp"
 
 namespace graybox {
 namespace {

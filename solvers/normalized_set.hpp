@@ -42,8 +42,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/information_set.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

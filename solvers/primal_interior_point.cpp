@@ -1,14 +1,14 @@
-#include "graybox/solvers/primal_interior_point.hpp"
+#include "solvers/primal_interior_point.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/kernels/gram_kernels.hpp"
-#include "graybox/solvers/lapack.hpp"
-#include "graybox/solvers/primal_newton.hpp"
-#include "graybox/solvers/range_system.hpp"
-#include "graybox/solvers/tiled_cholesky.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
+#include "solvers/lapack.hpp"
+#include "solvers/primal_newton.hpp"
+#include "solvers/range_system.hpp"
+#include "solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {

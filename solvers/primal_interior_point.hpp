@@ -8,7 +8,7 @@
 // matrix does not fit into memory.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,8 +1,8 @@
-#include "graybox/solvers/primal_interior_point_low_rank.hpp"
+#include "solvers/primal_interior_point_low_rank.hpp"
 
 #include <algorithm>
 
-#include "graybox/solvers/augmented_system.hpp"
+#include "solvers/augmented_system.hpp"
 
 namespace graybox {
 namespace {

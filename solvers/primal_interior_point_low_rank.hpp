@@ -11,8 +11,8 @@
 
 #include <memory>
 
-#include "graybox/solvers/primal_newton.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/primal_newton.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

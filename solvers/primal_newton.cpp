@@ -1,15 +1,15 @@
-#include "graybox/solvers/primal_newton.hpp"
+#include "solvers/primal_newton.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <new>
 #include <utility>
 
-#include "graybox/solvers/information_step.hpp"
-#include "graybox/solvers/interior_point.hpp"
-#include "graybox/solvers/lapack.hpp"
-#include "graybox/solvers/nesterov_todd.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/information_step.hpp"
+#include "solvers/interior_point.hpp"
+#include "solvers/lapack.hpp"
+#include "solvers/nesterov_todd.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

@@ -44,9 +44,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

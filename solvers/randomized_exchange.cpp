@@ -1,4 +1,4 @@
-#include "graybox/solvers/randomized_exchange.hpp"
+#include "solvers/randomized_exchange.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/exchange_loop.hpp"
+#include "problems/random.hpp"
+#include "solvers/exchange_loop.hpp"
 
 namespace graybox {
 namespace {

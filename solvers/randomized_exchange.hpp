@@ -17,7 +17,7 @@
 // Cost of an iteration: one pass over the set and |L| |K| exchanges of O(d^3) each.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

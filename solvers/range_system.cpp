@@ -1,14 +1,14 @@
-#include "graybox/solvers/range_system.hpp"
+#include "solvers/range_system.hpp"
 
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/hessian_assembly.hpp"
-#include "graybox/solvers/lapack.hpp"
-#include "graybox/solvers/tiled_cholesky.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/stop.hpp"
+#include "solvers/hessian_assembly.hpp"
+#include "solvers/lapack.hpp"
+#include "solvers/tiled_cholesky.hpp"
 
 namespace graybox {
 namespace {

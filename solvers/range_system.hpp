@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/solvers/normalized_set.hpp"
+#include "solvers/normalized_set.hpp"
 
 namespace graybox {
 

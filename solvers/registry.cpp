@@ -1,4 +1,4 @@
-#include "graybox/solvers/registry.hpp"
+#include "solvers/registry.hpp"
 
 #include <fmt/format.h>
 
@@ -6,27 +6,27 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/cholmod/dual_interior_point_sparse.hpp"
-#include "graybox/solvers/claim.hpp"
-#include "graybox/solvers/cocktail.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/dual_interior_point.hpp"
-#include "graybox/solvers/dual_interior_point_unscaled.hpp"
-#include "graybox/solvers/external_solver.hpp"
-#include "graybox/solvers/fedorov_wynn.hpp"
-#include "graybox/solvers/ipopt/ipopt_dual.hpp"
-#include "graybox/solvers/ipopt/ipopt_lifted.hpp"
-#include "graybox/solvers/ipopt/ipopt_primal.hpp"
-#include "graybox/solvers/multiplicative.hpp"
-#include "graybox/solvers/multiplicative_accelerated.hpp"
-#include "graybox/solvers/nlopt/nlopt_slsqp.hpp"
-#include "graybox/solvers/nlopt/nlopt_weights.hpp"
-#include "graybox/solvers/primal_interior_point.hpp"
-#include "graybox/solvers/primal_interior_point_low_rank.hpp"
-#include "graybox/solvers/randomized_exchange.hpp"
-#include "graybox/solvers/tracer.hpp"
-#include "graybox/solvers/vertex_exchange.hpp"
+#include "problems/error.hpp"
+#include "solvers/cholmod/dual_interior_point_sparse.hpp"
+#include "solvers/claim.hpp"
+#include "solvers/cocktail.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/dual_interior_point.hpp"
+#include "solvers/dual_interior_point_unscaled.hpp"
+#include "solvers/external_solver.hpp"
+#include "solvers/fedorov_wynn.hpp"
+#include "solvers/ipopt/ipopt_dual.hpp"
+#include "solvers/ipopt/ipopt_lifted.hpp"
+#include "solvers/ipopt/ipopt_primal.hpp"
+#include "solvers/multiplicative.hpp"
+#include "solvers/multiplicative_accelerated.hpp"
+#include "solvers/nlopt/nlopt_slsqp.hpp"
+#include "solvers/nlopt/nlopt_weights.hpp"
+#include "solvers/primal_interior_point.hpp"
+#include "solvers/primal_interior_point_low_rank.hpp"
+#include "solvers/randomized_exchange.hpp"
+#include "solvers/tracer.hpp"
+#include "solvers/vertex_exchange.hpp"
 
 namespace graybox {
 namespace {

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

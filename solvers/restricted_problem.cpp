@@ -1,13 +1,13 @@
-#include "graybox/solvers/restricted_problem.hpp"
+#include "solvers/restricted_problem.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <numeric>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/eigenvalue_restricted_problem.hpp"
-#include "graybox/solvers/smooth_restricted_problem.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/eigenvalue_restricted_problem.hpp"
+#include "solvers/smooth_restricted_problem.hpp"
 
 namespace graybox {
 

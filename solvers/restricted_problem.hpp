@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/criterion.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/criterion.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/solvers/reweigh_pass.hpp"
+#include "solvers/reweigh_pass.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -1,9 +1,9 @@
-#include "graybox/solvers/screening.hpp"
+#include "solvers/screening.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

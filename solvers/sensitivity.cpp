@@ -1,10 +1,10 @@
-#include "graybox/solvers/sensitivity.hpp"
+#include "solvers/sensitivity.hpp"
 
 #include <algorithm>
 #include <limits>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 

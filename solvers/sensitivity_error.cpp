@@ -1,9 +1,9 @@
-#include "graybox/solvers/sensitivity_error.hpp"
+#include "solvers/sensitivity_error.hpp"
 
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/sensitivity_sample.hpp"
+#include "solvers/sensitivity_sample.hpp"
 
 #include <algorithm>
 #include <cstddef>

@@ -1,12 +1,12 @@
-#include "graybox/solvers/smooth_restricted_problem.hpp"
+#include "solvers/smooth_restricted_problem.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 namespace {

@@ -45,11 +45,11 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/criterion_frame.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/nonnegative_quadratic.hpp"
-#include "graybox/solvers/restricted_problem.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/criterion_frame.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/nonnegative_quadratic.hpp"
+#include "solvers/restricted_problem.hpp"
 
 namespace graybox {
 

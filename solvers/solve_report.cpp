@@ -1,4 +1,4 @@
-#include "graybox/solvers/solve_report.hpp"
+#include "solvers/solve_report.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -12,9 +12,9 @@
 #include <string>
 #include <string_view>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -24,9 +24,9 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/criterion.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/criterion.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

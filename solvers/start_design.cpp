@@ -1,12 +1,12 @@
-#include "graybox/solvers/start_design.hpp"
+#include "solvers/start_design.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

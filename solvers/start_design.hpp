@@ -15,8 +15,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 

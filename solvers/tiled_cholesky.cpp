@@ -1,11 +1,11 @@
-#include "graybox/solvers/tiled_cholesky.hpp"
+#include "solvers/tiled_cholesky.hpp"
 
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/lapack.hpp"
+#include "problems/stop.hpp"
+#include "solvers/lapack.hpp"
 
 extern "C" {
 void dtrsm_(const char* side, const char* uplo, const char* trans, const char* diag, const int* m,

@@ -1,4 +1,4 @@
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/tracer.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/error.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

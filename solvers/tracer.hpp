@@ -19,8 +19,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/stop.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/solvers/two_step_design.hpp"
+#include "solvers/two_step_design.hpp"
 
 #include <algorithm>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/error.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

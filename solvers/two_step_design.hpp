@@ -19,9 +19,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/candidate_blocks.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/candidate_blocks.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

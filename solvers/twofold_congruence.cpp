@@ -1,12 +1,12 @@
-#include "graybox/solvers/twofold_congruence.hpp"
+#include "solvers/twofold_congruence.hpp"
 
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/stop.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -1,6 +1,6 @@
-#include "graybox/solvers/vertex_exchange.hpp"
+#include "solvers/vertex_exchange.hpp"
 
-#include "graybox/solvers/exchange_loop.hpp"
+#include "solvers/exchange_loop.hpp"
 
 namespace graybox {
 namespace {

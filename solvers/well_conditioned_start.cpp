@@ -1,14 +1,14 @@
-#include "graybox/solvers/well_conditioned_start.hpp"
+#include "solvers/well_conditioned_start.hpp"
 
 #include <algorithm>
 #include <numeric>
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 namespace {

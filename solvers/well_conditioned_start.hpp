@@ -25,11 +25,11 @@
 // Cost: kSteps + 1 reads of the pool, O(m d^2 + d^3) a choice.
 #pragma once
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/tracer.hpp"
-#include "graybox/solvers/working_set.hpp"
+#include "problems/information_set.hpp"
+#include "problems/random.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/tracer.hpp"
+#include "solvers/working_set.hpp"
 
 namespace graybox {
 

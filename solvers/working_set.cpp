@@ -1,4 +1,4 @@
-#include "graybox/solvers/working_set.hpp"
+#include "solvers/working_set.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 

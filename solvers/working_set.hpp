@@ -30,10 +30,10 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/nonnegative_quadratic.hpp"
-#include "graybox/solvers/sensitivity_error.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/nonnegative_quadratic.hpp"
+#include "solvers/sensitivity_error.hpp"
 
 namespace graybox {
 

@@ -1,5 +1,5 @@
 // Files appear complete or not at all, under the name that was meant, and stay.
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -16,13 +16,13 @@
 #include <thread>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/formats/folder_lock.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/formats/folder_lock.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/formats/temporary_name.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace {
 

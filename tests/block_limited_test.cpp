@@ -7,13 +7,13 @@
 #include <numeric>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/block_limited_column_generation.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/block_limited_column_generation.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox {
 namespace {

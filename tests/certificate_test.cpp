@@ -1,4 +1,4 @@
-#include "graybox/solvers/certificate.hpp"
+#include "solvers/certificate.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

@@ -14,13 +14,13 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/challenge/case_draw.hpp"
-#include "graybox/bench/challenge/detectability.hpp"
-#include "graybox/bench/challenge/make_challenge.hpp"
-#include "graybox/bench/challenge/score_challenge.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "temporary_folder.hpp"
+#include "bench/challenge/case_draw.hpp"
+#include "bench/challenge/detectability.hpp"
+#include "bench/challenge/make_challenge.hpp"
+#include "bench/challenge/score_challenge.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,5 +1,5 @@
 // Swapped wires, wrong signs and units, told from responses of two drives that hang together.
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <string>
 
-#include "graybox/problems/random.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

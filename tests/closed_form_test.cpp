@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "registered_solvers.hpp"
+#include "solvers/certificate.hpp"
+#include "tests/design_sets.hpp"
+#include "tests/registered_solvers.hpp"
 
 namespace graybox {
 namespace {

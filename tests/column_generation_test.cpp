@@ -1,4 +1,4 @@
-#include "graybox/solvers/column_generation.hpp"
+#include "solvers/column_generation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,14 +7,14 @@
 #include <numeric>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
-#include "graybox/solvers/nonnegative_quadratic.hpp"
-#include "graybox/solvers/sensitivity_sample.hpp"
-#include "graybox/solvers/working_set.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/nonnegative_quadratic.hpp"
+#include "solvers/sensitivity_sample.hpp"
+#include "solvers/working_set.hpp"
 
 namespace graybox {
 namespace {

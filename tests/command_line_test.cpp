@@ -11,14 +11,14 @@
 #include <utility>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/registry.hpp"
-#include "temporary_folder.hpp"
+#include "problems/families/families.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/registry.hpp"
+#include "tests/command_runner.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

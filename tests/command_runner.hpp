@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "built_executable.hpp"
-#include "temporary_folder.hpp"
+#include "tests/built_executable.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox::testing {
 

@@ -1,19 +1,19 @@
 // What recordings have in common after their free motion was taken out: the covariance that is
 // stated, in closed form and by Monte Carlo, and what it does to held-out recordings.
-#include "graybox/diagnosis/periodic_mismatch/common_error.hpp"
+#include "diagnosis/periodic_mismatch/common_error.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <string>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/random.hpp"
-#include "temporary_folder.hpp"
-#include "two_mass_drive.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/random.hpp"
+#include "tests/temporary_folder.hpp"
+#include "tests/two_mass_drive.hpp"
 
 namespace graybox {
 namespace {

@@ -8,10 +8,10 @@
 #include <numeric>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/robust/concentration_interior_point.hpp"
+#include "problems/error.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/robust/concentration_interior_point.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox {
 namespace {

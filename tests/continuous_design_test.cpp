@@ -1,6 +1,6 @@
 // Designs over a continuum: known optima of polynomial regression, limits, certificates, and the
 // robot, whose continuous optimum is never worse than the grid's.
-#include "graybox/solvers/continuous_design.hpp"
+#include "solvers/continuous_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,16 +13,16 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/candidate_space.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_space.hpp"
-#include "graybox/solvers/box_search.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "robot_test_support.hpp"
+#include "problems/candidate_space.hpp"
+#include "problems/error.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_space.hpp"
+#include "solvers/box_search.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/sensitivity.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

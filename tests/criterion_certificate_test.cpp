@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "criterion_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "tests/criterion_sets.hpp"
 
 namespace graybox {
 namespace {

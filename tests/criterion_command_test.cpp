@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design_file.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design_file.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

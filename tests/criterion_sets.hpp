@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/criterion.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/criterion.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox::testing_sets {
 

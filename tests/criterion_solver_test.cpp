@@ -12,17 +12,17 @@
 #include <string>
 #include <vector>
 
-#include "criterion_sets.hpp"
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/damped_least_squares.hpp"
-#include "graybox/solvers/multiplicative.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/damped_least_squares.hpp"
+#include "solvers/multiplicative.hpp"
+#include "solvers/registry.hpp"
+#include "tests/criterion_sets.hpp"
 
 namespace graybox {
 namespace {

@@ -14,15 +14,15 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/formats/reading_process.hpp"
-#include "refusal.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/formats/reading_process.hpp"
+#include "tests/command_runner.hpp"
+#include "tests/refusal.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/solvers/design_file.hpp"
+#include "solvers/design_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "temporary_folder.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/random.hpp"
+#include "solvers/solve_report.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/information_set.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
 
 namespace graybox::testing_sets {
 

@@ -13,7 +13,7 @@
 #include <sstream>
 #include <string>
 
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

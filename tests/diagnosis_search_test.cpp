@@ -1,6 +1,6 @@
 // The search on a problem small enough to know everything about: linear regression, y = X theta +
 // sum of effects + noise, where score tests, refits and their distributions are exact.
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,10 +15,10 @@
 #include <set>
 #include <vector>
 
-#include "graybox/diagnosis/search/fit_comparison.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/search/fit_comparison.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

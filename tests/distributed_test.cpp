@@ -9,11 +9,11 @@
 #include <numeric>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/distributed/distributed_column_generation.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/distributed/distributed_column_generation.hpp"
 
 namespace {
 

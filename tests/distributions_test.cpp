@@ -1,11 +1,11 @@
 // Closed forms and symmetries of the distributions.
-#include "graybox/problems/distributions.hpp"
+#include "problems/distributions.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
-#include "robot_test_support.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
+#include "tests/robot_test_support.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

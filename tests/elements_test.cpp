@@ -8,15 +8,15 @@
 #include <tuple>
 #include <vector>
 
-#include "graybox/problems/elements/element_dynamics.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "refusal.hpp"
-#include "robot_test_support.hpp"
-#include "temporary_folder.hpp"
+#include "problems/elements/element_dynamics.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
+#include "problems/local_model.hpp"
+#include "tests/refusal.hpp"
+#include "tests/robot_test_support.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

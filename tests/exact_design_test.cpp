@@ -14,18 +14,18 @@
 #include <string>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/exact/box_bound.hpp"
-#include "graybox/solvers/exact/box_quadratic.hpp"
-#include "graybox/solvers/exact/efficient_rounding.hpp"
-#include "graybox/solvers/exact/exact_certificate.hpp"
-#include "graybox/solvers/exact/exact_design_file.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
-#include "graybox/solvers/exact/exact_screening.hpp"
-#include "graybox/solvers/exact/local_exchange.hpp"
-#include "graybox/solvers/exact/rounding.hpp"
-#include "temporary_folder.hpp"
+#include "problems/error.hpp"
+#include "solvers/exact/box_bound.hpp"
+#include "solvers/exact/box_quadratic.hpp"
+#include "solvers/exact/efficient_rounding.hpp"
+#include "solvers/exact/exact_certificate.hpp"
+#include "solvers/exact/exact_design_file.hpp"
+#include "solvers/exact/exact_method.hpp"
+#include "solvers/exact/exact_screening.hpp"
+#include "solvers/exact/local_exchange.hpp"
+#include "solvers/exact/rounding.hpp"
+#include "tests/design_sets.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // The parts of the first-order methods: line search, moves, start, coordinates, the fused pass.
-#include "graybox/solvers/exchange_design.hpp"
+#include "solvers/exchange_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,16 +12,16 @@
 #include <set>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/conditioned_set.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/log_det_line.hpp"
-#include "graybox/solvers/reweigh_pass.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/start_design.hpp"
+#include "problems/error.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/conditioned_set.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/log_det_line.hpp"
+#include "solvers/reweigh_pass.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/start_design.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox {
 namespace {

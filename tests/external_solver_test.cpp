@@ -1,5 +1,5 @@
 // external:CMD: the example that users copy, and every way a program can fail.
-#include "graybox/solvers/external_solver.hpp"
+#include "solvers/external_solver.hpp"
 
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox {
 namespace {

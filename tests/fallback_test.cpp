@@ -1,4 +1,4 @@
-#include "graybox/solvers/fallback.hpp"
+#include "solvers/fallback.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,16 +7,16 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/sensitivity_error.hpp"
-#include "graybox/solvers/twofold_congruence.hpp"
-#include "graybox/solvers/well_conditioned_start.hpp"
-#include "true_gap.hpp"
+#include "problems/families/families.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/sensitivity_error.hpp"
+#include "solvers/twofold_congruence.hpp"
+#include "solvers/well_conditioned_start.hpp"
+#include "tests/true_gap.hpp"
 
 namespace graybox {
 namespace {

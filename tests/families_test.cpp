@@ -1,4 +1,4 @@
-#include "graybox/problems/families/families.hpp"
+#include "problems/families/families.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,13 +9,13 @@
 #include <set>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/candidate_stream.hpp"
-#include "graybox/problems/families/random_families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/families/smooth_family.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/certificate.hpp"
+#include "problems/error.hpp"
+#include "problems/families/candidate_stream.hpp"
+#include "problems/families/random_families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/families/smooth_family.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/certificate.hpp"
 
 namespace graybox {
 namespace {

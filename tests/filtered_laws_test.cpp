@@ -10,15 +10,15 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
-#include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/verdict/extended_model.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/random.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/inverse_dynamics/filtered_motion.hpp"
+#include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/verdict/extended_model.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/random.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
+#include "problems/distributions.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

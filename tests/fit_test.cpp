@@ -11,14 +11,14 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/efficiency_study.hpp"
-#include "graybox/diagnosis/estimator_statistics.hpp"
-#include "graybox/diagnosis/fit_report.hpp"
-#include "graybox/diagnosis/identifiability.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/efficiency_study.hpp"
+#include "diagnosis/estimator_statistics.hpp"
+#include "diagnosis/fit_report.hpp"
+#include "diagnosis/identifiability.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 namespace {

@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "temporary_folder.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/packed_matrix.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/frequency_response.hpp"
+#include "problems/frequency_response.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/random.hpp"
-#include "robot_test_support.hpp"
+#include "problems/random.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/friction_words.hpp"
+#include "diagnosis/verdict/friction_words.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "hostile_run.hpp"
+#include "tests/hostile_run.hpp"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <optional>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/semidefinite_projection.hpp"
-#include "hostile_sets.hpp"
+#include "problems/error.hpp"
+#include "problems/semidefinite_projection.hpp"
+#include "tests/hostile_sets.hpp"
 
 namespace graybox::testing_sets {
 namespace {

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/solve_report.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox::testing_sets {
 

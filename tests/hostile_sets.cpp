@@ -1,4 +1,4 @@
-#include "hostile_sets.hpp"
+#include "tests/hostile_sets.hpp"
 
 #include <Eigen/Core>
 #include <Eigen/QR>
@@ -11,7 +11,7 @@
 #include <random>
 #include <utility>
 
-#include "design_sets.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox::testing_sets {
 namespace {

@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "problems/random.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox::testing_sets {
 

@@ -12,8 +12,8 @@
 #include <string>
 #include <string_view>
 
-#include "hostile_run.hpp"
-#include "hostile_sets.hpp"
+#include "tests/hostile_run.hpp"
+#include "tests/hostile_sets.hpp"
 
 namespace {
 

@@ -6,9 +6,9 @@
 #include <iostream>
 #include <vector>
 
-#include "graybox/solvers/certificate.hpp"
-#include "hostile_run.hpp"
-#include "hostile_sets.hpp"
+#include "solvers/certificate.hpp"
+#include "tests/hostile_run.hpp"
+#include "tests/hostile_sets.hpp"
 
 namespace graybox {
 namespace {

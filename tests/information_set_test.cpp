@@ -1,4 +1,4 @@
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,11 +8,11 @@
 #include <set>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/semidefinite_projection.hpp"
+#include "problems/error.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "problems/semidefinite_projection.hpp"
 
 namespace graybox {
 namespace {

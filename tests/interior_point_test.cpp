@@ -1,4 +1,4 @@
-#include "graybox/solvers/interior_point.hpp"
+#include "solvers/interior_point.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,16 +10,16 @@
 #include <string>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/solvers/augmented_system.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/dual_interior_point.hpp"
-#include "graybox/solvers/dual_interior_point_unscaled.hpp"
-#include "graybox/solvers/nesterov_todd.hpp"
-#include "graybox/solvers/primal_interior_point.hpp"
-#include "graybox/solvers/primal_interior_point_low_rank.hpp"
-#include "graybox/solvers/range_system.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "solvers/augmented_system.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/dual_interior_point.hpp"
+#include "solvers/dual_interior_point_unscaled.hpp"
+#include "solvers/nesterov_todd.hpp"
+#include "solvers/primal_interior_point.hpp"
+#include "solvers/primal_interior_point_low_rank.hpp"
+#include "solvers/range_system.hpp"
+#include "solvers/registry.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox {
 namespace {

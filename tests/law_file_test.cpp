@@ -1,5 +1,5 @@
 // Laws that users define by formulas in files.
-#include "graybox/problems/elements/law_file.hpp"
+#include "problems/elements/law_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/elements/expression.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "problems/elements/expression.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

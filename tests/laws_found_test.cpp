@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
-#include "recorded_systems.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
+#include "tests/recorded_systems.hpp"
 
 namespace graybox {
 namespace {

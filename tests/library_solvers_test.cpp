@@ -8,11 +8,11 @@
 #include <thread>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox {
 namespace {

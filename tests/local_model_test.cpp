@@ -1,4 +1,4 @@
-#include "graybox/problems/local_model.hpp"
+#include "problems/local_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
-#include "robot_test_support.hpp"
+#include "problems/error.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

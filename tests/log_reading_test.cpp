@@ -16,14 +16,14 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/recordings/late_signal.hpp"
-#include "graybox/diagnosis/recordings/motion_pairs.hpp"
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/recordings/sample_interpolation.hpp"
-#include "recorded_channels.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/late_signal.hpp"
+#include "diagnosis/recordings/motion_pairs.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/sample_interpolation.hpp"
+#include "tests/recorded_channels.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -1,6 +1,6 @@
 // Simulated measurements have the covariance (12), and the maximum-likelihood fit (7) has exact
 // derivatives, recovers the truth, and errs as its covariance says.
-#include "graybox/diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,18 +11,18 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/constitutive_residuals.hpp"
-#include "graybox/diagnosis/constitutive_stage.hpp"
-#include "graybox/diagnosis/fit_search.hpp"
-#include "graybox/diagnosis/response_measurement.hpp"
-#include "graybox/diagnosis/response_model.hpp"
-#include "graybox/diagnosis/whitened_residuals.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "robot_test_support.hpp"
+#include "diagnosis/constitutive_residuals.hpp"
+#include "diagnosis/constitutive_stage.hpp"
+#include "diagnosis/fit_search.hpp"
+#include "diagnosis/response_measurement.hpp"
+#include "diagnosis/response_model.hpp"
+#include "diagnosis/whitened_residuals.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
+#include "problems/random.hpp"
+#include "problems/robot_information.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

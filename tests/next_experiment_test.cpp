@@ -1,5 +1,5 @@
 // The experiment that tells two explanations apart, against brute force.
-#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
+#include "diagnosis/hypotheses/next_experiment.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

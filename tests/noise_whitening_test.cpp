@@ -1,6 +1,6 @@
 // Noise that was estimated from few samples: what its errors do to chi-square and to scores,
 // against drawn covariances.
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "problems/array_index.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

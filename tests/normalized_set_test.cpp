@@ -1,4 +1,4 @@
-#include "graybox/solvers/normalized_set.hpp"
+#include "solvers/normalized_set.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,11 +6,11 @@
 #include <cmath>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/hessian_assembly.hpp"
-#include "graybox/solvers/kernels/gram_kernels.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/hessian_assembly.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

@@ -11,12 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/linear_start.hpp"
-#include "graybox/diagnosis/output_error/output_delay.hpp"
-#include "graybox/diagnosis/output_error/output_error_fit.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/output_error/linear_start.hpp"
+#include "diagnosis/output_error/output_delay.hpp"
+#include "diagnosis/output_error/output_error_fit.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

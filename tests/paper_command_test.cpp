@@ -1,5 +1,5 @@
 // `graybox paper`: files written, one clear line for wrong input.
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

@@ -8,18 +8,18 @@
 #include <numbers>
 #include <numeric>
 
-#include "graybox/bench/paper/covariance_table.hpp"
-#include "graybox/bench/paper/experiment_curve.hpp"
-#include "graybox/bench/paper/response_curve.hpp"
-#include "graybox/bench/paper/robot_poses.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "robot_test_support.hpp"
+#include "bench/paper/covariance_table.hpp"
+#include "bench/paper/experiment_curve.hpp"
+#include "bench/paper/response_curve.hpp"
+#include "bench/paper/robot_poses.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_information.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox::bench {
 namespace {

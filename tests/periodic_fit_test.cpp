@@ -1,7 +1,7 @@
 // First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady
 // states that they are made of.
-#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
+#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "diagnosis/periodic_mismatch/gradual_fit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,15 +18,15 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
-#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/periodic_mismatch/periodic_assessment.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/place_force_fit.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/response_starts.hpp"
+#include "diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // The diagnosis of periodic recordings on simulated drives whose missing physics is known.
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -14,19 +14,19 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/simulation/exact_plant.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/diagnosis/verdict/verdict_file.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "recorded_systems.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/simulation/exact_plant.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "tests/recorded_systems.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/verdict/law_figure.hpp"
-#include "graybox/diagnosis/verdict/report_page.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
-#include "graybox/problems/random.hpp"
-#include "recorded_systems.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/verdict/law_figure.hpp"
+#include "diagnosis/verdict/report_page.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/random.hpp"
+#include "tests/recorded_systems.hpp"
 
 namespace graybox {
 namespace {

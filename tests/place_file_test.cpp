@@ -1,5 +1,5 @@
 // Places that users name in a file, for each kind of model.
-#include "graybox/diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/hypotheses/place_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

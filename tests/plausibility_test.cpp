@@ -1,6 +1,6 @@
 // The gate of physical sanity, rule by rule: what violates it is caught, and what a machine has is
 // not.
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/fit_report.hpp"
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
-#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/fit_report.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/plausibility/plausibility_words.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

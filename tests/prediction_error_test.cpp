@@ -10,14 +10,14 @@
 #include <random>
 #include <sstream>
 
-#include "graybox/diagnosis/prediction_error/friction_energy.hpp"
-#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_diagnosis.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
-#include "graybox/diagnosis/prediction_error/stationary_gain.hpp"
-#include "graybox/problems/error.hpp"
-#include "simulated_drives.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/prediction_error/friction_energy.hpp"
+#include "diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/stationary_gain.hpp"
+#include "problems/error.hpp"
+#include "tests/simulated_drives.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 
 #include "docs/examples/torsney_solver.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/solver.hpp"
 
 namespace {
 

@@ -1,12 +1,12 @@
-#include "recorded_channels.hpp"
+#include "tests/recorded_channels.hpp"
 
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
 
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox::testing {
 namespace {

@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/error.hpp"
-#include "temporary_folder.hpp"
-#include "two_mass_drive.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/error.hpp"
+#include "tests/temporary_folder.hpp"
+#include "tests/two_mass_drive.hpp"
 
 namespace graybox::testing {
 

@@ -15,16 +15,16 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/counter_wrap.hpp"
-#include "graybox/diagnosis/recordings/data_faults.hpp"
-#include "graybox/diagnosis/recordings/lost_samples.hpp"
-#include "graybox/diagnosis/recordings/quantisation.hpp"
-#include "graybox/diagnosis/recordings/recording_copies.hpp"
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
-#include "graybox/diagnosis/recordings/spike.hpp"
-#include "graybox/diagnosis/recordings/stuck_sensor.hpp"
-#include "recorded_channels.hpp"
+#include "diagnosis/recordings/counter_wrap.hpp"
+#include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/lost_samples.hpp"
+#include "diagnosis/recordings/quantisation.hpp"
+#include "diagnosis/recordings/recording_copies.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/recordings/spike.hpp"
+#include "diagnosis/recordings/stuck_sensor.hpp"
+#include "tests/recorded_channels.hpp"
 
 namespace graybox {
 namespace {

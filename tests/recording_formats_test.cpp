@@ -13,12 +13,12 @@
 #include <string>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/simulation/recording_writer.hpp"
-#include "graybox/problems/error.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/simulation/recording_writer.hpp"
+#include "problems/error.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

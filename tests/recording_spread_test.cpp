@@ -1,12 +1,12 @@
 // Standard errors that allow for the spread between recordings.
-#include "graybox/diagnosis/recording_spread.hpp"
+#include "diagnosis/recording_spread.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -10,15 +10,15 @@
 #include <utility>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
-#include "graybox/diagnosis/recordings/time_axis.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/units.hpp"
-#include "refusal.hpp"
+#include "diagnosis/recordings/band_limited_derivative.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/recordings/time_axis.hpp"
+#include "problems/error.hpp"
+#include "problems/units.hpp"
+#include "tests/command_runner.hpp"
+#include "tests/refusal.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::testing {
 

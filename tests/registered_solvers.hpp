@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/solvers/registry.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox::testing_solvers {
 

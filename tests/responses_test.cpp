@@ -10,20 +10,20 @@
 #include <tuple>
 #include <vector>
 
-#include "graybox/diagnosis/responses/closed_loop_bias.hpp"
-#include "graybox/diagnosis/responses/confidence.hpp"
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
-#include "graybox/diagnosis/responses/distortion.hpp"
-#include "graybox/diagnosis/responses/line_spectra.hpp"
-#include "graybox/diagnosis/responses/local_polynomial.hpp"
-#include "graybox/diagnosis/responses/periodic_response.hpp"
-#include "graybox/diagnosis/responses/settling.hpp"
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/exact_plant.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/responses/closed_loop_bias.hpp"
+#include "diagnosis/responses/confidence.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
+#include "diagnosis/responses/distortion.hpp"
+#include "diagnosis/responses/line_spectra.hpp"
+#include "diagnosis/responses/local_polynomial.hpp"
+#include "diagnosis/responses/periodic_response.hpp"
+#include "diagnosis/responses/settling.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/exact_plant.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -6,10 +6,10 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/urdf_chain.hpp"
-#include "graybox/problems/random.hpp"
-#include "robot_test_support.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/urdf_chain.hpp"
+#include "problems/random.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -8,15 +8,15 @@
 #include <cstdlib>
 #include <numbers>
 
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
-#include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
-#include "graybox/problems/random.hpp"
-#include "refusal.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/random.hpp"
+#include "tests/refusal.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // The non-linear robot against its linearisation, energy and momentum balances.
-#include "graybox/problems/robot_dynamics.hpp"
+#include "problems/robot_dynamics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,11 +7,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/mechanics/chain_dynamics.hpp"
-#include "graybox/problems/random.hpp"
-#include "robot_test_support.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/local_model.hpp"
+#include "problems/mechanics/chain_dynamics.hpp"
+#include "problems/random.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_grid.hpp"
+#include "problems/robot_grid.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <fstream>
 #include <set>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

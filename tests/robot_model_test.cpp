@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_model.hpp"
+#include "problems/robot_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <numbers>
 #include <sstream>
 
-#include "graybox/problems/error.hpp"
-#include "robot_test_support.hpp"
-#include "temporary_folder.hpp"
+#include "problems/error.hpp"
+#include "tests/robot_test_support.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

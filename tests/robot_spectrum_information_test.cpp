@@ -1,4 +1,4 @@
-#include "graybox/problems/robot_spectrum_information.hpp"
+#include "problems/robot_spectrum_information.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,12 @@
 #include <numbers>
 #include <numeric>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "robot_test_support.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/robot_information.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

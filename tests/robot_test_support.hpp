@@ -5,8 +5,8 @@
 #include <numbers>
 #include <vector>
 
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox::robot_test {
 

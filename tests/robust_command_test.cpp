@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "graybox/solvers/robust/concentration_limit.hpp"
-#include "graybox/solvers/robust/robust_problem.hpp"
+#include "problems/families/families.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "solvers/design_file.hpp"
+#include "solvers/robust/concentration_limit.hpp"
+#include "solvers/robust/robust_problem.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

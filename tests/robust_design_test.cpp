@@ -9,11 +9,11 @@
 #include <set>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stiffness_samples.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/robust/robust_column_generation.hpp"
+#include "problems/error.hpp"
+#include "problems/stiffness_samples.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/robust/robust_column_generation.hpp"
+#include "tests/design_sets.hpp"
 
 namespace graybox {
 namespace {

@@ -1,7 +1,7 @@
 // The deletion rules against brute force: random sets solved to tight optimality by an independent
 // reference (pair exchanges with a line search by generalised eigenvalues), random designs at many
 // gaps, and no candidate that an optimum may use is ever deleted.
-#include "graybox/solvers/screening.hpp"
+#include "solvers/screening.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,8 +13,8 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // The next experiments, and the study of sequential design.
-#include "graybox/diagnosis/sequential_design.hpp"
+#include "diagnosis/sequential_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,11 +8,11 @@
 #include <numeric>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "robot_test_support.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/robot_information.hpp"
+#include "solvers/sensitivity.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/diagnosis/simulation/simulated_system.hpp"
-#include "refusal.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/simulated_system.hpp"
+#include "tests/command_runner.hpp"
+#include "tests/refusal.hpp"
 
 namespace graybox {
 namespace {

@@ -10,14 +10,14 @@
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "robot_test_support.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "tests/robot_test_support.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

@@ -12,14 +12,14 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "true_gap.hpp"
+#include "problems/error.hpp"
+#include "problems/families/families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "tests/true_gap.hpp"
 
 namespace graybox {
 namespace {

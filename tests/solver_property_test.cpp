@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "registered_solvers.hpp"
+#include "problems/error.hpp"
+#include "solvers/certificate.hpp"
+#include "tests/design_sets.hpp"
+#include "tests/registered_solvers.hpp"
 
 namespace graybox {
 namespace {

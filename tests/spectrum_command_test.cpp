@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/robot_spectrum_information.hpp"
-#include "graybox/solvers/block_limited_certificate.hpp"
-#include "graybox/solvers/design_file.hpp"
-#include "robot_test_support.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/robot_spectrum_information.hpp"
+#include "solvers/block_limited_certificate.hpp"
+#include "solvers/design_file.hpp"
+#include "tests/command_runner.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

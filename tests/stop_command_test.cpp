@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // Time limits and requests to stop: what stop.hpp says, and that every back-end listens.
-#include "graybox/problems/stop.hpp"
+#include "problems/stop.hpp"
 
 #include <gtest/gtest.h>
 #include <time.h>
@@ -9,10 +9,10 @@
 #include <thread>
 #include <utility>
 
-#include "design_sets.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
-#include "registered_solvers.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/exact/exact_method.hpp"
+#include "tests/design_sets.hpp"
+#include "tests/registered_solvers.hpp"
 
 namespace graybox {
 namespace {

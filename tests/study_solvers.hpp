@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/solvers/registry.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox::testing {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/study.hpp"
+#include "bench/study/study.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -14,17 +14,17 @@
 #include <string>
 #include <vector>
 
-#include "built_executable.hpp"
-#include "graybox/bench/study/process.hpp"
-#include "graybox/bench/study/row_file.hpp"
-#include "graybox/bench/study/run_row.hpp"
-#include "graybox/bench/study/statistics.hpp"
-#include "graybox/bench/study/summary.hpp"
-#include "graybox/bench/study/tables.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
-#include "study_solvers.hpp"
+#include "bench/study/process.hpp"
+#include "bench/study/row_file.hpp"
+#include "bench/study/run_row.hpp"
+#include "bench/study/statistics.hpp"
+#include "bench/study/summary.hpp"
+#include "bench/study/tables.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
+#include "tests/built_executable.hpp"
+#include "tests/study_solvers.hpp"
 
 namespace graybox::bench {
 namespace {

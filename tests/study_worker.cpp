@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/study/worker.hpp"
-#include "graybox/problems/error.hpp"
-#include "study_solvers.hpp"
+#include "bench/study/worker.hpp"
+#include "problems/error.hpp"
+#include "tests/study_solvers.hpp"
 
 int main(int argc, char** argv) {
   try {

@@ -1,5 +1,5 @@
 // What changes while it is recorded: found where it is, and nowhere else.
-#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
+#include "diagnosis/periodic_mismatch/time_variation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,16 +14,16 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/random.hpp"
-#include "temporary_folder.hpp"
-#include "two_mass_drive.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/distributions.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/random.hpp"
+#include "tests/temporary_folder.hpp"
+#include "tests/two_mass_drive.hpp"
 
 namespace graybox {
 namespace {

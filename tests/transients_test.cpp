@@ -1,6 +1,6 @@
 // Free motion in periodic recordings: taken out exactly where the model is right, whatever its
 // damping.
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,13 +16,13 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "temporary_folder.hpp"
-#include "two_mass_drive.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/time_variation.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
+#include "problems/distributions.hpp"
+#include "tests/temporary_folder.hpp"
+#include "tests/two_mass_drive.hpp"
 
 namespace graybox {
 namespace {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/two_step_design.hpp"
+#include "solvers/two_step_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,13 +7,13 @@
 #include <numeric>
 #include <vector>
 
-#include "design_sets.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_spectrum_information.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "robot_test_support.hpp"
+#include "problems/error.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_spectrum_information.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
+#include "tests/design_sets.hpp"
+#include "tests/robot_test_support.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // A verdict is computed from its reasons, and from nothing else.
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/verdict/reason_words.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "diagnosis/verdict/reason_words.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
 
 namespace graybox {
 namespace {

@@ -8,17 +8,17 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "graybox/diagnosis/verdict/extended_model.hpp"
-#include "graybox/diagnosis/verdict/law_words.hpp"
-#include "graybox/diagnosis/verdict/next_plan.hpp"
-#include "graybox/diagnosis/verdict/report_page.hpp"
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
-#include "graybox/diagnosis/verdict/verdict_file.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/verdict/extended_model.hpp"
+#include "diagnosis/verdict/law_words.hpp"
+#include "diagnosis/verdict/next_plan.hpp"
+#include "diagnosis/verdict/report_page.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -1,6 +1,6 @@
 // Swapped wires, wrong signs and units of rigid robots: of simulated arms, where everything is
 // known, and of real recordings that are rewired here.
-#include "graybox/diagnosis/force_balance/wiring_faults.hpp"
+#include "diagnosis/force_balance/wiring_faults.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/problems/random.hpp"
-#include "temporary_folder.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "problems/random.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace graybox {
 namespace {

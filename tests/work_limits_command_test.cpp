@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <string>
 
-#include "command_runner.hpp"
+#include "tests/command_runner.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/case_draw.hpp"
+#include "bench/challenge/case_draw.hpp"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,9 @@
 #include <map>
 #include <stdexcept>
 
-#include "graybox/bench/challenge/case_experiment.hpp"
-#include "graybox/bench/challenge/detectability.hpp"
-#include "graybox/problems/error.hpp"
+#include "bench/challenge/case_experiment.hpp"
+#include "bench/challenge/detectability.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::bench {
 namespace {

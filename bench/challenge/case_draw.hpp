@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/challenge/case_truth.hpp"
+#include "bench/challenge/case_truth.hpp"
 
 namespace graybox::bench {
 

@@ -1,6 +1,6 @@
-#include "graybox/bench/challenge/case_experiment.hpp"
+#include "bench/challenge/case_experiment.hpp"
 
-#include "graybox/diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/multisine.hpp"
 
 namespace graybox::bench {
 

@@ -6,8 +6,8 @@
 #include <functional>
 #include <vector>
 
-#include "graybox/bench/challenge/case_system.hpp"
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "bench/challenge/case_system.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
 
 namespace graybox::bench {
 

@@ -1,10 +1,10 @@
-#include "graybox/bench/challenge/case_system.hpp"
+#include "bench/challenge/case_system.hpp"
 
 #include <array>
 #include <cmath>
 
-#include "graybox/bench/challenge/lumped_case.hpp"
-#include "graybox/bench/challenge/robot_case.hpp"
+#include "bench/challenge/lumped_case.hpp"
+#include "bench/challenge/robot_case.hpp"
 
 namespace graybox::bench {
 

@@ -17,10 +17,10 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/bench/challenge/hidden_laws.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/random.hpp"
+#include "bench/challenge/hidden_laws.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/random.hpp"
 
 namespace graybox::bench {
 

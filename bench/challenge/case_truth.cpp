@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/case_truth.hpp"
+#include "bench/challenge/case_truth.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "graybox/bench/challenge/detectability.hpp"
-#include "graybox/problems/error.hpp"
+#include "bench/challenge/detectability.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/bench/challenge/case_system.hpp"
-#include "graybox/bench/challenge/hidden_laws.hpp"
+#include "bench/challenge/case_system.hpp"
+#include "bench/challenge/hidden_laws.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/confinement.hpp"
+#include "bench/challenge/confinement.hpp"
 
 #if defined(__linux__) && __has_include(<linux/landlock.h>)
 #define GRAYBOX_HAS_LANDLOCK 1

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/detectability.hpp"
+#include "bench/challenge/detectability.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -7,9 +7,9 @@
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
-#include "graybox/bench/challenge/case_experiment.hpp"
-#include "graybox/diagnosis/real_transform.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "bench/challenge/case_experiment.hpp"
+#include "diagnosis/real_transform.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox::bench {
 namespace {

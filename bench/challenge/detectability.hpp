@@ -28,7 +28,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "graybox/bench/challenge/case_system.hpp"
+#include "bench/challenge/case_system.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/hidden_laws.hpp"
+#include "bench/challenge/hidden_laws.hpp"
 
 #include <algorithm>
 #include <array>

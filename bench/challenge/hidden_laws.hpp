@@ -22,8 +22,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/elements/law.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "problems/elements/law.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox::bench {
 

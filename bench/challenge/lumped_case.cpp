@@ -1,13 +1,13 @@
-#include "graybox/bench/challenge/lumped_case.hpp"
+#include "bench/challenge/lumped_case.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "graybox/bench/challenge/case_system.hpp"
+#include "bench/challenge/case_system.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/make_challenge.hpp"
+#include "bench/challenge/make_challenge.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -14,13 +14,13 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "graybox/bench/challenge/case_draw.hpp"
-#include "graybox/bench/challenge/case_experiment.hpp"
-#include "graybox/diagnosis/simulation/recording_writer.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/folder_lock.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "bench/challenge/case_draw.hpp"
+#include "bench/challenge/case_experiment.hpp"
+#include "diagnosis/simulation/recording_writer.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/folder_lock.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -19,7 +19,7 @@
 #include <functional>
 #include <string>
 
-#include "graybox/bench/challenge/seal.hpp"
+#include "bench/challenge/seal.hpp"
 
 namespace graybox::bench {
 

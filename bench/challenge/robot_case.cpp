@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/robot_case.hpp"
+#include "bench/challenge/robot_case.hpp"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,11 @@
 #include <numbers>
 #include <sstream>
 
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_model.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_model.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox::bench {
 namespace {

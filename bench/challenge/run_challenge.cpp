@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/run_challenge.hpp"
+#include "bench/challenge/run_challenge.hpp"
 
 #include <fmt/format.h>
 
@@ -11,14 +11,14 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "graybox/bench/challenge/confinement.hpp"
-#include "graybox/bench/challenge/seal.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/folder_lock.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
-#include "graybox/problems/program_version.hpp"
-#include "graybox/solvers/child_process.hpp"
+#include "bench/challenge/confinement.hpp"
+#include "bench/challenge/seal.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/folder_lock.hpp"
+#include "problems/formats/temporary_name.hpp"
+#include "problems/program_version.hpp"
+#include "solvers/child_process.hpp"
 
 namespace graybox::bench {
 namespace {

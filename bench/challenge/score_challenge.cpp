@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/score_challenge.hpp"
+#include "bench/challenge/score_challenge.hpp"
 
 #include <fmt/format.h>
 
@@ -12,10 +12,10 @@
 #include <set>
 #include <sstream>
 
-#include "graybox/bench/study/environment.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "bench/study/environment.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -35,7 +35,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/challenge/seal.hpp"
+#include "bench/challenge/seal.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/challenge/seal.hpp"
+#include "bench/challenge/seal.hpp"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/sha256.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/sha256.hpp"
 
 namespace graybox::bench {
 namespace {

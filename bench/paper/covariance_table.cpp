@@ -1,4 +1,4 @@
-#include "graybox/bench/paper/covariance_table.hpp"
+#include "bench/paper/covariance_table.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/error.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/paper/experiment_curve.hpp"
+#include "bench/paper/experiment_curve.hpp"
 
 #include <fmt/format.h>
 
@@ -7,13 +7,13 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/bench/paper/covariance_table.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/quantile.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/exact/rounding.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "bench/paper/covariance_table.hpp"
+#include "problems/error.hpp"
+#include "problems/quantile.hpp"
+#include "problems/random.hpp"
+#include "solvers/exact/rounding.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/paper/response_curve.hpp"
+#include "bench/paper/response_curve.hpp"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
 
 namespace graybox::bench {
 

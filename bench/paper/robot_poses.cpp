@@ -1,12 +1,12 @@
-#include "graybox/bench/paper/robot_poses.hpp"
+#include "bench/paper/robot_poses.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 namespace graybox::bench {
 

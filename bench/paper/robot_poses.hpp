@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/robot_model.hpp"
-#include "graybox/solvers/design.hpp"
+#include "problems/information_set.hpp"
+#include "problems/robot_model.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/environment.hpp"
+#include "bench/study/environment.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -18,9 +18,9 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/program_version.hpp"
-#include "graybox/problems/sha256.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/program_version.hpp"
+#include "problems/sha256.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/plan.hpp"
+#include "bench/study/plan.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <array>
 #include <limits>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/process.hpp"
+#include "bench/study/process.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -16,7 +16,7 @@
 #include <fstream>
 #include <optional>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::bench {
 namespace {

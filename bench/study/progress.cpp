@@ -1,4 +1,4 @@
-#include "graybox/bench/study/progress.hpp"
+#include "bench/study/progress.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>

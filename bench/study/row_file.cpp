@@ -1,4 +1,4 @@
-#include "graybox/bench/study/row_file.hpp"
+#include "bench/study/row_file.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -12,9 +12,9 @@
 #include <tuple>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox::bench {
 namespace {

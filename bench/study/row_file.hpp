@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "graybox/bench/study/run_row.hpp"
+#include "bench/study/run_row.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/run_row.hpp"
+#include "bench/study/run_row.hpp"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -17,11 +17,11 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/bench/study/process.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "bench/study/process.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/solve_report.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox::bench {
 

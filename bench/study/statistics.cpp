@@ -1,11 +1,11 @@
-#include "graybox/bench/study/statistics.hpp"
+#include "bench/study/statistics.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/quantile.hpp"
+#include "problems/error.hpp"
+#include "problems/quantile.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/study.hpp"
+#include "bench/study/study.hpp"
 
 #include <fmt/format.h>
 
@@ -14,16 +14,16 @@
 #include <tuple>
 #include <utility>
 
-#include "graybox/bench/study/environment.hpp"
-#include "graybox/bench/study/process.hpp"
-#include "graybox/bench/study/row_file.hpp"
-#include "graybox/bench/study/run_row.hpp"
-#include "graybox/bench/study/statistics.hpp"
-#include "graybox/bench/study/worker.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/folder_lock.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "bench/study/environment.hpp"
+#include "bench/study/process.hpp"
+#include "bench/study/row_file.hpp"
+#include "bench/study/run_row.hpp"
+#include "bench/study/statistics.hpp"
+#include "bench/study/worker.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/folder_lock.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {

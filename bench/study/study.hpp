@@ -24,10 +24,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/study/plan.hpp"
-#include "graybox/bench/study/progress.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/registry.hpp"
+#include "bench/study/plan.hpp"
+#include "bench/study/progress.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/study_sets.hpp"
+#include "bench/study/study_sets.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,11 +6,11 @@
 #include <thread>
 #include <vector>
 
-#include "graybox/problems/families/families.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/problems/robot_information.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/families/families.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/robot_grid.hpp"
+#include "problems/robot_information.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/summary.hpp"
+#include "bench/study/summary.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/bench/study/tables.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "bench/study/tables.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

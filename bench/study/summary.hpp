@@ -15,7 +15,7 @@
 #include <filesystem>
 #include <string>
 
-#include "graybox/bench/study/row_file.hpp"
+#include "bench/study/row_file.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/bench/study/tables.hpp"
+#include "bench/study/tables.hpp"
 
 #include <fmt/format.h>
 

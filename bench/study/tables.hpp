@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/bench/study/row_file.hpp"
-#include "graybox/bench/study/statistics.hpp"
+#include "bench/study/row_file.hpp"
+#include "bench/study/statistics.hpp"
 
 namespace graybox::bench {
 

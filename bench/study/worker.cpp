@@ -1,4 +1,4 @@
-#include "graybox/bench/study/worker.hpp"
+#include "bench/study/worker.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -13,9 +13,9 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
-#include "graybox/bench/study/process.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/information_set_file.hpp"
+#include "bench/study/process.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/information_set_file.hpp"
 
 namespace graybox::bench {
 namespace {

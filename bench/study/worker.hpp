@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/solvers/registry.hpp"
+#include "solvers/registry.hpp"
 
 namespace graybox::bench {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/balance_regression.hpp"
+#include "diagnosis/force_balance/balance_regression.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/coloured_noise.hpp"
+#include "diagnosis/force_balance/coloured_noise.hpp"
 
 #include <algorithm>
 #include <cmath>

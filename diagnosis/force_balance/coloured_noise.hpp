@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "graybox/problems/random.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 

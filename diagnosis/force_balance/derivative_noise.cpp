@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/derivative_noise.hpp"
+#include "diagnosis/force_balance/derivative_noise.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <variant>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 namespace {

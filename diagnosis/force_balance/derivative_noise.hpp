@@ -13,8 +13,8 @@
 #include <optional>
 #include <span>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

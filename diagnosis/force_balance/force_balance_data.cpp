@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance/force_balance_data.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,12 +8,12 @@
 #include <cmath>
 #include <iterator>
 
-#include "graybox/diagnosis/force_balance/standstill.hpp"
-#include "graybox/diagnosis/hypotheses/place_file.hpp"
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+#include "diagnosis/force_balance/standstill.hpp"
+#include "diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {

@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/law_sample_cache.hpp"
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
-#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/force_balance/law_sample_cache.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/inverse_dynamics/filtered_motion.hpp"
+#include "diagnosis/inverse_dynamics/law_force.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/plausibility/fitted_physics.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 
@@ -29,12 +29,12 @@ struct BalanceColumns {
 
 // All recordings of one role. Samples of all pieces one after another.
 struct ForceBalanceRows {
-  Eigen::MatrixXd measured;    // force, samples x coordinates
-  Eigen::MatrixXd force;       // less what is known
-  BalanceColumns model;        // columns of the model's own parameters
+  Eigen::MatrixXd measured;  // force, samples x coordinates
+  Eigen::MatrixXd force;     // less what is known
+  BalanceColumns model;      // columns of the model's own parameters
   // Prior precision of each of these, about zero; empty: none has any (uncertain_bodies.hpp).
   Eigen::VectorXd model_precision;
-  double worth = 1.0;  // of a sample, in independent ones, that the prior was weighed by
+  double worth = 1.0;          // of a sample, in independent ones, that the prior was weighed by
   BalanceColumns flange_body;  // of the ten standard parameters of a body at the flange, if any
   BalanceColumns bodies;       // of those of every link; none where they are not asked for
   std::vector<Motion> pieces;  // in the order of the rows

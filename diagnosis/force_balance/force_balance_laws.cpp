@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance/force_balance_laws.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <limits>
 #include <string_view>
 
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

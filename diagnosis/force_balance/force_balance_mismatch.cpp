@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
 
 #include <fmt/format.h>
 
@@ -11,24 +11,24 @@
 #include <string_view>
 #include <utility>
 
-#include "graybox/diagnosis/force_balance/balance_regression.hpp"
-#include "graybox/diagnosis/force_balance/coloured_noise.hpp"
-#include "graybox/diagnosis/force_balance/derivative_noise.hpp"
-#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
-#include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
-#include "graybox/diagnosis/force_balance/late_forces.hpp"
-#include "graybox/diagnosis/force_balance/payload_tangent.hpp"
-#include "graybox/diagnosis/force_balance/remaining_structure.hpp"
-#include "graybox/diagnosis/force_balance/shape_refinement.hpp"
-#include "graybox/diagnosis/force_balance/uncertain_bodies.hpp"
-#include "graybox/diagnosis/force_balance/wiring_faults.hpp"
-#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "graybox/diagnosis/long_run_variance.hpp"
-#include "graybox/diagnosis/recording_spread.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/force_balance/balance_regression.hpp"
+#include "diagnosis/force_balance/coloured_noise.hpp"
+#include "diagnosis/force_balance/derivative_noise.hpp"
+#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance/late_forces.hpp"
+#include "diagnosis/force_balance/payload_tangent.hpp"
+#include "diagnosis/force_balance/remaining_structure.hpp"
+#include "diagnosis/force_balance/shape_refinement.hpp"
+#include "diagnosis/force_balance/uncertain_bodies.hpp"
+#include "diagnosis/force_balance/wiring_faults.hpp"
+#include "diagnosis/hypotheses/physical_evidence.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "diagnosis/long_run_variance.hpp"
+#include "diagnosis/recording_spread.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

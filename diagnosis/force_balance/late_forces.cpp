@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/late_forces.hpp"
+#include "diagnosis/force_balance/late_forces.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -63,8 +63,7 @@ void advance_force(ForceBalanceRows& rows, Index coordinate, double seconds) {
     const Index shift = step > 0.0 ? std::lround(seconds / step) : 0;
     for (Index t = first; t < last; ++t) {
       const Index then = t + shift;
-      const bool is_there =
-          then >= first && then < last && counted(t) > 0.0 && counted(then) > 0.0;
+      const bool is_there = then >= first && then < last && counted(t) > 0.0 && counted(then) > 0.0;
       rows.counts(t, coordinate) = is_there ? 1.0 : 0.0;
       if (!is_there) continue;
       rows.measured(t, coordinate) = measured(then);

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/law_sample_cache.hpp"
+#include "diagnosis/force_balance/law_sample_cache.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -27,10 +27,9 @@ std::size_t hash_of(const LawSampleCache::Key& key) {
 }  // namespace
 
 LawSampleCache::LawSampleCache(Eigen::Index samples)
-    : entries_(std::clamp(
-          kMostBytes /
-              (sizeof(double) * static_cast<std::size_t>(std::max<Eigen::Index>(samples, 1))),
-          std::size_t{1}, kMostEntries)) {}
+    : entries_(std::clamp(kMostBytes / (sizeof(double) * static_cast<std::size_t>(
+                                                             std::max<Eigen::Index>(samples, 1))),
+                          std::size_t{1}, kMostEntries)) {}
 
 LawSampleCache::Samples LawSampleCache::get(Key key,
                                             const std::function<Eigen::VectorXd()>& compute) {

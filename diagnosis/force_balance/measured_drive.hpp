@@ -11,8 +11,8 @@
 
 #include <optional>
 
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

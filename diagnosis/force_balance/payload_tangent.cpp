@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/payload_tangent.hpp"
+#include "diagnosis/force_balance/payload_tangent.hpp"
 
 #include <Eigen/QR>
 

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance/force_balance_laws.hpp"
 
 namespace graybox {
 

@@ -1,5 +1,5 @@
-#include "graybox/diagnosis/force_balance/rate_faults.hpp"
-#include "graybox/problems/array_index.hpp"
+#include "diagnosis/force_balance/rate_faults.hpp"
+#include "problems/array_index.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/remaining_structure.hpp"
+#include "diagnosis/force_balance/remaining_structure.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>

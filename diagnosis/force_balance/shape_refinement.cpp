@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/shape_refinement.hpp"
+#include "diagnosis/force_balance/shape_refinement.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
+#include "diagnosis/inverse_dynamics/torque_refinement.hpp"
 
 namespace graybox {
 namespace {

@@ -11,8 +11,8 @@
 #include <functional>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/balance_regression.hpp"
-#include "graybox/diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance/balance_regression.hpp"
+#include "diagnosis/force_balance/force_balance_laws.hpp"
 
 namespace graybox {
 

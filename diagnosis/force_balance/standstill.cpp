@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/force_balance/standstill.hpp"
+#include "diagnosis/force_balance/standstill.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/quantile.hpp"
+#include "problems/quantile.hpp"
 
 namespace graybox {
 namespace {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/uncertain_bodies.hpp"
+#include "diagnosis/force_balance/uncertain_bodies.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 namespace {

@@ -15,10 +15,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/force_balance/force_balance_data.hpp"
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/plausibility/fitted_physics.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
 
 namespace graybox {
 

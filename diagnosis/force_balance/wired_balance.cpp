@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/wired_balance.hpp"
+#include "diagnosis/force_balance/wired_balance.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "graybox/problems/array_index.hpp"
+#include "problems/array_index.hpp"
 
 namespace graybox {
 namespace {

@@ -24,8 +24,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

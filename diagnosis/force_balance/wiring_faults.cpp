@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/wiring_faults.hpp"
+#include "diagnosis/force_balance/wiring_faults.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -14,10 +14,10 @@
 #include <string>
 #include <utility>
 
-#include "graybox/diagnosis/force_balance/rate_faults.hpp"
-#include "graybox/diagnosis/force_balance/wired_balance.hpp"
-#include "graybox/diagnosis/force_balance/wrap_faults.hpp"
-#include "graybox/problems/array_index.hpp"
+#include "diagnosis/force_balance/rate_faults.hpp"
+#include "diagnosis/force_balance/wired_balance.hpp"
+#include "diagnosis/force_balance/wrap_faults.hpp"
+#include "problems/array_index.hpp"
 
 namespace graybox {
 namespace {

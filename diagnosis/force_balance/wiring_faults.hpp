@@ -39,9 +39,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

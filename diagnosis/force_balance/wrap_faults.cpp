@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/force_balance/wrap_faults.hpp"
+#include "diagnosis/force_balance/wrap_faults.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "graybox/problems/units.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

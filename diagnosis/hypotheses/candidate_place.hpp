@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "graybox/problems/elements/element.hpp"
+#include "problems/elements/element.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
 
 #include <algorithm>
 #include <cmath>

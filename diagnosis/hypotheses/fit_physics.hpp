@@ -5,9 +5,9 @@
 
 #include <span>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/hypotheses/physical_evidence.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/hypotheses/law_departure.hpp"
+#include "diagnosis/hypotheses/law_departure.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 #include <string>
 
-#include "graybox/problems/distributions.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
 
 namespace graybox {
 

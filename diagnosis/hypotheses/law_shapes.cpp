@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "graybox/problems/quantile.hpp"
+#include "problems/quantile.hpp"
 
 namespace graybox {
 namespace {
@@ -405,8 +405,8 @@ Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& pl
 }
 
 bool is_dry_friction(std::string_view law) {
-  static const std::set<std::string_view> kDry = {"coulomb", "asymmetric_coulomb", "stribeck",
-                                                  "dahl",    "lugre",              "play_and_slip"};
+  static const std::set<std::string_view> kDry = {
+      "coulomb", "asymmetric_coulomb", "stribeck", "dahl", "lugre", "play_and_slip"};
   return kDry.count(law) > 0;
 }
 

@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/hypotheses/candidate_place.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/hypotheses/load_mismatch_problem.hpp"
+#include "diagnosis/hypotheses/load_mismatch_problem.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "graybox/diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "problems/error.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 

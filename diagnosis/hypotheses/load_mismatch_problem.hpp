@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 namespace graybox {
 

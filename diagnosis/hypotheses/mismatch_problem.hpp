@@ -19,11 +19,11 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
-#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
-#include "graybox/diagnosis/hypotheses/score_test.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/hypotheses/candidate_place.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/hypotheses/next_experiment.hpp"
+#include "diagnosis/hypotheses/score_test.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
+#include "diagnosis/hypotheses/next_experiment.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/column_generation.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/column_generation.hpp"
 
 namespace graybox {
 namespace {

@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

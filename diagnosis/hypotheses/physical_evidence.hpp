@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/checked_range.hpp"
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
+#include "diagnosis/hypotheses/checked_range.hpp"
+#include "diagnosis/plausibility/fitted_physics.hpp"
 
 namespace graybox {
 

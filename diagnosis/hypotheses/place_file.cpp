@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/hypotheses/place_file.hpp"
 
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>

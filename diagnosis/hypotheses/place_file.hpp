@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
+#include "diagnosis/hypotheses/candidate_place.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/hypotheses/score_test.hpp"
+#include "diagnosis/hypotheses/score_test.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

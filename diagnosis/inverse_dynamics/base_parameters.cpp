@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "graybox/problems/random.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

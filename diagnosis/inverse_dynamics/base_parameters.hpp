@@ -21,8 +21,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/plausibility/fitted_physics.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
+#include "diagnosis/inverse_dynamics/filtered_motion.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 namespace {

@@ -11,8 +11,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/inverse_dynamics/law_force.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
 
 namespace graybox {
 

@@ -1,16 +1,16 @@
-#include "graybox/diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
+#include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/inverse_dynamics/base_parameters.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/inverse_dynamics/base_parameters.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/inverse_dynamics/torque_refinement.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

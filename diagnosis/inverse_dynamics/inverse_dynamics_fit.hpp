@@ -26,9 +26,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

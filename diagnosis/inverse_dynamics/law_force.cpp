@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "diagnosis/inverse_dynamics/law_force.hpp"
 
 #include <array>
 #include <cmath>

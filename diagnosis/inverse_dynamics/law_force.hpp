@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "graybox/problems/elements/law.hpp"
+#include "problems/elements/law.hpp"
 
 namespace graybox {
 

@@ -1,15 +1,15 @@
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
 
 #include <fmt/format.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/units.hpp"
+#include "diagnosis/inverse_dynamics/law_force.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "problems/error.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

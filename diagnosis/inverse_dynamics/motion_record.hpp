@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "graybox/diagnosis/inverse_dynamics/filtered_motion.hpp"
-#include "graybox/diagnosis/inverse_dynamics/law_force.hpp"
+#include "diagnosis/inverse_dynamics/filtered_motion.hpp"
+#include "diagnosis/inverse_dynamics/law_force.hpp"
 
 namespace graybox {
 namespace {

@@ -28,9 +28,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/inverse_dynamics/torque_refinement.hpp"
+#include "diagnosis/inverse_dynamics/torque_refinement.hpp"
 
 #include <ceres/ceres.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <memory>
 
-#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "diagnosis/quiet_ceres.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <functional>
 #include <vector>
 
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/long_run_variance.hpp"
-#include "graybox/diagnosis/recording_spread.hpp"
+#include "diagnosis/long_run_variance.hpp"
+#include "diagnosis/recording_spread.hpp"
 
 namespace graybox {
 namespace {

@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/output_error/equation_error.hpp"
+#include "diagnosis/output_error/equation_error.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/output_error/stretch_fit.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/output_error/stretch_fit.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 namespace {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/exponential_operators.hpp"
+#include "diagnosis/output_error/exponential_operators.hpp"
 
 #include <array>
 #include <unsupported/Eigen/MatrixFunctions>

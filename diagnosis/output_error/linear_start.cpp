@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/output_error/linear_start.hpp"
+#include "diagnosis/output_error/linear_start.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/stretch_fit.hpp"
+#include "diagnosis/output_error/stretch_fit.hpp"
 
 namespace graybox {
 namespace {

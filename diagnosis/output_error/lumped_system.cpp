@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/lumped_system.hpp"
+#include "diagnosis/output_error/lumped_system.hpp"
 
 #include <algorithm>
 #include <array>

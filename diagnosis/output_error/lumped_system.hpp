@@ -16,8 +16,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/exponential_operators.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "diagnosis/output_error/exponential_operators.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 namespace graybox {
 

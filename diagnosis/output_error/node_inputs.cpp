@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/node_inputs.hpp"
+#include "diagnosis/output_error/node_inputs.hpp"
 
 #include <algorithm>
 #include <array>

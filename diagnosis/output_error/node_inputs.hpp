@@ -14,7 +14,7 @@
 
 #include <Eigen/Core>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/output_delay.hpp"
+#include "diagnosis/output_error/output_delay.hpp"
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/lumped_system.hpp"
+#include "diagnosis/output_error/lumped_system.hpp"
 
 namespace graybox {
 

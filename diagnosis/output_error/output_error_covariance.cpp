@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/output_error_covariance.hpp"
+#include "diagnosis/output_error/output_error_covariance.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/long_run_variance.hpp"
-#include "graybox/diagnosis/recording_spread.hpp"
+#include "diagnosis/long_run_variance.hpp"
+#include "diagnosis/recording_spread.hpp"
 
 namespace graybox {
 namespace {

@@ -5,8 +5,8 @@
 #include <Eigen/Core>
 #include <span>
 
-#include "graybox/diagnosis/identifiability.hpp"
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/identifiability.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
 

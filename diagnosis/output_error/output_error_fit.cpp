@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/output_error_fit.hpp"
+#include "diagnosis/output_error/output_error_fit.hpp"
 
 #include <fmt/format.h>
 
@@ -7,12 +7,12 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/output_error/equation_error.hpp"
-#include "graybox/diagnosis/output_error/linear_start.hpp"
-#include "graybox/diagnosis/output_error/output_error_covariance.hpp"
-#include "graybox/diagnosis/output_error/stretch_fit.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/output_error/equation_error.hpp"
+#include "diagnosis/output_error/linear_start.hpp"
+#include "diagnosis/output_error/output_error_covariance.hpp"
+#include "diagnosis/output_error/stretch_fit.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -43,8 +43,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/identifiability.hpp"
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/identifiability.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
 

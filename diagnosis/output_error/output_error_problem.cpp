@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -9,9 +9,9 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/output_error/output_delay.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/output_error/output_delay.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -20,9 +20,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/trajectory.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "diagnosis/output_error/trajectory.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/stretch_fit.hpp"
+#include "diagnosis/output_error/stretch_fit.hpp"
 
 #include <ceres/ceres.h>
 
@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "graybox/diagnosis/quiet_ceres.hpp"
+#include "diagnosis/quiet_ceres.hpp"
 
 namespace graybox {
 namespace {

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/output_error/trajectory.hpp"
+#include "diagnosis/output_error/trajectory.hpp"
 
 #include <cmath>
 

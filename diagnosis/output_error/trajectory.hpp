@@ -5,9 +5,9 @@
 
 #include <Eigen/Core>
 
-#include "graybox/diagnosis/output_error/exponential_operators.hpp"
-#include "graybox/diagnosis/output_error/lumped_system.hpp"
-#include "graybox/diagnosis/output_error/node_inputs.hpp"
+#include "diagnosis/output_error/exponential_operators.hpp"
+#include "diagnosis/output_error/lumped_system.hpp"
+#include "diagnosis/output_error/node_inputs.hpp"
 
 namespace graybox {
 

@@ -1,9 +1,9 @@
-#include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
+#include "diagnosis/periodic_mismatch/anderson_mixing.hpp"
 
 #include <Eigen/QR>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "diagnosis/periodic_mismatch/candidate_products.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <span>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/periodic_mismatch/place_observer.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -15,9 +15,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/candidate_scores.hpp"
+#include "diagnosis/periodic_mismatch/candidate_scores.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,13 +11,13 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/score_test.hpp"
-#include "graybox/diagnosis/periodic_mismatch/candidate_products.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
-#include "graybox/diagnosis/periodic_mismatch/record_loop.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/hypotheses/score_test.hpp"
+#include "diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "diagnosis/periodic_mismatch/periodic_assessment.hpp"
+#include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "diagnosis/periodic_mismatch/place_observer.hpp"
+#include "diagnosis/periodic_mismatch/record_loop.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

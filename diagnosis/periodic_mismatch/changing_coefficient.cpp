@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/periodic_mismatch/changing_coefficient.hpp"
+#include "diagnosis/periodic_mismatch/changing_coefficient.hpp"
 
 #include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
-#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "diagnosis/periodic_mismatch/time_variation.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
+#include "diagnosis/periodic_mismatch/cleared_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
 
 namespace graybox {
 namespace {

@@ -6,9 +6,9 @@
 // than the noise does, and biases them.
 #pragma once
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
 
 namespace graybox {
 

@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/periodic_mismatch/common_error.hpp"
+#include "diagnosis/periodic_mismatch/common_error.hpp"
 
 #include <Eigen/Eigenvalues>
 
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
 
 namespace graybox {
 namespace {

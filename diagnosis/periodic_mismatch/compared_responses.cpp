@@ -1,9 +1,9 @@
-#include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
+#include "diagnosis/periodic_mismatch/compared_responses.hpp"
 
 #include <cstddef>
 #include <numbers>
 
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
 
 namespace graybox {
 

@@ -2,8 +2,8 @@
 // wiring, sign and unit (channel_faults.hpp).
 #pragma once
 
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
 
 namespace graybox {
 

@@ -1,14 +1,14 @@
-#include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
+#include "diagnosis/periodic_mismatch/gradual_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/place_force_fit.hpp"
+#include "diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

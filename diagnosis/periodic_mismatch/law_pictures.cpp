@@ -1,14 +1,14 @@
-#include "graybox/diagnosis/periodic_mismatch/law_pictures.hpp"
+#include "diagnosis/periodic_mismatch/law_pictures.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "diagnosis/periodic_mismatch/place_observer.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/mismatch_map.hpp"
+#include "diagnosis/periodic_mismatch/mismatch_map.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,9 +8,9 @@
 #include <tuple>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/periodic_mismatch/record_loop.hpp"
-#include "graybox/problems/array_index.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/record_loop.hpp"
+#include "problems/array_index.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/model_state.hpp"
+#include "diagnosis/periodic_mismatch/model_state.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -8,9 +8,9 @@
 #include <mutex>
 #include <utility>
 
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/stop.hpp"
+#include "problems/array_index.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -12,9 +12,9 @@
 #include <optional>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
 
 namespace graybox {
 

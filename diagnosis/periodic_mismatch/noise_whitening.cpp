@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -7,8 +7,8 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/maximum_likelihood.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/maximum_likelihood.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

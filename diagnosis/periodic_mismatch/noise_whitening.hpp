@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
 
 namespace graybox {
 

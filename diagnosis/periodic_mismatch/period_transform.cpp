@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
 
 #include <fftw3.h>
 
 #include <cmath>
 #include <complex>
 
-#include "graybox/diagnosis/real_transform.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/real_transform.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

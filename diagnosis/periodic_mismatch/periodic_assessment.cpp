@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
+#include "diagnosis/periodic_mismatch/periodic_assessment.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/diagnosis/periodic_mismatch/record_loop.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "diagnosis/periodic_mismatch/record_loop.hpp"
 
 namespace graybox {
 namespace {

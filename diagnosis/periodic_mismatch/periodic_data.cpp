@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,14 +12,14 @@
 #include <numbers>
 #include <optional>
 
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
-#include "graybox/diagnosis/responses/line_spectra.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/responses/line_spectra.hpp"
+#include "problems/array_index.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

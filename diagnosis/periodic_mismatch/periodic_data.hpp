@@ -18,11 +18,11 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/common_error.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/real_transform.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/periodic_mismatch/common_error.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/real_transform.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 namespace graybox {
 

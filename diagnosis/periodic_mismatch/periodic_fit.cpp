@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -10,12 +10,12 @@
 #include <span>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/diagnosis/recording_spread.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/place_observer.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "diagnosis/recording_spread.hpp"
+#include "problems/array_index.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "diagnosis/periodic_mismatch/periodic_law.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <numbers>
 #include <string_view>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -17,8 +17,8 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -15,27 +15,27 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/physical_evidence.hpp"
-#include "graybox/diagnosis/periodic_mismatch/candidate_scores.hpp"
-#include "graybox/diagnosis/periodic_mismatch/changing_coefficient.hpp"
-#include "graybox/diagnosis/periodic_mismatch/cleared_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/compared_responses.hpp"
-#include "graybox/diagnosis/periodic_mismatch/gradual_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/law_pictures.hpp"
-#include "graybox/diagnosis/periodic_mismatch/mismatch_map.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_assessment.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
-#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
-#include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/hypotheses/physical_evidence.hpp"
+#include "diagnosis/periodic_mismatch/candidate_scores.hpp"
+#include "diagnosis/periodic_mismatch/changing_coefficient.hpp"
+#include "diagnosis/periodic_mismatch/cleared_fit.hpp"
+#include "diagnosis/periodic_mismatch/compared_responses.hpp"
+#include "diagnosis/periodic_mismatch/gradual_fit.hpp"
+#include "diagnosis/periodic_mismatch/law_pictures.hpp"
+#include "diagnosis/periodic_mismatch/mismatch_map.hpp"
+#include "diagnosis/periodic_mismatch/periodic_assessment.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/residual_spectra.hpp"
+#include "diagnosis/periodic_mismatch/response_starts.hpp"
+#include "diagnosis/periodic_mismatch/rival_experiments.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "problems/array_index.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

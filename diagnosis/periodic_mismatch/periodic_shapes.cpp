@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/periodic_shapes.hpp"
+#include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
 
 #include <cmath>
 

@@ -7,9 +7,9 @@
 
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/hypotheses/candidate_place.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

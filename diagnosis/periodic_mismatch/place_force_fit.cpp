@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/place_force_fit.hpp"
+#include "diagnosis/periodic_mismatch/place_force_fit.hpp"
 
 #include <ceres/ceres.h>
 
@@ -8,10 +8,10 @@
 #include <limits>
 #include <memory>
 
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/diagnosis/quiet_ceres.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/quiet_ceres.hpp"
+#include "problems/array_index.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

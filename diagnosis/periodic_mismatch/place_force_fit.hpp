@@ -16,7 +16,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_fit.hpp"
+#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
 
 namespace graybox {
 

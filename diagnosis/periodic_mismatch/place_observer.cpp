@@ -1,7 +1,7 @@
-#include "graybox/diagnosis/periodic_mismatch/place_observer.hpp"
+#include "diagnosis/periodic_mismatch/place_observer.hpp"
 
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/frequency_response.hpp"
+#include "problems/array_index.hpp"
+#include "problems/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -10,8 +10,8 @@
 #include <Eigen/Core>
 #include <complex>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

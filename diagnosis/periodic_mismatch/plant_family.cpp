@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
 
 #include <fmt/format.h>
 
@@ -6,13 +6,13 @@
 #include <Eigen/QR>
 #include <algorithm>
 
-#include "graybox/diagnosis/hypotheses/place_file.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/mechanics/chain_dynamics.hpp"
+#include "diagnosis/hypotheses/place_file.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/local_model.hpp"
+#include "problems/mechanics/chain_dynamics.hpp"
 
 namespace graybox {
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/candidate_place.hpp"
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/hypotheses/candidate_place.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

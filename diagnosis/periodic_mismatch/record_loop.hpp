@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/residual_spectra.hpp"
+#include "diagnosis/periodic_mismatch/residual_spectra.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <string>
 
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/response_starts.hpp"
+#include "diagnosis/periodic_mismatch/response_starts.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,11 +7,11 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "problems/error.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/random.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/rival_experiments.hpp"
+#include "diagnosis/periodic_mismatch/rival_experiments.hpp"
 
 #include <fmt/format.h>
 
@@ -11,9 +11,9 @@
 #include <numbers>
 #include <utility>
 
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -14,9 +14,9 @@
 
 #include <optional>
 
-#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/hypotheses/next_experiment.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

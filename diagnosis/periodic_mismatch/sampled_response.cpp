@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <span>
 
-#include "graybox/problems/frequency_response.hpp"
+#include "problems/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,11 +6,11 @@
 #include <limits>
 #include <tuple>
 
-#include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/frequency_response.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/anderson_mixing.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "problems/array_index.hpp"
+#include "problems/frequency_response.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

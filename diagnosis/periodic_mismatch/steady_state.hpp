@@ -35,11 +35,11 @@
 #include <memory>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/model_state.hpp"
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/periodic_law.hpp"
-#include "graybox/diagnosis/real_transform.hpp"
+#include "diagnosis/periodic_mismatch/model_state.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/periodic_law.hpp"
+#include "diagnosis/real_transform.hpp"
 
 namespace graybox {
 

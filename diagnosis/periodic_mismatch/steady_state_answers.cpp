@@ -4,9 +4,9 @@
 #include <cmath>
 #include <complex>
 
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/frequency_response.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
+#include "problems/array_index.hpp"
+#include "problems/frequency_response.hpp"
 
 namespace graybox {
 namespace {

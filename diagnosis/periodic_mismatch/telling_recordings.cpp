@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "diagnosis/periodic_mismatch/telling_recordings.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -9,9 +9,9 @@
 #include <set>
 #include <tuple>
 
-#include "graybox/diagnosis/periodic_mismatch/real_products.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/real_products.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/time_variation.hpp"
+#include "diagnosis/periodic_mismatch/time_variation.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -7,9 +7,9 @@
 #include <complex>
 #include <numbers>
 
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "problems/array_index.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

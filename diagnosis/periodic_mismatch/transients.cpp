@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/periodic_mismatch/transients.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -13,12 +13,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/periodic_mismatch/anderson_mixing.hpp"
-#include "graybox/diagnosis/periodic_mismatch/noise_whitening.hpp"
-#include "graybox/diagnosis/periodic_mismatch/period_transform.hpp"
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
-#include "graybox/problems/array_index.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/periodic_mismatch/anderson_mixing.hpp"
+#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/periodic_mismatch/period_transform.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
+#include "problems/array_index.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -45,10 +45,10 @@
 #include <Eigen/Core>
 #include <complex>
 
-#include "graybox/diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "graybox/diagnosis/periodic_mismatch/plant_family.hpp"
-#include "graybox/diagnosis/periodic_mismatch/sampled_response.hpp"
-#include "graybox/diagnosis/periodic_mismatch/steady_state.hpp"
+#include "diagnosis/periodic_mismatch/periodic_data.hpp"
+#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/periodic_mismatch/steady_state.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 #include <fmt/format.h>
 

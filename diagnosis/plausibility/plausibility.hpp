@@ -36,7 +36,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/plausibility/fitted_physics.hpp"
+#include "diagnosis/plausibility/fitted_physics.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
+#include "diagnosis/plausibility/plausibility_words.hpp"
 
 #include <fmt/format.h>
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 

@@ -1,9 +1,9 @@
 // The kinds of models that model_prediction.hpp predicts.
 #pragma once
 
-#include "graybox/diagnosis/prediction/model_prediction.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "diagnosis/prediction/model_prediction.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/prediction/model_prediction.hpp"
+#include "diagnosis/prediction/model_prediction.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 
-#include "graybox/diagnosis/prediction/kinds.hpp"
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/prediction/kinds.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
+#include "problems/error.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

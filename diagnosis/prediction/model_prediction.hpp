@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 namespace graybox {
 

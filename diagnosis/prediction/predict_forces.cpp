@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/inverse_dynamics/motion_record.hpp"
-#include "graybox/diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "graybox/diagnosis/prediction/kinds.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/prediction/kinds.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

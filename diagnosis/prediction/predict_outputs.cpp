@@ -2,8 +2,8 @@
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/prediction/kinds.hpp"
-#include "graybox/diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction/kinds.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/drive_signals.hpp"
+#include "diagnosis/prediction_error/drive_signals.hpp"
 
 #include <algorithm>
 #include <array>

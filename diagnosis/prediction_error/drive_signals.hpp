@@ -20,9 +20,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/node_inputs.hpp"
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "diagnosis/output_error/node_inputs.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 namespace graybox {
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/prediction_error/extension_scores.hpp"
+#include "diagnosis/prediction_error/extension_scores.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "graybox/problems/stop.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

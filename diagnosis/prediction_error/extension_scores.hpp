@@ -15,7 +15,7 @@
 
 #include <vector>
 
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "diagnosis/prediction_error/prediction_fit.hpp"
 
 namespace graybox {
 

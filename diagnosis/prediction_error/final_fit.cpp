@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_error/final_fit.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <optional>
 
-#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/prediction_error/left_out_blocks.hpp"
 
 namespace graybox {
 namespace {

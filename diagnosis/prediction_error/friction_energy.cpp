@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/friction_energy.hpp"
+#include "diagnosis/prediction_error/friction_energy.hpp"
 
 #include <algorithm>
 #include <cmath>

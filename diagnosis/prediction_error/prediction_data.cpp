@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/prediction_error/prediction_data.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

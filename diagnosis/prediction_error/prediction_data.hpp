@@ -14,9 +14,9 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/output_error_problem.hpp"
-#include "graybox/diagnosis/prediction_error/drive_signals.hpp"
-#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/output_error/output_error_problem.hpp"
+#include "diagnosis/prediction_error/drive_signals.hpp"
+#include "diagnosis/prediction_error/left_out_blocks.hpp"
 
 namespace graybox {
 

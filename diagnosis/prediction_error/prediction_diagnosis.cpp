@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 
 #include <fmt/format.h>
 
@@ -6,14 +6,14 @@
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/diagnosis/prediction_error/final_fit.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
-#include "graybox/diagnosis/prediction_error/reversed_outputs.hpp"
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/reversed_outputs.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

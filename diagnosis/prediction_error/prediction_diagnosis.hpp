@@ -19,10 +19,10 @@
 #include <filesystem>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/search/diagnosis.hpp"
-#include "graybox/diagnosis/search/search_options.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
+#include "diagnosis/prediction_error/prediction_fit.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/prediction_error/left_out_blocks.hpp"
-#include "graybox/diagnosis/prediction_error/predictor.hpp"
-#include "graybox/diagnosis/prediction_error/stationary_gain.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/prediction_error/predictor.hpp"
+#include "diagnosis/prediction_error/stationary_gain.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
 
 namespace graybox {
 namespace {

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/prediction_error/extended_lumped_model.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/prediction_error/extended_lumped_model.hpp"
+#include "diagnosis/prediction_error/prediction_data.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/prediction_search.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/prediction_error/friction_energy.hpp"
-#include "graybox/diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_error/friction_energy.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
 namespace {

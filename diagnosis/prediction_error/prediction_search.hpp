@@ -23,9 +23,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/prediction_error/extension_scores.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_fit.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/prediction_error/extension_scores.hpp"
+#include "diagnosis/prediction_error/prediction_fit.hpp"
+#include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 
 namespace graybox {
 

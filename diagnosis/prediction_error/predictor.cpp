@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/predictor.hpp"
+#include "diagnosis/prediction_error/predictor.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>

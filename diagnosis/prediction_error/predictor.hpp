@@ -30,8 +30,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/output_error/node_inputs.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "diagnosis/output_error/node_inputs.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 namespace graybox {
 

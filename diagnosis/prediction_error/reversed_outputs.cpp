@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/reversed_outputs.hpp"
+#include "diagnosis/prediction_error/reversed_outputs.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
 namespace {

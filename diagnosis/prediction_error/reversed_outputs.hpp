@@ -12,9 +12,9 @@
 
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/channel_faults.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_data.hpp"
-#include "graybox/diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 
 #include <algorithm>
 #include <cmath>

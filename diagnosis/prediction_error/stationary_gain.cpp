@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/prediction_error/stationary_gain.hpp"
+#include "diagnosis/prediction_error/stationary_gain.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>

@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "graybox/diagnosis/prediction_error/predictor.hpp"
+#include "diagnosis/prediction_error/predictor.hpp"
 
 namespace graybox {
 

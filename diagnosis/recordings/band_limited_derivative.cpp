@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
+#include "diagnosis/recordings/band_limited_derivative.hpp"
 
 #include <fftw3.h>
 
 #include <mutex>
 #include <numbers>
 
-#include "graybox/diagnosis/real_transform.hpp"
+#include "diagnosis/real_transform.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,11 @@
 #include <set>
 #include <string_view>
 
-#include "graybox/diagnosis/recordings/preprocess_fields.hpp"
-#include "graybox/problems/environment_text.hpp"
-#include "graybox/problems/formats/file_kind.hpp"
-#include "graybox/problems/units.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/recordings/preprocess_fields.hpp"
+#include "problems/environment_text.hpp"
+#include "problems/formats/file_kind.hpp"
+#include "problems/units.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

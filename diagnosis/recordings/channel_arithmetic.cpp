@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/channel_arithmetic.hpp"
+#include "diagnosis/recordings/channel_arithmetic.hpp"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 
 #include <string_view>
 
-#include "graybox/diagnosis/recordings/preprocess_data.hpp"
+#include "diagnosis/recordings/preprocess_data.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/recordings/counter_wrap.hpp"
+#include "diagnosis/recordings/counter_wrap.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

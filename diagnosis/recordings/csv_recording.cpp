@@ -4,10 +4,10 @@
 #include <string_view>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/text_lines.hpp"
-#include "graybox/problems/units.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/text_lines.hpp"
+#include "problems/units.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/data_faults.hpp"
 
 #include <fmt/format.h>
 
@@ -8,12 +8,12 @@
 #include <set>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/counter_wrap.hpp"
-#include "graybox/diagnosis/recordings/lost_samples.hpp"
-#include "graybox/diagnosis/recordings/quantisation.hpp"
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
-#include "graybox/diagnosis/recordings/spike.hpp"
-#include "graybox/diagnosis/recordings/stuck_sensor.hpp"
+#include "diagnosis/recordings/counter_wrap.hpp"
+#include "diagnosis/recordings/lost_samples.hpp"
+#include "diagnosis/recordings/quantisation.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/recordings/spike.hpp"
+#include "diagnosis/recordings/stuck_sensor.hpp"
 
 namespace graybox {
 namespace {

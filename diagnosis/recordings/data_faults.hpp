@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/finding.hpp"
 
 namespace graybox {
 

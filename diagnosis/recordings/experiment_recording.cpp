@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
 
 #include <fmt/format.h>
 
@@ -8,13 +8,13 @@
 #include <map>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/data_faults.hpp"
-#include "graybox/diagnosis/recordings/motion_pairs.hpp"
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
-#include "graybox/diagnosis/recordings/time_axis.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/units.hpp"
+#include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/motion_pairs.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/recordings/time_axis.hpp"
+#include "problems/error.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

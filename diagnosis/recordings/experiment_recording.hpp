@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/recordings/finding.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
-#include "graybox/diagnosis/recordings/recording_copies.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/recording_copies.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/finding.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/gzip_text.hpp"
+#include "diagnosis/recordings/gzip_text.hpp"
 
 #include <fmt/format.h>
 #include <zlib.h>
@@ -8,9 +8,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
 
 namespace graybox {
 namespace {

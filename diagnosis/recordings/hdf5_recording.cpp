@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_support.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_support.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -1,6 +1,6 @@
 #include <utility>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -6,12 +6,12 @@
 #include <string_view>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/record_columns.hpp"
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/text_lines.hpp"
+#include "diagnosis/recordings/record_columns.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/text_lines.hpp"
 
 namespace graybox::formats {
 namespace {

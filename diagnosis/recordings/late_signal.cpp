@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/late_signal.hpp"
+#include "diagnosis/recordings/late_signal.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 namespace {

@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/recordings/lost_samples.hpp"
+#include "diagnosis/recordings/lost_samples.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/mat_file.hpp"
-#include "graybox/problems/formats/mat_handles.hpp"
-#include "graybox/problems/formats/mat_sizes.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/mat_file.hpp"
+#include "problems/formats/mat_handles.hpp"
+#include "problems/formats/mat_sizes.hpp"
 
 namespace graybox::formats {
 namespace {

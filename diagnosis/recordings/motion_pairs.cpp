@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/motion_pairs.hpp"
+#include "diagnosis/recordings/motion_pairs.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/recordings/late_signal.hpp"
-#include "graybox/problems/units.hpp"
+#include "diagnosis/recordings/late_signal.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/finding.hpp"
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 

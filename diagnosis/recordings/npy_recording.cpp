@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/npy_file.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/npy_file.hpp"
 
 namespace graybox::formats {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 #include <fmt/format.h>
 
@@ -7,12 +7,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/diagnosis/recordings/band_limited_derivative.hpp"
-#include "graybox/diagnosis/recordings/channel_arithmetic.hpp"
-#include "graybox/diagnosis/recordings/preprocess_data.hpp"
-#include "graybox/diagnosis/recordings/sample_interpolation.hpp"
-#include "graybox/diagnosis/recordings/sample_mending.hpp"
-#include "graybox/problems/units.hpp"
+#include "diagnosis/recordings/band_limited_derivative.hpp"
+#include "diagnosis/recordings/channel_arithmetic.hpp"
+#include "diagnosis/recordings/preprocess_data.hpp"
+#include "diagnosis/recordings/sample_interpolation.hpp"
+#include "diagnosis/recordings/sample_mending.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

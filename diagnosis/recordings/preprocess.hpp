@@ -38,7 +38,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/recordings/preprocess_data.hpp"
+#include "diagnosis/recordings/preprocess_data.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <limits>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/recordings/preprocess.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/preprocess_fields.hpp"
+#include "diagnosis/recordings/preprocess_fields.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "graybox/problems/units.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 

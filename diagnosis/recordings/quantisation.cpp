@@ -1,9 +1,9 @@
-#include "graybox/diagnosis/recordings/quantisation.hpp"
+#include "diagnosis/recordings/quantisation.hpp"
 
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/record_columns.hpp"
+#include "diagnosis/recordings/record_columns.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox::formats {
 namespace {

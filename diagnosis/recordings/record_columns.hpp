@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
 
 namespace graybox::formats {
 

@@ -1,9 +1,9 @@
-#include "graybox/diagnosis/recordings/recording_copies.hpp"
+#include "diagnosis/recordings/recording_copies.hpp"
 
 #include <algorithm>
 #include <bit>
 
-#include "graybox/problems/families/candidate_stream.hpp"
+#include "problems/families/candidate_stream.hpp"
 
 namespace graybox {
 namespace {

@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "graybox/diagnosis/recordings/gzip_text.hpp"
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
+#include "diagnosis/recordings/gzip_text.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
 
 namespace graybox {
 namespace {

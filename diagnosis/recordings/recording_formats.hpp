@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/recording_file.hpp"
-#include "graybox/problems/formats/reading_process.hpp"
+#include "diagnosis/recordings/recording_file.hpp"
+#include "problems/formats/reading_process.hpp"
 
 namespace graybox::formats {
 

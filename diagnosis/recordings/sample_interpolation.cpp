@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/sample_interpolation.hpp"
+#include "diagnosis/recordings/sample_interpolation.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "graybox/diagnosis/recordings/preprocess_data.hpp"
+#include "diagnosis/recordings/preprocess_data.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/sample_mending.hpp"
+#include "diagnosis/recordings/sample_mending.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/counter_wrap.hpp"
+#include "diagnosis/recordings/counter_wrap.hpp"
 
 namespace graybox {
 namespace {

@@ -2,7 +2,7 @@
 // leave a remark about what they changed (preprocess.hpp, campaign.hpp).
 #pragma once
 
-#include "graybox/diagnosis/recordings/preprocess_data.hpp"
+#include "diagnosis/recordings/preprocess_data.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 #include <algorithm>
 #include <array>

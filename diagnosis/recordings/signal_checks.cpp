@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/finding.hpp"
 
 namespace graybox {
 

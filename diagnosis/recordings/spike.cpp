@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/recordings/spike.hpp"
+#include "diagnosis/recordings/spike.hpp"
 
 #include <algorithm>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

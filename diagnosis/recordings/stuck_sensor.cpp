@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/recordings/stuck_sensor.hpp"
+#include "diagnosis/recordings/stuck_sensor.hpp"
 
 #include <algorithm>
 
-#include "graybox/diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recordings/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

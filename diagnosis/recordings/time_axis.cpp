@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/recordings/time_axis.hpp"
+#include "diagnosis/recordings/time_axis.hpp"
 
 #include <fmt/format.h>
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/finding.hpp"
+#include "diagnosis/recordings/finding.hpp"
 
 namespace graybox {
 

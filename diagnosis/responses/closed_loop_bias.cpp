@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/closed_loop_bias.hpp"
+#include "diagnosis/responses/closed_loop_bias.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>

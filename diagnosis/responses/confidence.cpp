@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/responses/confidence.hpp"
+#include "diagnosis/responses/confidence.hpp"
 
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/error.hpp"
+#include "problems/distributions.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -23,7 +23,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 namespace graybox {
 

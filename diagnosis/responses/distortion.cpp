@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/responses/distortion.hpp"
+#include "diagnosis/responses/distortion.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
 
-#include "graybox/problems/distributions.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

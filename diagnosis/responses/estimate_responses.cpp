@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/responses/estimate_responses.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,10 +10,10 @@
 #include <set>
 #include <string>
 
-#include "graybox/diagnosis/recordings/experiment_recording.hpp"
-#include "graybox/diagnosis/responses/distortion.hpp"
-#include "graybox/diagnosis/responses/settling.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/responses/distortion.hpp"
+#include "diagnosis/responses/settling.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -22,11 +22,11 @@
 #include <optional>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
-#include "graybox/diagnosis/responses/line_spectra.hpp"
-#include "graybox/diagnosis/responses/local_polynomial.hpp"
-#include "graybox/diagnosis/responses/periodic_response.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/line_spectra.hpp"
+#include "diagnosis/responses/local_polynomial.hpp"
+#include "diagnosis/responses/periodic_response.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

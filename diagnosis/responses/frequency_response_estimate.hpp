@@ -24,9 +24,9 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/recordings/finding.hpp"
-#include "graybox/diagnosis/response_measurement.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/finding.hpp"
+#include "diagnosis/response_measurement.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "diagnosis/responses/line_spectra.hpp"
 
 #include <Eigen/QR>
 #include <cmath>

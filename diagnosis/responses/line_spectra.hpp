@@ -30,7 +30,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/diagnosis/real_transform.hpp"
+#include "diagnosis/real_transform.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/local_polynomial.hpp"
+#include "diagnosis/responses/local_polynomial.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

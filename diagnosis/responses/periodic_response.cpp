@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/periodic_response.hpp"
+#include "diagnosis/responses/periodic_response.hpp"
 
 #include <fmt/format.h>
 
@@ -8,10 +8,10 @@
 #include <numbers>
 #include <string>
 
-#include "graybox/diagnosis/responses/closed_loop_bias.hpp"
-#include "graybox/diagnosis/responses/covariance_pool.hpp"
-#include "graybox/diagnosis/responses/distortion.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/responses/closed_loop_bias.hpp"
+#include "diagnosis/responses/covariance_pool.hpp"
+#include "diagnosis/responses/distortion.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

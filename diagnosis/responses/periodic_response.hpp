@@ -32,8 +32,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
-#include "graybox/diagnosis/responses/line_spectra.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/line_spectra.hpp"
 
 namespace graybox {
 

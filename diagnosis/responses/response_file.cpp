@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/responses/response_file.hpp"
+#include "diagnosis/responses/response_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,11 +10,11 @@
 #include <numbers>
 #include <utility>
 
-#include "graybox/diagnosis/responses/confidence.hpp"
-#include "graybox/diagnosis/responses/response_summary.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/hdf5_writer.hpp"
+#include "diagnosis/responses/confidence.hpp"
+#include "diagnosis/responses/response_summary.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/hdf5_writer.hpp"
 
 namespace graybox {
 namespace {

@@ -24,7 +24,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/responses/response_summary.hpp"
+#include "diagnosis/responses/response_summary.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/quantile.hpp"
+#include "problems/quantile.hpp"
 
 namespace graybox {
 namespace {

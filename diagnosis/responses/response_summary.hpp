@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "graybox/diagnosis/responses/frequency_response_estimate.hpp"
+#include "diagnosis/responses/frequency_response_estimate.hpp"
 
 namespace graybox {
 

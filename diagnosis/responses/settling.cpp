@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/responses/settling.hpp"
+#include "diagnosis/responses/settling.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/real_transform.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/real_transform.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

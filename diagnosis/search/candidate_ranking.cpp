@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <set>
 #include <span>
 
-#include "graybox/diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/candidate_refits.hpp"
+#include "diagnosis/search/candidate_refits.hpp"
 
 #include <algorithm>
 #include <limits>

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/search/diagnosis.hpp"
-#include "graybox/diagnosis/search/fit_comparison.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/fit_comparison.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/diagnosis.hpp"
 
 namespace graybox {
 

@@ -11,10 +11,10 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/checked_range.hpp"
-#include "graybox/diagnosis/hypotheses/law_departure.hpp"
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/hypotheses/checked_range.hpp"
+#include "diagnosis/hypotheses/law_departure.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
 
 namespace graybox {
 

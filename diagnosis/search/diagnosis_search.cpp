@@ -1,22 +1,22 @@
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/diagnosis/search/first_fit.hpp"
-#include "graybox/diagnosis/search/law_exchange.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
-#include "graybox/diagnosis/search/law_rejection.hpp"
-#include "graybox/diagnosis/search/law_selection.hpp"
-#include "graybox/diagnosis/search/mismatch_detection.hpp"
-#include "graybox/diagnosis/search/rival_weighing.hpp"
-#include "graybox/diagnosis/search/search_state.hpp"
-#include "graybox/diagnosis/search/shape_check.hpp"
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
-#include "graybox/diagnosis/search/verification.hpp"
-#include "graybox/problems/stop.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/search/first_fit.hpp"
+#include "diagnosis/search/law_exchange.hpp"
+#include "diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/law_rejection.hpp"
+#include "diagnosis/search/law_selection.hpp"
+#include "diagnosis/search/mismatch_detection.hpp"
+#include "diagnosis/search/rival_weighing.hpp"
+#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/search/shape_check.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/search/verification.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

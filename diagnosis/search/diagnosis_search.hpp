@@ -108,9 +108,9 @@
 // rivals.
 #pragma once
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/search/diagnosis.hpp"
-#include "graybox/diagnosis/search/search_options.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/explanation_class.hpp"
+#include "diagnosis/search/explanation_class.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

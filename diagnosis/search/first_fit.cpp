@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/search/first_fit.hpp"
+#include "diagnosis/search/first_fit.hpp"
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/renewal.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/renewal.hpp"
 
 namespace graybox {
 namespace {

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/search/fit_comparison.hpp"
+#include "diagnosis/search/fit_comparison.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/search/search_options.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

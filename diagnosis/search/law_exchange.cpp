@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/search/law_exchange.hpp"
+#include "diagnosis/search/law_exchange.hpp"
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
-#include "graybox/diagnosis/search/law_selection.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/law_selection.hpp"
 
 namespace graybox {
 namespace {

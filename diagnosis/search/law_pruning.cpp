@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/law_pruning.hpp"
 
 #include <algorithm>
 #include <utility>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/plainer_sums.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/plainer_sums.hpp"
 
 namespace graybox {
 namespace {

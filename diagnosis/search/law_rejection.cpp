@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/law_rejection.hpp"
+#include "diagnosis/search/law_rejection.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,9 @@
 #include <optional>
 #include <utility>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/diagnosis/plausibility/plausibility.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/search/law_pruning.hpp"
 
 namespace graybox {
 namespace {

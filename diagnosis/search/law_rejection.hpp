@@ -13,7 +13,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "graybox/diagnosis/search/search_state.hpp"
+#include "diagnosis/search/search_state.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/law_selection.hpp"
+#include "diagnosis/search/law_selection.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -6,10 +6,10 @@
 #include <set>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
-#include "graybox/diagnosis/search/plain_laws.hpp"
-#include "graybox/diagnosis/search/renewal.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/plain_laws.hpp"
+#include "diagnosis/search/renewal.hpp"
 
 namespace graybox {
 namespace {

@@ -1,12 +1,12 @@
-#include "graybox/diagnosis/search/mismatch_detection.hpp"
+#include "diagnosis/search/mismatch_detection.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/plain_laws.hpp"
+#include "diagnosis/search/plain_laws.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/law_pruning.hpp"
 
 namespace graybox {
 namespace {
@@ -120,8 +120,8 @@ void free_what_is_uncertain(SearchState& state) {
   }
   state.result.after = best;
   state.settle_shapes();
-  state.result.freed_model = FreedModel{
-      error_stated, error_freed, state.problem->validate(best).has_value(), {}};
+  state.result.freed_model =
+      FreedModel{error_stated, error_freed, state.problem->validate(best).has_value(), {}};
 }
 
 }  // namespace

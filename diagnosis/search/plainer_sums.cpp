@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/search/plainer_sums.hpp"
+#include "diagnosis/search/plainer_sums.hpp"
 
 #include <algorithm>
 #include <set>
 #include <span>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
 
 namespace graybox {
 namespace {

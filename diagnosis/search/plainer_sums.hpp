@@ -12,7 +12,7 @@
 
 #include <vector>
 
-#include "graybox/diagnosis/search/search_state.hpp"
+#include "diagnosis/search/search_state.hpp"
 
 namespace graybox {
 

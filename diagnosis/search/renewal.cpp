@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/search/renewal.hpp"
+#include "diagnosis/search/renewal.hpp"
 
 #include <algorithm>
 #include <memory>
 #include <set>
 #include <utility>
 
-#include "graybox/diagnosis/search/mismatch_detection.hpp"
+#include "diagnosis/search/mismatch_detection.hpp"
 
 namespace graybox {
 namespace {

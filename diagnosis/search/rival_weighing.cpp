@@ -1,16 +1,16 @@
-#include "graybox/diagnosis/search/rival_weighing.hpp"
+#include "diagnosis/search/rival_weighing.hpp"
 
 #include <algorithm>
 #include <iterator>
 #include <span>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/explanation_class.hpp"
-#include "graybox/diagnosis/search/law_pruning.hpp"
-#include "graybox/diagnosis/search/plainer_sums.hpp"
-#include "graybox/diagnosis/search/renewal.hpp"
-#include "graybox/diagnosis/search/verification.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/explanation_class.hpp"
+#include "diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/plainer_sums.hpp"
+#include "diagnosis/search/renewal.hpp"
+#include "diagnosis/search/verification.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/search_state.hpp"
+#include "diagnosis/search/search_state.hpp"
 
 #include <utility>
 

@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/search/candidate_refits.hpp"
-#include "graybox/diagnosis/search/diagnosis.hpp"
-#include "graybox/diagnosis/search/fit_comparison.hpp"
-#include "graybox/diagnosis/search/search_options.hpp"
+#include "diagnosis/search/candidate_refits.hpp"
+#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/fit_comparison.hpp"
+#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

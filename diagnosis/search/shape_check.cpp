@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/shape_check.hpp"
+#include "diagnosis/search/shape_check.hpp"
 
 #include <algorithm>
 #include <map>
@@ -6,10 +6,10 @@
 #include <span>
 #include <utility>
 
-#include "graybox/diagnosis/search/candidate_ranking.hpp"
-#include "graybox/diagnosis/search/law_selection.hpp"
-#include "graybox/diagnosis/search/rival_weighing.hpp"
-#include "graybox/diagnosis/search/verification.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
+#include "diagnosis/search/law_selection.hpp"
+#include "diagnosis/search/rival_weighing.hpp"
+#include "diagnosis/search/verification.hpp"
 
 namespace graybox {
 namespace {

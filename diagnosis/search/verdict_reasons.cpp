@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
 
 #include <fmt/format.h>
 

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis.hpp"
-#include "graybox/diagnosis/search/search_options.hpp"
+#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/diagnosis/search/verification.hpp"
+#include "diagnosis/search/verification.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
-#include "graybox/problems/distributions.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
+#include "problems/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -1,7 +1,7 @@
 // Step 6 of the search (diagnosis_search.hpp): is what the laws leave no more than noise?
 #pragma once
 
-#include "graybox/diagnosis/search/search_state.hpp"
+#include "diagnosis/search/search_state.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

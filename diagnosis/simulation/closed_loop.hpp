@@ -19,8 +19,8 @@
 #include <functional>
 #include <optional>
 
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/simulation/exact_plant.hpp"
+#include "diagnosis/simulation/exact_plant.hpp"
 
 #include <Eigen/Cholesky>
 #include <unsupported/Eigen/MatrixFunctions>

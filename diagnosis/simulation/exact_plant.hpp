@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "graybox/diagnosis/simulation/mechanism.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/mechanism.hpp"
+#include "diagnosis/simulation/plant.hpp"
 
 namespace graybox {
 

@@ -1,14 +1,14 @@
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

@@ -28,7 +28,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/simulation/simulated_system.hpp"
+#include "diagnosis/simulation/simulated_system.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/simulation/integrated_plant.hpp"
+#include "diagnosis/simulation/integrated_plant.hpp"
 
 #include <arkode/arkode_erkstep.h>
 #include <fmt/format.h>
@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

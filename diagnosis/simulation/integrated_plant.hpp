@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 #include <memory>
 
-#include "graybox/diagnosis/simulation/mechanism.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/problems/elements/element_dynamics.hpp"
+#include "diagnosis/simulation/mechanism.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "problems/elements/element_dynamics.hpp"
 
 namespace graybox {
 

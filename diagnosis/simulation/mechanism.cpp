@@ -1,8 +1,8 @@
-#include "graybox/diagnosis/simulation/mechanism.hpp"
+#include "diagnosis/simulation/mechanism.hpp"
 
 #include <Eigen/Cholesky>
 
-#include "graybox/problems/robot_dynamics.hpp"
+#include "problems/robot_dynamics.hpp"
 
 namespace graybox {
 namespace {

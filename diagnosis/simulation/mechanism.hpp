@@ -5,9 +5,9 @@
 #include <Eigen/Core>
 #include <memory>
 
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/multisine.hpp"
 
 #include <fftw3.h>
 #include <fmt/format.h>
@@ -10,9 +10,9 @@
 #include <mutex>
 #include <numbers>
 
-#include "graybox/diagnosis/real_transform.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/real_transform.hpp"
+#include "problems/error.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/plant.hpp"
 
 #include <fmt/format.h>
 
-#include "graybox/diagnosis/simulation/exact_plant.hpp"
-#include "graybox/diagnosis/simulation/integrated_plant.hpp"
-#include "graybox/diagnosis/simulation/mechanism.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/simulation/exact_plant.hpp"
+#include "diagnosis/simulation/integrated_plant.hpp"
+#include "diagnosis/simulation/mechanism.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

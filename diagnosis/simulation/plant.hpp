@@ -21,10 +21,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/local_model.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/local_model.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/diagnosis/simulation/recording_writer.hpp"
+#include "diagnosis/simulation/recording_writer.hpp"
 
 #include <fmt/format.h>
 
 #include <iterator>
 
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/hdf5_writer.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/hdf5_writer.hpp"
 
 namespace graybox {
 namespace {

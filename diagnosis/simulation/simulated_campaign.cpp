@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/simulation/simulated_campaign.hpp"
+#include "diagnosis/simulation/simulated_campaign.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -16,16 +16,16 @@
 #include <numbers>
 #include <vector>
 
-#include "graybox/diagnosis/simulation/closed_loop.hpp"
-#include "graybox/diagnosis/simulation/multisine.hpp"
-#include "graybox/diagnosis/simulation/plant.hpp"
-#include "graybox/diagnosis/simulation/recording_writer.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/folder_lock.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
-#include "graybox/problems/program_version.hpp"
-#include "graybox/problems/random.hpp"
+#include "diagnosis/simulation/closed_loop.hpp"
+#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/recording_writer.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/folder_lock.hpp"
+#include "problems/formats/temporary_name.hpp"
+#include "problems/program_version.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

@@ -15,8 +15,8 @@
 #include <functional>
 #include <string>
 
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/diagnosis/simulation/simulated_system.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "diagnosis/simulation/simulated_system.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/diagnosis/simulation/simulated_system.hpp"
+#include "diagnosis/simulation/simulated_system.hpp"
 
 #include <fmt/format.h>
 
 #include <numbers>
 
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/environment_text.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/environment_text.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 namespace {

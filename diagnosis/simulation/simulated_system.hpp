@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/simulation/plant.hpp"
+#include "diagnosis/simulation/plant.hpp"
 
 namespace graybox {
 

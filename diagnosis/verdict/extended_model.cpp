@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/extended_model.hpp"
+#include "diagnosis/verdict/extended_model.hpp"
 
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
@@ -7,9 +7,9 @@
 #include <set>
 #include <string_view>
 
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/error.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

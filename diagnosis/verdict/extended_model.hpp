@@ -14,7 +14,7 @@
 #include <span>
 #include <string>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
 
 namespace graybox {
 

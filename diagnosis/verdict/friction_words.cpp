@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/friction_words.hpp"
+#include "diagnosis/verdict/friction_words.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 #include <optional>
 #include <string_view>
 
-#include "graybox/diagnosis/verdict/law_words.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "diagnosis/verdict/law_words.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 namespace {

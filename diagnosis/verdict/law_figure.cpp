@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/law_figure.hpp"
+#include "diagnosis/verdict/law_figure.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/quantile.hpp"
+#include "problems/quantile.hpp"
 
 namespace graybox {
 namespace {

@@ -6,8 +6,8 @@
 // forces, so that no outlier sets it.
 #pragma once
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/law_words.hpp"
+#include "diagnosis/verdict/law_words.hpp"
 
 #include <fmt/format.h>
 

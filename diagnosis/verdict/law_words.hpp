@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "graybox/diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/next_plan.hpp"
+#include "diagnosis/verdict/next_plan.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/next_experiment.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
+#include "diagnosis/hypotheses/next_experiment.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 
 namespace graybox {
 

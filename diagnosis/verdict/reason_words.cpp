@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/reason_words.hpp"
+#include "diagnosis/verdict/reason_words.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "graybox/diagnosis/search/verdict_reasons.hpp"
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
 
 namespace graybox {
 namespace {

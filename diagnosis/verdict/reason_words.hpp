@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis.hpp"
+#include "diagnosis/search/diagnosis.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/report_page.hpp"
+#include "diagnosis/verdict/report_page.hpp"
 
 #include <fmt/format.h>
 
@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 
-#include "graybox/diagnosis/verdict/law_figure.hpp"
-#include "graybox/diagnosis/verdict/reason_words.hpp"
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "diagnosis/verdict/law_figure.hpp"
+#include "diagnosis/verdict/reason_words.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox {
 namespace {

@@ -10,8 +10,8 @@
 #include <span>
 #include <string>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
-#include "graybox/diagnosis/verdict/verdict_file.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/verdict/svg_chart.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "graybox/diagnosis/verdict/verdict_file.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
 
 #include <yaml-cpp/yaml.h>
 
@@ -8,12 +8,12 @@
 #include <numeric>
 #include <set>
 
-#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
-#include "graybox/diagnosis/responses/distortion.hpp"
-#include "graybox/diagnosis/verdict/reason_words.hpp"
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
-#include "graybox/problems/distributions.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "diagnosis/plausibility/plausibility_words.hpp"
+#include "diagnosis/responses/distortion.hpp"
+#include "diagnosis/verdict/reason_words.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/distributions.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox {
 namespace {

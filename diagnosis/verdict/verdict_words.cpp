@@ -1,16 +1,16 @@
-#include "graybox/diagnosis/verdict/verdict_words.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/diagnosis/hypotheses/fit_physics.hpp"
-#include "graybox/diagnosis/plausibility/plausibility_words.hpp"
-#include "graybox/diagnosis/verdict/friction_words.hpp"
-#include "graybox/diagnosis/verdict/law_words.hpp"
-#include "graybox/diagnosis/verdict/reason_words.hpp"
-#include "graybox/diagnosis/verdict/verdict_file.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/plausibility/plausibility_words.hpp"
+#include "diagnosis/verdict/friction_words.hpp"
+#include "diagnosis/verdict/law_words.hpp"
+#include "diagnosis/verdict/reason_words.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
 
 namespace graybox {
 

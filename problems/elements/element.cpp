@@ -1,4 +1,4 @@
-#include "graybox/problems/elements/element.hpp"
+#include "problems/elements/element.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <set>
 
-#include "graybox/problems/elements/law_file.hpp"
+#include "problems/elements/law_file.hpp"
 
 namespace graybox {
 namespace {

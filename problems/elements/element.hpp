@@ -32,8 +32,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/yaml_field.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/yaml_field.hpp"
 
 namespace graybox {
 

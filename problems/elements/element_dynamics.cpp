@@ -1,11 +1,11 @@
-#include "graybox/problems/elements/element_dynamics.hpp"
+#include "problems/elements/element_dynamics.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <span>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

@@ -16,7 +16,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "graybox/problems/elements/element.hpp"
+#include "problems/elements/element.hpp"
 
 namespace graybox {
 

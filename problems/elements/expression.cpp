@@ -1,5 +1,5 @@
-#include "graybox/problems/elements/expression.hpp"
-#include "graybox/problems/shortened.hpp"
+#include "problems/elements/expression.hpp"
+#include "problems/shortened.hpp"
 
 #include <fmt/format.h>
 

@@ -20,7 +20,7 @@
 #include <memory>
 #include <span>
 
-#include "graybox/problems/elements/law.hpp"
+#include "problems/elements/law.hpp"
 
 namespace graybox {
 

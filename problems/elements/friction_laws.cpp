@@ -5,8 +5,8 @@
 // than needed, for the integrator's steps shrink with it.
 #include <cmath>
 
-#include "graybox/problems/elements/formula_law.hpp"
-#include "graybox/problems/elements/law_lists.hpp"
+#include "problems/elements/formula_law.hpp"
+#include "problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/elements/formula_law.hpp"
-#include "graybox/problems/elements/law_lists.hpp"
+#include "problems/elements/formula_law.hpp"
+#include "problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {

@@ -1,5 +1,5 @@
 // What changes the inertia itself: no force law, the mass matrix takes it up.
-#include "graybox/problems/elements/law_lists.hpp"
+#include "problems/elements/law_lists.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 #include <algorithm>
 #include <iterator>
 #include <stdexcept>
 #include <utility>
 
-#include "graybox/problems/elements/law_lists.hpp"
+#include "problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {

@@ -23,7 +23,7 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/elements/law.hpp"
+#include "problems/elements/law.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/elements/law_file.hpp"
+#include "problems/elements/law_file.hpp"
 
 #include <ceres/jet.h>
 #include <fmt/format.h>
@@ -13,9 +13,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "graybox/problems/elements/expression.hpp"
-#include "graybox/problems/elements/law_catalogue.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/elements/expression.hpp"
+#include "problems/elements/law_catalogue.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

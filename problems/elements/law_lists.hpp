@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "graybox/problems/elements/law_catalogue.hpp"
+#include "problems/elements/law_catalogue.hpp"
 
 namespace graybox {
 

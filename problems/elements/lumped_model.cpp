@@ -1,4 +1,4 @@
-#include "graybox/problems/elements/lumped_model.hpp"
+#include "problems/elements/lumped_model.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,8 +8,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/units.hpp"
+#include "problems/error.hpp"
+#include "problems/units.hpp"
 
 namespace graybox {
 namespace {

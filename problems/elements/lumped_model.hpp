@@ -64,8 +64,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

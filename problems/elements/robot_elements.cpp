@@ -1,4 +1,4 @@
-#include "graybox/problems/elements/robot_elements.hpp"
+#include "problems/elements/robot_elements.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,8 +7,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/local_model.hpp"
+#include "problems/error.hpp"
+#include "problems/local_model.hpp"
 
 namespace graybox {
 namespace {

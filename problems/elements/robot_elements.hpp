@@ -21,9 +21,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/elements/element_dynamics.hpp"
-#include "graybox/problems/robot_model.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/elements/element_dynamics.hpp"
+#include "problems/robot_model.hpp"
 
 namespace graybox {
 

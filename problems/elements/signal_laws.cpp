@@ -1,6 +1,6 @@
 // Laws of actuators and sensors: the signal s becomes s + f(s), or s + f(d) with a driving input d.
-#include "graybox/problems/elements/formula_law.hpp"
-#include "graybox/problems/elements/law_lists.hpp"
+#include "problems/elements/formula_law.hpp"
+#include "problems/elements/law_lists.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "graybox/problems/random.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 

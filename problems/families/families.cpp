@@ -1,4 +1,4 @@
-#include "graybox/problems/families/families.hpp"
+#include "problems/families/families.hpp"
 
 #include <fmt/format.h>
 
@@ -6,10 +6,10 @@
 #include <functional>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/random_families.hpp"
-#include "graybox/problems/families/regression.hpp"
-#include "graybox/problems/families/smooth_family.hpp"
+#include "problems/error.hpp"
+#include "problems/families/random_families.hpp"
+#include "problems/families/regression.hpp"
+#include "problems/families/smooth_family.hpp"
 
 namespace graybox {
 namespace {

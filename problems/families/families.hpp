@@ -35,7 +35,7 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

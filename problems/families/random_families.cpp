@@ -1,4 +1,4 @@
-#include "graybox/problems/families/random_families.hpp"
+#include "problems/families/random_families.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/families/candidate_stream.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/families/candidate_stream.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

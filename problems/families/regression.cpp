@@ -1,4 +1,4 @@
-#include "graybox/problems/families/regression.hpp"
+#include "problems/families/regression.hpp"
 
 #include <fmt/format.h>
 
@@ -9,8 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

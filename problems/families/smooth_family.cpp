@@ -1,4 +1,4 @@
-#include "graybox/problems/families/smooth_family.hpp"
+#include "problems/families/smooth_family.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/families/candidate_stream.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/random.hpp"
+#include "problems/families/candidate_stream.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

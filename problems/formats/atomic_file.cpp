@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/atomic_file.hpp"
+#include "problems/formats/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -14,9 +14,9 @@
 #include <fstream>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_guard.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 namespace graybox {
 namespace {

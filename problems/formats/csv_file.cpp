@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/csv_file.hpp"
+#include "problems/formats/csv_file.hpp"
 
 #include <fmt/format.h>
 
@@ -13,13 +13,13 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
-#include "graybox/problems/formats/text_lines.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/symmetric_packer.hpp"
+#include "problems/formats/text_lines.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

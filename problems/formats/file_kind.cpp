@@ -1,8 +1,8 @@
-#include "graybox/problems/formats/file_kind.hpp"
+#include "problems/formats/file_kind.hpp"
 
 #include <fmt/format.h>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

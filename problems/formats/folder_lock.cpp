@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/folder_lock.hpp"
+#include "problems/formats/folder_lock.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -7,8 +7,8 @@
 
 #include <cerrno>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/hdf5_file.hpp"
+#include "problems/formats/hdf5_file.hpp"
 
 #include <fmt/format.h>
 #include <hdf5.h>
@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_support.hpp"
-#include "graybox/problems/formats/hdf5_writer.hpp"
-#include "graybox/problems/formats/stored_set.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_support.hpp"
+#include "problems/formats/hdf5_writer.hpp"
+#include "problems/formats/stored_set.hpp"
+#include "problems/formats/symmetric_packer.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

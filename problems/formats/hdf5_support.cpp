@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/hdf5_support.hpp"
+#include "problems/formats/hdf5_support.hpp"
 
 #include <fmt/format.h>
 
@@ -9,10 +9,10 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/quiet_hdf5.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/quiet_hdf5.hpp"
+#include "problems/formats/symmetric_packer.hpp"
 
 namespace graybox {
 

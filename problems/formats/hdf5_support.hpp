@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/formats/stored_set.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/formats/stored_set.hpp"
 
 namespace graybox::hdf5 {
 

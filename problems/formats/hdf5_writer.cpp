@@ -1,13 +1,13 @@
-#include "graybox/problems/formats/hdf5_writer.hpp"
+#include "problems/formats/hdf5_writer.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/program_version.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/program_version.hpp"
 
 namespace graybox::hdf5 {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/formats/hdf5_support.hpp"
+#include "problems/formats/hdf5_support.hpp"
 
 namespace graybox::hdf5 {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/information_set_file.hpp"
+#include "problems/formats/information_set_file.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -13,13 +13,13 @@
 #include <fstream>
 #include <string_view>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/csv_file.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/mat_file.hpp"
-#include "graybox/problems/formats/npy_file.hpp"
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/csv_file.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/mat_file.hpp"
+#include "problems/formats/npy_file.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 namespace graybox {
 namespace {

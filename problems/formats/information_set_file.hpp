@@ -14,7 +14,7 @@
 
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/input_file.hpp"
+#include "problems/formats/input_file.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -10,8 +10,8 @@
 #include <cstring>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_guard.hpp"
 
 namespace graybox {
 

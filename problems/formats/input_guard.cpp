@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/input_guard.hpp"
+#include "problems/formats/input_guard.hpp"
 
 #include <mutex>
 #include <set>

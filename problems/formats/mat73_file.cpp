@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/mat73_file.hpp"
+#include "problems/formats/mat73_file.hpp"
 
 #include <fmt/format.h>
 
@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_support.hpp"
-#include "graybox/problems/formats/mat_variable.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_support.hpp"
+#include "problems/formats/mat_variable.hpp"
+#include "problems/formats/symmetric_packer.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

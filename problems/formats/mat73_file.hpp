@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "graybox/problems/formats/stored_set.hpp"
+#include "problems/formats/stored_set.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/mat_file.hpp"
+#include "problems/formats/mat_file.hpp"
 
 #include <fmt/format.h>
 #include <matio.h>
@@ -10,16 +10,16 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/mat73_file.hpp"
-#include "graybox/problems/formats/mat_handles.hpp"
-#include "graybox/problems/formats/mat_sizes.hpp"
-#include "graybox/problems/formats/mat_variable.hpp"
-#include "graybox/problems/formats/stored_set.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/mat73_file.hpp"
+#include "problems/formats/mat_handles.hpp"
+#include "problems/formats/mat_sizes.hpp"
+#include "problems/formats/mat_variable.hpp"
+#include "problems/formats/stored_set.hpp"
+#include "problems/formats/symmetric_packer.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

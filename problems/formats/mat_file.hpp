@@ -5,8 +5,8 @@
 
 #include <string>
 
-#include "graybox/problems/formats/reading_process.hpp"
-#include "graybox/problems/information_set.hpp"
+#include "problems/formats/reading_process.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

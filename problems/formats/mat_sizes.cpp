@@ -1,13 +1,13 @@
-#include "graybox/problems/formats/mat_sizes.hpp"
+#include "problems/formats/mat_sizes.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <limits>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
 
 namespace graybox {
 namespace {

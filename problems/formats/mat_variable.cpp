@@ -1,10 +1,10 @@
-#include "graybox/problems/formats/mat_variable.hpp"
+#include "problems/formats/mat_variable.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 

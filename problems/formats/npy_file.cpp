@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/npy_file.hpp"
+#include "problems/formats/npy_file.hpp"
 
 #include <fmt/format.h>
 
@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/symmetric_packer.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/reading_message.hpp"
+#include "problems/formats/reading_message.hpp"
 
 #include <sys/mman.h>
 #include <unistd.h>

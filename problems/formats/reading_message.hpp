@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
+#include "problems/aligned_array.hpp"
 
 namespace graybox {
 

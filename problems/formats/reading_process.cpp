@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/reading_process.hpp"
+#include "problems/formats/reading_process.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -16,10 +16,10 @@
 #include <filesystem>
 #include <utility>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/input_guard.hpp"
 
 namespace graybox {
 namespace {

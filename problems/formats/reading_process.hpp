@@ -30,8 +30,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/formats/reading_message.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/formats/reading_message.hpp"
 
 namespace graybox {
 

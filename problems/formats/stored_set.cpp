@@ -1,10 +1,10 @@
-#include "graybox/problems/formats/stored_set.hpp"
+#include "problems/formats/stored_set.hpp"
 
 #include <utility>
 
-#include "graybox/problems/available_memory.hpp"
-#include "graybox/problems/formats/input_file.hpp"
-#include "graybox/problems/formats/symmetric_packer.hpp"
+#include "problems/available_memory.hpp"
+#include "problems/formats/input_file.hpp"
+#include "problems/formats/symmetric_packer.hpp"
 
 namespace graybox {
 namespace {

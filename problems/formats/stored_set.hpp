@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/formats/reading_process.hpp"
-#include "graybox/problems/information_set.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/formats/reading_process.hpp"
+#include "problems/information_set.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/problems/formats/symmetric_packer.hpp"
+#include "problems/formats/symmetric_packer.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

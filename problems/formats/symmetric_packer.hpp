@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <string>
 
-#include "graybox/problems/aligned_array.hpp"
+#include "problems/aligned_array.hpp"
 
 namespace graybox {
 

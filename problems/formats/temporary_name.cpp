@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/temporary_name.hpp"
+#include "problems/formats/temporary_name.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

@@ -1,4 +1,4 @@
-#include "graybox/problems/formats/text_lines.hpp"
+#include "problems/formats/text_lines.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

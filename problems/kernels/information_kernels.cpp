@@ -1,7 +1,7 @@
-#include "graybox/problems/kernels/information_kernels.hpp"
+#include "problems/kernels/information_kernels.hpp"
 
-#include "graybox/problems/kernels/vector_width.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/kernels/vector_width.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace information_generic {

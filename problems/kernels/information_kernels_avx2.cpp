@@ -2,13 +2,13 @@
 // set by cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/problems/kernels/information_kernels.hpp"
+#include "problems/kernels/information_kernels.hpp"
 
 namespace graybox::information_avx2 {
 namespace {
 
 constexpr int kLanes = 4;
-#include "graybox/problems/kernels/information_kernels_body.inc"
+#include "problems/kernels/information_kernels_body.inc"
 
 }  // namespace
 

@@ -2,13 +2,13 @@
 // set by cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/problems/kernels/information_kernels.hpp"
+#include "problems/kernels/information_kernels.hpp"
 
 namespace graybox::information_generic {
 namespace {
 
 constexpr int kLanes = 2;
-#include "graybox/problems/kernels/information_kernels_body.inc"
+#include "problems/kernels/information_kernels_body.inc"
 
 }  // namespace
 

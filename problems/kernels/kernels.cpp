@@ -1,6 +1,6 @@
-#include "graybox/problems/kernels/kernels.hpp"
+#include "problems/kernels/kernels.hpp"
 
-#include "graybox/problems/kernels/vector_width.hpp"
+#include "problems/kernels/vector_width.hpp"
 
 namespace graybox {
 namespace kernels_generic {

@@ -2,13 +2,13 @@
 // problems/CMakeLists.txt.
 #include <cstddef>
 
-#include "graybox/problems/kernels/kernels.hpp"
+#include "problems/kernels/kernels.hpp"
 
 namespace graybox::kernels_avx512 {
 namespace {
 
 constexpr int kLanes = 8;
-#include "graybox/problems/kernels/kernels_body.inc"
+#include "problems/kernels/kernels_body.inc"
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-#include "graybox/problems/kernels/vector_width.hpp"
+#include "problems/kernels/vector_width.hpp"
 
 #include <cstdlib>
 #include <string_view>

@@ -1,8 +1,8 @@
-#include "graybox/problems/mechanics/chain_dynamics.hpp"
+#include "problems/mechanics/chain_dynamics.hpp"
 
 #include <cmath>
 
-#include "graybox/problems/mechanics/cross_matrix.hpp"
+#include "problems/mechanics/cross_matrix.hpp"
 
 namespace graybox {
 

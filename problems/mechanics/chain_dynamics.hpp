@@ -21,7 +21,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 namespace graybox {
 

@@ -1,8 +1,8 @@
-#include "graybox/problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanics/rigid_body_regressor.hpp"
 
 #include <cmath>
 
-#include "graybox/problems/mechanics/cross_matrix.hpp"
+#include "problems/mechanics/cross_matrix.hpp"
 
 namespace graybox {
 namespace {

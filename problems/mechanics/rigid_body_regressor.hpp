@@ -26,7 +26,7 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 namespace graybox {
 

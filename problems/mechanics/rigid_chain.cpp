@@ -1,4 +1,4 @@
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <kdl/chaindynparam.hpp>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

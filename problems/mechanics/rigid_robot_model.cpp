@@ -1,4 +1,4 @@
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -9,9 +9,9 @@
 #include <numbers>
 #include <set>
 
-#include "graybox/problems/environment_text.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/mechanics/urdf_chain.hpp"
+#include "problems/environment_text.hpp"
+#include "problems/error.hpp"
+#include "problems/mechanics/urdf_chain.hpp"
 
 namespace graybox {
 namespace {

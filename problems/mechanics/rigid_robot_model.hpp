@@ -36,8 +36,8 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/elements/element.hpp"
-#include "graybox/problems/mechanics/rigid_chain.hpp"
+#include "problems/elements/element.hpp"
+#include "problems/mechanics/rigid_chain.hpp"
 
 namespace graybox {
 

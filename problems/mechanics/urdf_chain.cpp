@@ -1,4 +1,4 @@
-#include "graybox/problems/mechanics/urdf_chain.hpp"
+#include "problems/mechanics/urdf_chain.hpp"
 
 #include <console_bridge/console.h>
 #include <fmt/format.h>
@@ -12,9 +12,9 @@
 #include <set>
 #include <sstream>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/file_kind.hpp"
-#include "graybox/problems/formats/input_guard.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/file_kind.hpp"
+#include "problems/formats/input_guard.hpp"
 
 namespace graybox {
 namespace {

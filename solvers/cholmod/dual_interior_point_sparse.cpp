@@ -1,7 +1,7 @@
-#include "graybox/solvers/cholmod/dual_interior_point_sparse.hpp"
+#include "solvers/cholmod/dual_interior_point_sparse.hpp"
 
-#include "graybox/solvers/cholmod/sparse_range_system.hpp"
-#include "graybox/solvers/dual_newton.hpp"
+#include "solvers/cholmod/sparse_range_system.hpp"
+#include "solvers/dual_newton.hpp"
 
 namespace graybox {
 

@@ -7,7 +7,7 @@
 // graybox::solvers_cholmod, because parts of CHOLMOD are under the GPL.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

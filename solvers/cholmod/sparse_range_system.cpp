@@ -1,4 +1,4 @@
-#include "graybox/solvers/cholmod/sparse_range_system.hpp"
+#include "solvers/cholmod/sparse_range_system.hpp"
 
 #include <cholmod.h>
 
@@ -8,7 +8,7 @@
 #include <numeric>
 #include <vector>
 
-#include "graybox/problems/stop.hpp"
+#include "problems/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "graybox/solvers/range_system.hpp"
+#include "solvers/range_system.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/solvers/distributed/distributed_certificate.hpp"
+#include "solvers/distributed/distributed_certificate.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/solvers/distributed/mpi_transfer.hpp"
+#include "solvers/distributed/mpi_transfer.hpp"
 
 namespace graybox {
 namespace {

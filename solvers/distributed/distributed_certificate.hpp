@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
 
 namespace graybox {
 

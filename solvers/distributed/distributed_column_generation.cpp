@@ -1,4 +1,4 @@
-#include "graybox/solvers/distributed/distributed_column_generation.hpp"
+#include "solvers/distributed/distributed_column_generation.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,17 +11,17 @@
 #include <string>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/distributed/mpi_transfer.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
-#include "graybox/solvers/exact/whitened_pool.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
-#include "graybox/solvers/sensitivity_sample.hpp"
-#include "graybox/solvers/solve_report.hpp"
-#include "graybox/solvers/tracer.hpp"
-#include "graybox/solvers/working_set.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/random.hpp"
+#include "problems/stop.hpp"
+#include "solvers/distributed/mpi_transfer.hpp"
+#include "solvers/exact/relaxation.hpp"
+#include "solvers/exact/whitened_pool.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/sensitivity_sample.hpp"
+#include "solvers/solve_report.hpp"
+#include "solvers/tracer.hpp"
+#include "solvers/working_set.hpp"
 
 namespace graybox {
 namespace {

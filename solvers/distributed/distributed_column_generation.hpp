@@ -24,9 +24,9 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/distributed/distributed_certificate.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/distributed/distributed_certificate.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

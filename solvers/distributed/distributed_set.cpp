@@ -1,4 +1,4 @@
-#include "graybox/solvers/distributed/distributed_set.hpp"
+#include "solvers/distributed/distributed_set.hpp"
 
 #include <fmt/format.h>
 
@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/problems/set_validation.hpp"
-#include "graybox/problems/sha256.hpp"
-#include "graybox/solvers/distributed/mpi_transfer.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/packed_matrix.hpp"
+#include "problems/set_validation.hpp"
+#include "problems/sha256.hpp"
+#include "solvers/distributed/mpi_transfer.hpp"
 
 namespace graybox {
 namespace {

@@ -16,9 +16,9 @@
 #include <cstddef>
 #include <string>
 
-#include "graybox/problems/formats/information_set_file.hpp"
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/semidefinite_projection.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "problems/information_set.hpp"
+#include "problems/semidefinite_projection.hpp"
 
 namespace graybox {
 

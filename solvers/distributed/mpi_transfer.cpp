@@ -1,4 +1,4 @@
-#include "graybox/solvers/distributed/mpi_transfer.hpp"
+#include "solvers/distributed/mpi_transfer.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/box_bound.hpp"
+#include "solvers/exact/box_bound.hpp"
 
 #include <algorithm>
 #include <cmath>

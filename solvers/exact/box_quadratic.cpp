@@ -1,11 +1,11 @@
-#include "graybox/solvers/exact/box_quadratic.hpp"
+#include "solvers/exact/box_quadratic.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 

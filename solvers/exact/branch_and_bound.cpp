@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/branch_and_bound.hpp"
+#include "solvers/exact/branch_and_bound.hpp"
 
 #include <omp.h>
 
@@ -9,14 +9,14 @@
 #include <optional>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/exact/exact_certificate.hpp"
-#include "graybox/solvers/exact/exact_screening.hpp"
-#include "graybox/solvers/exact/exchange.hpp"
-#include "graybox/solvers/exact/local_exchange.hpp"
-#include "graybox/solvers/exact/node_relaxation.hpp"
-#include "graybox/solvers/exact/tree_checkpoint.hpp"
+#include "problems/error.hpp"
+#include "problems/stop.hpp"
+#include "solvers/exact/exact_certificate.hpp"
+#include "solvers/exact/exact_screening.hpp"
+#include "solvers/exact/exchange.hpp"
+#include "solvers/exact/local_exchange.hpp"
+#include "solvers/exact/node_relaxation.hpp"
+#include "solvers/exact/tree_checkpoint.hpp"
 
 namespace graybox {
 namespace {

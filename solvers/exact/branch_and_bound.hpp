@@ -31,7 +31,7 @@
 // options.memory_limit the run ends as kMemoryLimit. Cost: nodes times that of NodeRelaxation.
 #pragma once
 
-#include "graybox/solvers/exact/exact_method.hpp"
+#include "solvers/exact/exact_method.hpp"
 
 namespace graybox {
 

@@ -1,10 +1,10 @@
-#include "graybox/solvers/exact/efficient_rounding.hpp"
+#include "solvers/exact/efficient_rounding.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "graybox/solvers/exact/rounded_solution.hpp"
+#include "solvers/exact/rounded_solution.hpp"
 
 namespace graybox {
 

@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "graybox/solvers/exact/exact_method.hpp"
+#include "solvers/exact/exact_method.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/exact_certificate.hpp"
+#include "solvers/exact/exact_certificate.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "graybox/solvers/exact/whitened_pool.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "solvers/exact/whitened_pool.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 namespace {

@@ -16,10 +16,10 @@
 #include <limits>
 #include <string>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/exact/exact_design.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/exact/exact_design.hpp"
+#include "solvers/exact/relaxation.hpp"
 
 namespace graybox {
 

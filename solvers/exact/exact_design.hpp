@@ -10,7 +10,7 @@
 #include <numeric>
 #include <vector>
 
-#include "graybox/solvers/design.hpp"
+#include "solvers/design.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/exact_design_file.hpp"
+#include "solvers/exact/exact_design_file.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/solvers/design_file.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "solvers/design_file.hpp"
 
 namespace graybox {
 namespace {

@@ -16,9 +16,9 @@
 #include <optional>
 #include <string>
 
-#include "graybox/solvers/exact/exact_certificate.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
-#include "graybox/solvers/solve_report.hpp"
+#include "solvers/exact/exact_certificate.hpp"
+#include "solvers/exact/exact_method.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox {
 

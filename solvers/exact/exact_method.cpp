@@ -1,16 +1,16 @@
-#include "graybox/solvers/exact/exact_method.hpp"
+#include "solvers/exact/exact_method.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/exact/branch_and_bound.hpp"
-#include "graybox/solvers/exact/efficient_rounding.hpp"
-#include "graybox/solvers/exact/exact_certificate.hpp"
-#include "graybox/solvers/exact/exchange.hpp"
-#include "graybox/solvers/exact/rounding.hpp"
+#include "problems/error.hpp"
+#include "solvers/exact/branch_and_bound.hpp"
+#include "solvers/exact/efficient_rounding.hpp"
+#include "solvers/exact/exact_certificate.hpp"
+#include "solvers/exact/exchange.hpp"
+#include "solvers/exact/rounding.hpp"
 
 namespace graybox {
 std::string_view to_string(ExactStatus status) {

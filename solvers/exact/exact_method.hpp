@@ -23,9 +23,9 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/exact/exact_design.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/exact/exact_design.hpp"
+#include "solvers/exact/relaxation.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/exact_screening.hpp"
+#include "solvers/exact/exact_screening.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "graybox/solvers/screening.hpp"
+#include "solvers/screening.hpp"
 
 namespace graybox {
 

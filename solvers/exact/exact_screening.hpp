@@ -15,8 +15,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/exact/relaxation.hpp"
 
 namespace graybox {
 

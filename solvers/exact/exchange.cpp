@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/exchange.hpp"
+#include "solvers/exact/exchange.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -7,11 +7,11 @@
 #include <numeric>
 #include <utility>
 
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/exact/efficient_rounding.hpp"
-#include "graybox/solvers/exact/exact_screening.hpp"
-#include "graybox/solvers/exact/local_exchange.hpp"
-#include "graybox/solvers/exact/rounding.hpp"
+#include "problems/stop.hpp"
+#include "solvers/exact/efficient_rounding.hpp"
+#include "solvers/exact/exact_screening.hpp"
+#include "solvers/exact/local_exchange.hpp"
+#include "solvers/exact/rounding.hpp"
 
 namespace graybox {
 namespace {

@@ -1,11 +1,11 @@
-#include "graybox/solvers/exact/local_exchange.hpp"
+#include "solvers/exact/local_exchange.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

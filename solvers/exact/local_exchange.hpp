@@ -26,10 +26,10 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/random.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/exact/whitened_pool.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "problems/random.hpp"
+#include "problems/stop.hpp"
+#include "solvers/exact/whitened_pool.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 

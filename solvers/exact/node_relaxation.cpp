@@ -1,11 +1,11 @@
-#include "graybox/solvers/exact/node_relaxation.hpp"
+#include "solvers/exact/node_relaxation.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 namespace {

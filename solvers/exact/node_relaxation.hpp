@@ -44,12 +44,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/exact/box_bound.hpp"
-#include "graybox/solvers/exact/box_quadratic.hpp"
-#include "graybox/solvers/exact/whitened_pool.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/stop.hpp"
+#include "solvers/exact/box_bound.hpp"
+#include "solvers/exact/box_quadratic.hpp"
+#include "solvers/exact/whitened_pool.hpp"
+#include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {
 

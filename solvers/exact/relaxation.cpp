@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/relaxation.hpp"
+#include "solvers/exact/relaxation.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -9,9 +9,9 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/column_generation.hpp"
+#include "problems/error.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/column_generation.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/rounded_solution.hpp"
+#include "solvers/exact/rounded_solution.hpp"
 
 #include <chrono>
 

@@ -1,9 +1,9 @@
-#include "graybox/solvers/exact/rounding.hpp"
+#include "solvers/exact/rounding.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/solvers/exact/rounded_solution.hpp"
+#include "solvers/exact/rounded_solution.hpp"
 
 namespace graybox {
 

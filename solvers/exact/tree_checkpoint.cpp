@@ -1,4 +1,4 @@
-#include "graybox/solvers/exact/tree_checkpoint.hpp"
+#include "solvers/exact/tree_checkpoint.hpp"
 
 #include <fmt/format.h>
 
@@ -11,9 +11,9 @@
 #include <type_traits>
 #include <unordered_map>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/atomic_file.hpp"
-#include "graybox/problems/formats/input_file.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/atomic_file.hpp"
+#include "problems/formats/input_file.hpp"
 
 namespace graybox {
 namespace {

@@ -15,9 +15,9 @@
 #include <string>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/exact/exact_method.hpp"
-#include "graybox/solvers/exact/node_relaxation.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/exact/exact_method.hpp"
+#include "solvers/exact/node_relaxation.hpp"
 
 namespace graybox {
 

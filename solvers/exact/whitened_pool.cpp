@@ -1,11 +1,11 @@
-#include "graybox/solvers/exact/whitened_pool.hpp"
+#include "solvers/exact/whitened_pool.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "graybox/problems/packed_matrix.hpp"
+#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/exact/relaxation.hpp"
+#include "problems/information_set.hpp"
+#include "problems/stop.hpp"
+#include "solvers/exact/relaxation.hpp"
 
 namespace graybox {
 

@@ -1,13 +1,13 @@
-#include "graybox/solvers/ipopt/ipopt_dual.hpp"
+#include "solvers/ipopt/ipopt_dual.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/ipopt/ipopt_run.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/ipopt/ipopt_run.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -13,7 +13,7 @@
 // = 1. p variables, Q constraints: time per iteration O(Q p^2), memory O(Q p).
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,11 +1,11 @@
-#include "graybox/solvers/ipopt/ipopt_lifted.hpp"
+#include "solvers/ipopt/ipopt_lifted.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/ipopt/ipopt_run.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/ipopt/ipopt_run.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

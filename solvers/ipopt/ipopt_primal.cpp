@@ -1,4 +1,4 @@
-#include "graybox/solvers/ipopt/ipopt_primal.hpp"
+#include "solvers/ipopt/ipopt_primal.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/ipopt/ipopt_run.hpp"
-#include "graybox/solvers/sensitivity.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/ipopt/ipopt_run.hpp"
+#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "graybox/solvers/ipopt/ipopt_run.hpp"
+#include "solvers/ipopt/ipopt_run.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -25,10 +25,10 @@
 #include <thread>
 #include <utility>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/stop.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/stop.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox::ipopt {
 namespace {

@@ -17,8 +17,8 @@
 #include <span>
 #include <vector>
 
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox::ipopt {
 

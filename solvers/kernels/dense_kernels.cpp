@@ -1,6 +1,6 @@
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
-#include "graybox/problems/kernels/vector_width.hpp"
+#include "problems/kernels/vector_width.hpp"
 
 namespace graybox {
 namespace dense_kernels_generic {

@@ -1,13 +1,13 @@
 // Dense kernels for avx2: 4 doubles a vector; flags in cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox::dense_kernels_avx2 {
 namespace {
 
 constexpr int kLanes = 4;
-#include "graybox/solvers/kernels/dense_kernels_body.inc"
+#include "solvers/kernels/dense_kernels_body.inc"
 
 }  // namespace
 

@@ -1,13 +1,13 @@
 // Dense kernels for generic: 2 doubles a vector; flags in cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox::dense_kernels_generic {
 namespace {
 
 constexpr int kLanes = 2;
-#include "graybox/solvers/kernels/dense_kernels_body.inc"
+#include "solvers/kernels/dense_kernels_body.inc"
 
 }  // namespace
 

@@ -1,6 +1,6 @@
-#include "graybox/solvers/kernels/gram_kernels.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
 
-#include "graybox/problems/kernels/vector_width.hpp"
+#include "problems/kernels/vector_width.hpp"
 
 namespace graybox {
 namespace gram_kernels_generic {

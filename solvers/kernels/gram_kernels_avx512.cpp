@@ -2,7 +2,7 @@
 // cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/solvers/kernels/gram_kernels.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
 
 namespace graybox::gram_kernels_avx512 {
 namespace {
@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kLanes = 8;
 constexpr std::size_t kTileRows =
     12;  // 2 x 12 accumulators, and what they need, fill the registers
-#include "graybox/solvers/kernels/gram_kernels_body.inc"
+#include "solvers/kernels/gram_kernels_body.inc"
 
 }  // namespace
 

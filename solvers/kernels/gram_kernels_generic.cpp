@@ -2,14 +2,14 @@
 // cmake/GrayboxKernels.cmake.
 #include <cstddef>
 
-#include "graybox/solvers/kernels/gram_kernels.hpp"
+#include "solvers/kernels/gram_kernels.hpp"
 
 namespace graybox::gram_kernels_generic {
 namespace {
 
 constexpr std::size_t kLanes = 2;
 constexpr std::size_t kTileRows = 4;  // 2 x 4 accumulators, and what they need, fill the registers
-#include "graybox/solvers/kernels/gram_kernels_body.inc"
+#include "solvers/kernels/gram_kernels_body.inc"
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/nlopt/nlopt_handle.hpp"
+#include "solvers/nlopt/nlopt_handle.hpp"
 
 #include <new>
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/nlopt/nlopt_slsqp.hpp"
+#include "solvers/nlopt/nlopt_slsqp.hpp"
 
 #include <fmt/format.h>
 
@@ -13,13 +13,13 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/packed_matrix.hpp"
-#include "graybox/solvers/nlopt/nlopt_handle.hpp"
-#include "graybox/solvers/nonnegative_quadratic.hpp"
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/packed_matrix.hpp"
+#include "solvers/nlopt/nlopt_handle.hpp"
+#include "solvers/nonnegative_quadratic.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

@@ -30,7 +30,7 @@
 // not halved the gap and no candidate is left to add.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/nlopt/nlopt_weights.hpp"
+#include "solvers/nlopt/nlopt_weights.hpp"
 
 #include <fmt/format.h>
 
@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/nlopt/nlopt_handle.hpp"
-#include "graybox/solvers/normalized_set.hpp"
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/nlopt/nlopt_handle.hpp"
+#include "solvers/normalized_set.hpp"
+#include "solvers/sensitivity.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

@@ -30,7 +30,7 @@
 // iteration in counters and limits is an evaluation.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/robust/concentration_interior_point.hpp"
+#include "solvers/robust/concentration_interior_point.hpp"
 
 #include <fmt/format.h>
 
@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/information_step.hpp"
-#include "graybox/solvers/interior_point.hpp"
-#include "graybox/solvers/nesterov_todd.hpp"
-#include "graybox/solvers/primal_interior_point_low_rank.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/error.hpp"
+#include "solvers/information_step.hpp"
+#include "solvers/interior_point.hpp"
+#include "solvers/nesterov_todd.hpp"
+#include "solvers/primal_interior_point_low_rank.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

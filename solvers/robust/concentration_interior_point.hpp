@@ -51,8 +51,8 @@
 //   const auto proof = graybox::certify_concentrated(set, answer.design, limit);
 #pragma once
 
-#include "graybox/solvers/robust/concentration_limit.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "solvers/robust/concentration_limit.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/robust/concentration_limit.hpp"
+#include "solvers/robust/concentration_limit.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "graybox/problems/error.hpp"
+#include "problems/error.hpp"
 
 namespace graybox {
 namespace {

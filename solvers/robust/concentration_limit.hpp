@@ -28,9 +28,9 @@
 #include <cstddef>
 #include <span>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/extended_information.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/extended_information.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "graybox/solvers/robust/robust_column_generation.hpp"
+#include "solvers/robust/robust_column_generation.hpp"
 
 #include <fmt/format.h>
 
@@ -8,14 +8,14 @@
 #include <limits>
 #include <utility>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/problems/random.hpp"
-#include "graybox/solvers/best_design.hpp"
-#include "graybox/solvers/candidate_pool.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/robust/robust_working_set.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "problems/aligned_array.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "problems/random.hpp"
+#include "solvers/best_design.hpp"
+#include "solvers/candidate_pool.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/robust/robust_working_set.hpp"
+#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

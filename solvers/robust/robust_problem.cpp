@@ -1,4 +1,4 @@
-#include "graybox/solvers/robust/robust_problem.hpp"
+#include "solvers/robust/robust_problem.hpp"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/error.hpp"
-#include "graybox/solvers/column_generation.hpp"
-#include "graybox/solvers/extended_information.hpp"
+#include "problems/error.hpp"
+#include "solvers/column_generation.hpp"
+#include "solvers/extended_information.hpp"
 
 namespace graybox {
 namespace {

@@ -19,10 +19,10 @@
 #include <string_view>
 #include <vector>
 
-#include "graybox/problems/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design.hpp"
-#include "graybox/solvers/solver.hpp"
+#include "problems/information_set.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design.hpp"
+#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -1,12 +1,12 @@
-#include "graybox/solvers/robust/robust_working_set.hpp"
+#include "solvers/robust/robust_working_set.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
-#include "graybox/problems/kernels/kernels.hpp"
-#include "graybox/solvers/kernels/dense_kernels.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
 namespace {

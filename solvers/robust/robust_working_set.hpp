@@ -32,9 +32,9 @@
 #include <span>
 #include <vector>
 
-#include "graybox/problems/aligned_array.hpp"
-#include "graybox/solvers/inverse_cholesky.hpp"
-#include "graybox/solvers/robust/robust_problem.hpp"
+#include "problems/aligned_array.hpp"
+#include "solvers/inverse_cholesky.hpp"
+#include "solvers/robust/robust_problem.hpp"
 
 namespace graybox {
 

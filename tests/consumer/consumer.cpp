@@ -6,9 +6,10 @@
 
 #include "graybox/problems/information_set.hpp"
 #include "graybox/solvers/certificate.hpp"
+#include "solvers/registry.hpp"
 
 int main() {
-  constexpr std::array<double, 9> kPacked = {1, 0, 0, 0, 0, 4, 0.2, 0, 0.8};
+  constexpr std::array<double, 3 * kExperiments> kPacked = {1, 0, 0, 0, 0, 4, 0.2, 0, 0.8};
   graybox::AlignedArray information(kPacked.size());
   std::ranges::copy(kPacked, information.begin());
   const graybox::InformationSet set(2, std::move(information));

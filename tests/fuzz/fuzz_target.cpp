@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "readers.hpp"
+#include "tests/fuzz/readers.hpp"
 
 namespace {
 

@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "graybox/solvers/certificate.hpp"
-#include "graybox/solvers/design_limits.hpp"
-#include "graybox/solvers/solve_report.hpp"
+#include "solvers/certificate.hpp"
+#include "solvers/design_limits.hpp"
+#include "solvers/solve_report.hpp"
 
 namespace graybox {
 

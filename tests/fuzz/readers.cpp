@@ -1,4 +1,4 @@
-#include "readers.hpp"
+#include "tests/fuzz/readers.hpp"
 
 #include <Eigen/Core>
 #include <array>
@@ -11,22 +11,22 @@
 #include <system_error>
 #include <vector>
 
-#include "graybox/diagnosis/hypotheses/place_file.hpp"
-#include "graybox/diagnosis/recordings/campaign.hpp"
-#include "graybox/diagnosis/recordings/recording_formats.hpp"
-#include "graybox/diagnosis/simulation/excitation_plan.hpp"
-#include "graybox/problems/elements/expression.hpp"
-#include "graybox/problems/elements/law_file.hpp"
-#include "graybox/problems/elements/lumped_model.hpp"
-#include "graybox/problems/elements/robot_elements.hpp"
-#include "graybox/problems/error.hpp"
-#include "graybox/problems/formats/csv_file.hpp"
-#include "graybox/problems/formats/hdf5_file.hpp"
-#include "graybox/problems/formats/mat_file.hpp"
-#include "graybox/problems/formats/npy_file.hpp"
-#include "graybox/problems/mechanics/rigid_robot_model.hpp"
-#include "graybox/problems/robot_grid.hpp"
-#include "graybox/solvers/design_file.hpp"
+#include "diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/recording_formats.hpp"
+#include "diagnosis/simulation/excitation_plan.hpp"
+#include "problems/elements/expression.hpp"
+#include "problems/elements/law_file.hpp"
+#include "problems/elements/lumped_model.hpp"
+#include "problems/elements/robot_elements.hpp"
+#include "problems/error.hpp"
+#include "problems/formats/csv_file.hpp"
+#include "problems/formats/hdf5_file.hpp"
+#include "problems/formats/mat_file.hpp"
+#include "problems/formats/npy_file.hpp"
+#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/robot_grid.hpp"
+#include "solvers/design_file.hpp"
 
 namespace graybox::fuzz {
 namespace {
