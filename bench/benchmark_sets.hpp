@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox::bench {
 

@@ -29,8 +29,8 @@
 #include "diagnosis/simulation/excitation_plan.hpp"
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/robot_grid.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
 
 namespace {
 

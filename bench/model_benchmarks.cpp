@@ -42,13 +42,13 @@
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/local_model.hpp"
-#include "problems/mechanics/chain_dynamics.hpp"
-#include "problems/robot_dynamics.hpp"
-#include "problems/robot_grid.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/chain_dynamics.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/robot_dynamics.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
+#include "problems/robot_information/robot_information.hpp"
 
 namespace {
 

@@ -28,7 +28,7 @@
 #include "bench/pin_threads.hpp"
 #include "bench/study/plan.hpp"
 #include "bench/study/study_sets.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/hessian_assembly.hpp"
 #include "solvers/registry.hpp"

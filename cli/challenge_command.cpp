@@ -16,7 +16,7 @@
 #include "cli/commands.hpp"
 #include "cli/console.hpp"
 #include "cli/interrupt.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -5,11 +5,9 @@
 
 #include <CLI/CLI.hpp>
 
-namespace graybox::cli {
+#include "cli/exit_code.hpp"
 
-inline constexpr int kDone = 0;
-inline constexpr int kShort = 1;     // a numerical outcome short of what was asked
-inline constexpr int kBadInput = 2;  // bad input or usage
+namespace graybox::cli {
 
 struct Invocation {
   char** arguments = nullptr;  // argv of main

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/design.hpp"
 #include "solvers/solve_report.hpp"
 #include "solvers/solver.hpp"

@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox::cli {
 namespace {

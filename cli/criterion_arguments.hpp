@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/criterion.hpp"
 
 namespace graybox::cli {

@@ -16,8 +16,8 @@
 #include "cli/interrupt.hpp"
 #include "cli/robot_arguments.hpp"
 #include "diagnosis/sequential_design.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -31,10 +31,10 @@
 #include "diagnosis/verdict/report_page.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/elements/law_file.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/laws/law_file.hpp"
 
 namespace graybox::cli {
 namespace {

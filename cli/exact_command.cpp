@@ -18,8 +18,8 @@
 #include "cli/exact_table.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/set_arguments.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact/exact_method.hpp"
 

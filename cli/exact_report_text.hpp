@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 
 namespace graybox::cli {

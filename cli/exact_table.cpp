@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "cli/interrupt.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "solvers/exact/exact_certificate.hpp"
 
 namespace graybox::cli {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_method.hpp"
 
 namespace graybox::cli {

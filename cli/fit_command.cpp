@@ -11,9 +11,9 @@
 #include "cli/commands.hpp"
 #include "cli/fit_arguments.hpp"
 #include "cli/interrupt.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox::cli {
 namespace {

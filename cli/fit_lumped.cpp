@@ -10,7 +10,7 @@
 #include "cli/fit_arguments.hpp"
 #include "cli/interrupt.hpp"
 #include "diagnosis/output_error/output_error_fit.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::cli {
 namespace {

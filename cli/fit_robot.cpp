@@ -8,7 +8,7 @@
 #include "cli/interrupt.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/robot_fit.hpp"
-#include "problems/elements/robot_elements.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox::cli {
 

@@ -12,9 +12,8 @@
 #include <string_view>
 #include <utility>
 
-#include "cli/commands.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -1,5 +1,5 @@
 // How a command ends before its end: Ctrl-C (or SIGTERM) and --time-limit, both within a second or
-// so. What has to look at a clock asks problems/stop.hpp; this sets it.
+// so. What has to look at a clock asks problems/base/stop.hpp; this sets it.
 //
 // A command that is not listening ends at the first signal, as any program does: so do all that
 // hand nothing over. A second signal always ends the program.

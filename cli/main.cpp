@@ -8,11 +8,11 @@
 #include "cli/option_checks.hpp"
 #include "cli/start_up.hpp"
 #include "diagnosis/quiet_ceres.hpp"
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/program_version.hpp"
-#include "problems/shortened.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/base/shortened.hpp"
+#include "problems/base/stop.hpp"
 
 namespace {
 

@@ -14,8 +14,8 @@
 #include "bench/paper/robot_poses.hpp"
 #include "cli/commands.hpp"
 #include "cli/robot_arguments.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "solvers/design_file.hpp"
 

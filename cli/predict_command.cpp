@@ -11,8 +11,8 @@
 #include "cli/commands.hpp"
 #include "cli/interrupt.hpp"
 #include "diagnosis/prediction/model_prediction.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -8,12 +8,12 @@
 #include "cli/console.hpp"
 #include "cli/robot_arguments.hpp"
 #include "cli/set_arguments.hpp"
-#include "problems/available_memory.hpp"
+#include "problems/base/available_memory.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/robot_spectrum_information.hpp"
+#include "problems/robot_information/robot_information.hpp"
+#include "problems/robot_information/robot_spectrum_information.hpp"
 
 namespace graybox::cli {
 namespace {

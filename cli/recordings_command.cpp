@@ -11,7 +11,7 @@
 #include "cli/console.hpp"
 #include "cli/interrupt.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/formats/folder_lock.hpp"
+#include "problems/files/folder_lock.hpp"
 
 namespace graybox::cli {
 

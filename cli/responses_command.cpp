@@ -18,7 +18,7 @@
 #include "diagnosis/responses/estimate_responses.hpp"
 #include "diagnosis/responses/response_file.hpp"
 #include "diagnosis/responses/response_summary.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -12,9 +12,9 @@
 #include <system_error>
 #include <utility>
 
-#include "problems/available_memory.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/error.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "problems/semidefinite_projection.hpp"
+#include "problems/information/semidefinite_projection.hpp"
 
 namespace graybox::cli {
 

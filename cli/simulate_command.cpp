@@ -15,9 +15,9 @@
 #include "cli/console.hpp"
 #include "cli/interrupt.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/error.hpp"
-#include "problems/sha256.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/sha256.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -12,10 +12,10 @@
 #include <utility>
 
 #include "cli/interrupt.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
-#include "problems/robot_spectrum_information.hpp"
-#include "problems/stiffness_samples.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/robot_information/robot_spectrum_information.hpp"
+#include "problems/robot_information/stiffness_samples.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/sensitivity.hpp"
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/robot_grid.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/information/information_set.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
 #include "solvers/block_designs.hpp"
 
 namespace graybox::cli {

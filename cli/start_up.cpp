@@ -9,10 +9,9 @@
 #include <cstring>
 
 #include "cli/build_commit.hpp"
-#include "cli/commands.hpp"
-#include "problems/formats/input_guard.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/input_guard.hpp"
 #include "problems/formats/quiet_hdf5.hpp"
-#include "problems/program_version.hpp"
 
 namespace graybox::cli {
 namespace {

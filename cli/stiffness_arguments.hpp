@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstddef>
 
-#include "problems/stiffness_samples.hpp"
+#include "problems/robot_information/stiffness_samples.hpp"
 
 namespace graybox::cli {
 

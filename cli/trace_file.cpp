@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
 

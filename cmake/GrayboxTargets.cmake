@@ -14,6 +14,28 @@ function(graybox_link_include_tree)
   endforeach()
 endfunction()
 
+# graybox_collect(VARIABLE folder...): the sources of these folders, whose CMakeLists.txt name them by
+# graybox_sources(). The order counts: a folder includes from those before it (scripts/check_layers).
+function(graybox_collect variable)
+  set(graybox_collecting ${CMAKE_CURRENT_SOURCE_DIR})
+  set_property(GLOBAL PROPERTY GRAYBOX_COLLECTED "")
+  foreach(folder IN LISTS ARGN)
+    if(EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/CMakeLists.txt)  # else headers alone
+      add_subdirectory(${folder})
+    endif()
+  endforeach()
+  get_property(collected GLOBAL PROPERTY GRAYBOX_COLLECTED)
+  set(${variable} ${collected} PARENT_SCOPE)
+endfunction()
+
+# graybox_sources(a.cpp b.cpp ...): of this folder.
+function(graybox_sources)
+  foreach(file IN LISTS ARGN)
+    file(RELATIVE_PATH path ${graybox_collecting} ${CMAKE_CURRENT_SOURCE_DIR}/${file})
+    set_property(GLOBAL APPEND PROPERTY GRAYBOX_COLLECTED ${path})
+  endforeach()
+endfunction()
+
 # graybox_unity(target): with GRAYBOX_UNITY, compiles the target's sources in groups
 # (scripts/unity_groups), because reading the headers is most of the work. Kernels stay apart: they
 # are the same code for several processors. So does what has options of its own.

@@ -3,7 +3,7 @@
 #include <complex>
 #include <cstddef>
 
-#include "problems/frequency_response.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 

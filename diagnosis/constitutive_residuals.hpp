@@ -34,8 +34,8 @@
 #include <vector>
 
 #include "diagnosis/response_measurement.hpp"
-#include "problems/local_model.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

@@ -9,7 +9,7 @@
 #include "diagnosis/constitutive_residuals.hpp"
 #include "diagnosis/quiet_ceres.hpp"
 #include "diagnosis/stop_when_asked.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

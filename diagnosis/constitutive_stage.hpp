@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "diagnosis/response_measurement.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

@@ -15,10 +15,10 @@
 #include "diagnosis/simulation/closed_loop.hpp"
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
-#include "problems/robot_information.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/robot_information/robot_information.hpp"
 
 namespace graybox {
 namespace {

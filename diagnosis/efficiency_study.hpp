@@ -34,7 +34,7 @@
 #include "diagnosis/maximum_likelihood.hpp"
 #include "diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "diagnosis/responses/estimate_responses.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

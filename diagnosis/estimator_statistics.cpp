@@ -8,10 +8,10 @@
 #include <cmath>
 #include <string>
 
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/quantile.hpp"
-#include "problems/random.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/quantile.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "diagnosis/plausibility/plausibility_words.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox {
 namespace {

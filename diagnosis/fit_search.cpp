@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

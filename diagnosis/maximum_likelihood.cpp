@@ -16,7 +16,7 @@
 #include "diagnosis/quiet_ceres.hpp"
 #include "diagnosis/stop_when_asked.hpp"
 #include "diagnosis/whitened_residuals.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

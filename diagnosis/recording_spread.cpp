@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 

@@ -25,8 +25,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "problems/random.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

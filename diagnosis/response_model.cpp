@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <utility>
 
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
 
 namespace graybox {
 namespace {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "diagnosis/response_measurement.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

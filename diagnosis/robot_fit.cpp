@@ -12,8 +12,8 @@
 #include "diagnosis/response_model.hpp"
 #include "diagnosis/responses/estimate_responses.hpp"
 #include "diagnosis/robot_line_fit.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

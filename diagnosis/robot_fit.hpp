@@ -28,7 +28,7 @@
 #include "diagnosis/fit_search.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/response_measurement.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

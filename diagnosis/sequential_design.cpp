@@ -14,12 +14,12 @@
 #include <utility>
 
 #include "diagnosis/response_model.hpp"
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/quantile.hpp"
-#include "problems/random.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/quantile.hpp"
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/robot_information/robot_information.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/exact/exchange.hpp"
 #include "solvers/exact/relaxation.hpp"

@@ -36,9 +36,9 @@
 #include <vector>
 
 #include "diagnosis/maximum_likelihood.hpp"
-#include "problems/information_set.hpp"
-#include "problems/robot_grid.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/information/information_set.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
 
 namespace graybox {
 

@@ -3,7 +3,7 @@
 
 #include <ceres/iteration_callback.h>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 

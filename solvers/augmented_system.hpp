@@ -21,7 +21,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "solvers/normalized_set.hpp"
 #include "solvers/range_system.hpp"
 

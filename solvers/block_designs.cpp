@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/block_limited_certificate.hpp"
 #include "solvers/block_limited_column_generation.hpp"
 #include "solvers/certificate.hpp"

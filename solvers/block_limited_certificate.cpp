@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/extended_information.hpp"
 
 namespace graybox {

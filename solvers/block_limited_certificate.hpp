@@ -27,7 +27,7 @@
 #include <functional>
 #include <span>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/candidate_blocks.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/design.hpp"

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/interior_point.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 #include "solvers/lapack.hpp"

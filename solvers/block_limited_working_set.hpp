@@ -34,7 +34,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 

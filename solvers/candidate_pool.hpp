@@ -10,9 +10,9 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
-#include "problems/information_set.hpp"
-#include "problems/random.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/random.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

@@ -65,7 +65,7 @@
 #include <string>
 #include <string_view>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/criterion.hpp"
 #include "solvers/design.hpp"
 

@@ -13,7 +13,7 @@
 #include <csignal>
 #include <cstring>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

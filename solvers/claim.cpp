@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 

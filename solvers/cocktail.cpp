@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/exchange_loop.hpp"
 
 namespace graybox {

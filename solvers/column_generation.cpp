@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/best_design.hpp"
 #include "solvers/candidate_pool.hpp"
 #include "solvers/conditioned_set.hpp"

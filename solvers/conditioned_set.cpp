@@ -8,9 +8,9 @@
 #include <limits>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/sensitivity.hpp"
 #include "solvers/twofold_congruence.hpp"
 

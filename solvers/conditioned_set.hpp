@@ -21,7 +21,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/tracer.hpp"
 
 namespace graybox {

@@ -9,10 +9,10 @@
 #include <numeric>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/box_search.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/inverse_cholesky.hpp"

@@ -32,8 +32,8 @@
 #include <span>
 #include <vector>
 
-#include "problems/candidate_space.hpp"
-#include "problems/information_set.hpp"
+#include "problems/information/candidate_space.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/solver.hpp"
 
 namespace graybox {

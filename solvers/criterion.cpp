@@ -10,8 +10,8 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <span>
 #include <type_traits>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/criterion_column_generation.hpp"
 #include "solvers/quadruple.hpp"
 #include "solvers/tracer.hpp"

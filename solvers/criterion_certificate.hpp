@@ -24,7 +24,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/criterion.hpp"
 #include "solvers/design.hpp"

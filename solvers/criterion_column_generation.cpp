@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/candidate_pool.hpp"
 #include "solvers/conditioned_set.hpp"
 #include "solvers/restricted_problem.hpp"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 

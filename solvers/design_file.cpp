@@ -10,10 +10,10 @@
 #include <type_traits>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/input_file.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox {
 namespace {

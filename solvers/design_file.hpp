@@ -31,7 +31,7 @@
 #include <optional>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/design.hpp"
 #include "solvers/design_limits.hpp"
 #include "solvers/solve_report.hpp"

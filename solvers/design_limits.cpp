@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/block_limited_certificate.hpp"
 #include "solvers/candidate_blocks.hpp"
 

@@ -21,7 +21,7 @@
 #include <optional>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/design.hpp"
 #include "solvers/robust/concentration_limit.hpp"

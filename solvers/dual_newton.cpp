@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/augmented_system.hpp"
 #include "solvers/interior_point.hpp"
 #include "solvers/nesterov_todd.hpp"

@@ -6,8 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/range_system.hpp"
 
 namespace graybox {

@@ -57,7 +57,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "solvers/damped_least_squares.hpp"
 #include "solvers/restricted_problem.hpp"
 

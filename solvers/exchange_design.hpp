@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/inverse_cholesky.hpp"
 #include "solvers/log_det_line.hpp"
 

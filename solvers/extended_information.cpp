@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/quadruple.hpp"
 
 namespace graybox {

@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/shortened.hpp"
 #include "problems/formats/hdf5_file.hpp"
-#include "problems/shortened.hpp"
 #include "solvers/child_process.hpp"
 #include "solvers/design_file.hpp"
 #include "solvers/sensitivity.hpp"

@@ -17,7 +17,7 @@
 #include <string>
 #include <string_view>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/solver.hpp"
 #include "solvers/tracer.hpp"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/kernels/gram_kernels.hpp"
 
 namespace graybox {

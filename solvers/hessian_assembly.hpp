@@ -16,7 +16,7 @@
 #include <cstddef>
 #include <span>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 
 namespace graybox {
 

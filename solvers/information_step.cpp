@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 

@@ -7,8 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/claim.hpp"
 #include "solvers/lapack.hpp"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/normalized_set.hpp"
 #include "solvers/solver.hpp"
 #include "solvers/tracer.hpp"

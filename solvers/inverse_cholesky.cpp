@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 

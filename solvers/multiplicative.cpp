@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/claim.hpp"
 #include "solvers/conditioned_set.hpp"
 #include "solvers/criterion_frame.hpp"

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/stop.hpp"
 #include "solvers/kernels/gram_kernels.hpp"
 #include "solvers/lapack.hpp"
 

@@ -42,8 +42,8 @@
 #include <string>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
-#include "problems/information_set.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

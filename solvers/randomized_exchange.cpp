@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/exchange_loop.hpp"
 
 namespace graybox {

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "problems/aligned_array.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/hessian_assembly.hpp"
 #include "solvers/lapack.hpp"
 #include "solvers/tiled_cholesky.hpp"

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/cholmod/dual_interior_point_sparse.hpp"
 #include "solvers/claim.hpp"
 #include "solvers/cocktail.hpp"

@@ -4,8 +4,8 @@
 #include <cstring>
 #include <numeric>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/eigenvalue_restricted_problem.hpp"
 #include "solvers/smooth_restricted_problem.hpp"
 

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/criterion.hpp"
 
 namespace graybox {

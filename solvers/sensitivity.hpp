@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/solver.hpp"
 

@@ -24,7 +24,7 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/criterion.hpp"
 #include "solvers/design.hpp"
 

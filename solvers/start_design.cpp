@@ -4,8 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/sensitivity.hpp"
 
 namespace graybox {

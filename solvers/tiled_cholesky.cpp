@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/lapack.hpp"
 
 extern "C" {

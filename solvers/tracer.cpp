@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/sensitivity.hpp"
 
 namespace graybox {

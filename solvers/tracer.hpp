@@ -19,7 +19,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/solver.hpp"
 
 namespace graybox {

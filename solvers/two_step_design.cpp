@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/tracer.hpp"

@@ -19,7 +19,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/candidate_blocks.hpp"
 #include "solvers/solver.hpp"
 

@@ -5,8 +5,8 @@
 #include <atomic>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/inverse_cholesky.hpp"
 
 namespace graybox {

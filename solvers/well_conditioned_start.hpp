@@ -25,8 +25,8 @@
 // Cost: kSteps + 1 reads of the pool, O(m d^2 + d^3) a choice.
 #pragma once
 
-#include "problems/information_set.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/candidate_pool.hpp"
 #include "solvers/tracer.hpp"
 #include "solvers/working_set.hpp"

@@ -30,7 +30,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "solvers/inverse_cholesky.hpp"
 #include "solvers/nonnegative_quadratic.hpp"
 #include "solvers/sensitivity_error.hpp"

@@ -1,5 +1,5 @@
 // Files appear complete or not at all, under the name that was meant, and stay.
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -16,11 +16,11 @@
 #include <thread>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/families/families.hpp"
-#include "problems/formats/folder_lock.hpp"
+#include "problems/files/folder_lock.hpp"
+#include "problems/files/temporary_name.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/formats/temporary_name.hpp"
 #include "tests/refusal.hpp"
 #include "tests/temporary_folder.hpp"
 

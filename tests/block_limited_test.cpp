@@ -7,8 +7,8 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/block_limited_certificate.hpp"
 #include "solvers/block_limited_column_generation.hpp"
 #include "solvers/certificate.hpp"

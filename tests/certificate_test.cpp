@@ -7,8 +7,8 @@
 #include <limits>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/sensitivity.hpp"
 
 namespace graybox {

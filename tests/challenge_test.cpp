@@ -18,8 +18,8 @@
 #include "bench/challenge/detectability.hpp"
 #include "bench/challenge/make_challenge.hpp"
 #include "bench/challenge/score_challenge.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox::bench {

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <string>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -7,9 +7,9 @@
 #include <numeric>
 #include <vector>
 
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 #include "solvers/nonnegative_quadratic.hpp"

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
+#include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/design_file.hpp"
 #include "solvers/registry.hpp"

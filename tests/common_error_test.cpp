@@ -11,7 +11,7 @@
 #include "diagnosis/periodic_mismatch/real_products.hpp"
 #include "diagnosis/periodic_mismatch/transients.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tests/two_mass_drive.hpp"
 

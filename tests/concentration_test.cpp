@@ -8,7 +8,7 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/robust/concentration_interior_point.hpp"
 #include "tests/design_sets.hpp"

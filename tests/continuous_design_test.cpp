@@ -13,12 +13,12 @@
 #include <string>
 #include <vector>
 
-#include "problems/candidate_space.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/families/regression.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/robot_space.hpp"
+#include "problems/information/candidate_space.hpp"
+#include "problems/robot_information/robot_information.hpp"
+#include "problems/robot_information/robot_space.hpp"
 #include "solvers/box_search.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/sensitivity.hpp"

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/certificate.hpp"
 #include "tests/criterion_sets.hpp"
 

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/criterion.hpp"
 #include "tests/design_sets.hpp"
 

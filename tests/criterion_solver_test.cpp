@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
-#include "problems/error.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "problems/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/damped_least_squares.hpp"

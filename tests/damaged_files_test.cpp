@@ -16,11 +16,11 @@
 
 #include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/reading_process.hpp"
 #include "problems/formats/hdf5_file.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/formats/reading_process.hpp"
 #include "tests/command_runner.hpp"
 #include "tests/refusal.hpp"
 

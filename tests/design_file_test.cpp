@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "problems/random.hpp"
 #include "solvers/solve_report.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox::testing_sets {
 

@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "diagnosis/search/fit_comparison.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

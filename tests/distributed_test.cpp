@@ -9,8 +9,8 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/distributed/distributed_column_generation.hpp"

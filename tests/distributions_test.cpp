@@ -1,11 +1,11 @@
 // Closed forms and symmetries of the distributions.
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -10,9 +10,9 @@
 #include "diagnosis/simulation/closed_loop.hpp"
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 #include "tests/robot_test_support.hpp"
 #include "tests/temporary_folder.hpp"
 

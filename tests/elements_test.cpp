@@ -8,12 +8,12 @@
 #include <tuple>
 #include <vector>
 
+#include "problems/base/error.hpp"
 #include "problems/elements/element_dynamics.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/error.hpp"
-#include "problems/local_model.hpp"
+#include "problems/laws/law_catalogue.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 #include "tests/refusal.hpp"
 #include "tests/robot_test_support.hpp"
 #include "tests/temporary_folder.hpp"

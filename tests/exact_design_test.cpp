@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/exact/box_bound.hpp"
 #include "solvers/exact/box_quadratic.hpp"
 #include "solvers/exact/efficient_rounding.hpp"

@@ -12,7 +12,7 @@
 #include <set>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/conditioned_set.hpp"

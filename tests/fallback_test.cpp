@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
 #include "solvers/candidate_pool.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/sensitivity.hpp"

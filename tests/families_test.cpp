@@ -9,12 +9,12 @@
 #include <set>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/families/candidate_stream.hpp"
 #include "problems/families/random_families.hpp"
 #include "problems/families/regression.hpp"
 #include "problems/families/smooth_family.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/certificate.hpp"
 
 namespace graybox {

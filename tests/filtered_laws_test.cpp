@@ -15,8 +15,8 @@
 #include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
+#include "problems/laws/law_catalogue.hpp"
 #include "tests/refusal.hpp"
 #include "tests/temporary_folder.hpp"
 

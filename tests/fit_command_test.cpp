@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "tests/command_runner.hpp"
 

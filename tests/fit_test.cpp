@@ -15,10 +15,10 @@
 #include "diagnosis/estimator_statistics.hpp"
 #include "diagnosis/fit_report.hpp"
 #include "diagnosis/identifiability.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 namespace {

@@ -26,9 +26,9 @@
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/search/verdict_reasons.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/laws/law_catalogue.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

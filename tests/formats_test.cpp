@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/families/families.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/packed_matrix.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

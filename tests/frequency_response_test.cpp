@@ -1,4 +1,4 @@
-#include "problems/frequency_response.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

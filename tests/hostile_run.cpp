@@ -6,8 +6,8 @@
 #include <cmath>
 #include <optional>
 
-#include "problems/error.hpp"
-#include "problems/semidefinite_projection.hpp"
+#include "problems/base/error.hpp"
+#include "problems/information/semidefinite_projection.hpp"
 #include "tests/hostile_sets.hpp"
 
 namespace graybox::testing_sets {

@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/design.hpp"
 
 namespace graybox::testing_sets {

@@ -1,4 +1,4 @@
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,11 +8,11 @@
 #include <set>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
+#include "problems/information/semidefinite_projection.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
-#include "problems/semidefinite_projection.hpp"
 
 namespace graybox {
 namespace {

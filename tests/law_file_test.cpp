@@ -1,5 +1,5 @@
 // Laws that users define by formulas in files.
-#include "problems/elements/law_file.hpp"
+#include "problems/laws/law_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "problems/elements/expression.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/elements/lumped_model.hpp"
+#include "problems/laws/expression.hpp"
+#include "problems/laws/law_catalogue.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 #include "tests/refusal.hpp"
 #include "tests/temporary_folder.hpp"
 

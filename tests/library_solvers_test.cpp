@@ -8,9 +8,9 @@
 #include <thread>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/registry.hpp"
 

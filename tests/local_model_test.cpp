@@ -1,4 +1,4 @@
-#include "problems/local_model.hpp"
+#include "problems/mechanisms/local_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

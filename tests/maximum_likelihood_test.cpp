@@ -17,11 +17,11 @@
 #include "diagnosis/response_measurement.hpp"
 #include "diagnosis/response_model.hpp"
 #include "diagnosis/whitened_residuals.hpp"
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
-#include "problems/random.hpp"
-#include "problems/robot_information.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/robot_information/robot_information.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

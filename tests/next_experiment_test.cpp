@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

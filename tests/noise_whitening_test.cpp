@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "diagnosis/periodic_mismatch/candidate_products.hpp"
-#include "problems/array_index.hpp"
-#include "problems/random.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/hessian_assembly.hpp"
 #include "solvers/kernels/gram_kernels.hpp"
 #include "solvers/sensitivity.hpp"

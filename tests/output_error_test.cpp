@@ -14,8 +14,8 @@
 #include "diagnosis/output_error/linear_start.hpp"
 #include "diagnosis/output_error/output_delay.hpp"
 #include "diagnosis/output_error/output_error_fit.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

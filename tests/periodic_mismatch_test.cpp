@@ -23,8 +23,8 @@
 #include "diagnosis/simulation/exact_plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
 #include "tests/recorded_systems.hpp"
 #include "tests/temporary_folder.hpp"
 

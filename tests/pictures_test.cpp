@@ -11,7 +11,7 @@
 #include "diagnosis/verdict/law_figure.hpp"
 #include "diagnosis/verdict/report_page.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "tests/recorded_systems.hpp"
 
 namespace graybox {

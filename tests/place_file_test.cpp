@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "diagnosis/periodic_mismatch/plant_family.hpp"
-#include "problems/error.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

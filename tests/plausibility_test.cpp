@@ -14,8 +14,8 @@
 #include "diagnosis/fit_report.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {

@@ -15,7 +15,7 @@
 #include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/stationary_gain.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/simulated_drives.hpp"
 #include "tests/temporary_folder.hpp"
 

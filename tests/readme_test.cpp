@@ -10,7 +10,7 @@
 #include <string>
 
 #include "docs/examples/torsney_solver.hpp"
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/solver.hpp"

@@ -12,7 +12,7 @@
 
 #include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tests/two_mass_drive.hpp"
 

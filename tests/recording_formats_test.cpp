@@ -16,7 +16,7 @@
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/simulation/recording_writer.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/refusal.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -15,8 +15,8 @@
 #include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/recordings/time_axis.hpp"
-#include "problems/error.hpp"
-#include "problems/units.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
 #include "tests/command_runner.hpp"
 #include "tests/refusal.hpp"
 

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::testing {
 

@@ -21,9 +21,9 @@
 #include "diagnosis/simulation/closed_loop.hpp"
 #include "diagnosis/simulation/exact_plant.hpp"
 #include "diagnosis/simulation/multisine.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

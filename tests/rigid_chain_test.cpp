@@ -1,4 +1,4 @@
-#include "problems/mechanics/rigid_chain.hpp"
+#include "problems/mechanisms/rigid_chain.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -6,9 +6,9 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "problems/error.hpp"
-#include "problems/mechanics/urdf_chain.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/urdf_chain.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

@@ -1,5 +1,5 @@
 // The non-linear robot against its linearisation, energy and momentum balances.
-#include "problems/robot_dynamics.hpp"
+#include "problems/mechanisms/robot_dynamics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "problems/elements/robot_elements.hpp"
-#include "problems/local_model.hpp"
-#include "problems/mechanics/chain_dynamics.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/chain_dynamics.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

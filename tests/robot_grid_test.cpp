@@ -1,4 +1,4 @@
-#include "problems/robot_grid.hpp"
+#include "problems/robot_information/robot_grid.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <fstream>
 #include <set>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -1,4 +1,4 @@
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/robot_test_support.hpp"
 #include "tests/temporary_folder.hpp"
 

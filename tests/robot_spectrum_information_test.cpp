@@ -1,4 +1,4 @@
-#include "problems/robot_spectrum_information.hpp"
+#include "problems/robot_information/robot_spectrum_information.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,11 +10,11 @@
 #include <numbers>
 #include <numeric>
 
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/robot_information.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/robot_information/robot_information.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

@@ -5,8 +5,8 @@
 #include <numbers>
 #include <vector>
 
-#include "problems/robot_grid.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
 
 namespace graybox::robot_test {
 

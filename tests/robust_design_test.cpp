@@ -9,8 +9,8 @@
 #include <set>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/stiffness_samples.hpp"
+#include "problems/base/error.hpp"
+#include "problems/robot_information/stiffness_samples.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/robust/robust_column_generation.hpp"
 #include "tests/design_sets.hpp"

@@ -8,9 +8,9 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/families/families.hpp"
-#include "problems/robot_information.hpp"
+#include "problems/robot_information/robot_information.hpp"
 #include "solvers/sensitivity.hpp"
 #include "tests/robot_test_support.hpp"
 

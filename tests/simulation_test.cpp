@@ -14,8 +14,8 @@
 #include "diagnosis/simulation/excitation_plan.hpp"
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 #include "tests/robot_test_support.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/column_generation.hpp"
 #include "tests/true_gap.hpp"

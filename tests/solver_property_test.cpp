@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/certificate.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/registered_solvers.hpp"

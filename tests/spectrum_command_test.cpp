@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/robot_spectrum_information.hpp"
+#include "problems/robot_information/robot_spectrum_information.hpp"
 #include "solvers/block_limited_certificate.hpp"
 #include "solvers/design_file.hpp"
 #include "tests/command_runner.hpp"

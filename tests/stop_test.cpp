@@ -1,5 +1,5 @@
 // Time limits and requests to stop: what stop.hpp says, and that every back-end listens.
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 #include <gtest/gtest.h>
 #include <time.h>

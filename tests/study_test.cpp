@@ -20,9 +20,9 @@
 #include "bench/study/statistics.hpp"
 #include "bench/study/summary.hpp"
 #include "bench/study/tables.hpp"
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "tests/built_executable.hpp"
 #include "tests/study_solvers.hpp"
 

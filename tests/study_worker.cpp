@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "bench/study/worker.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "tests/study_solvers.hpp"
 
 int main(int argc, char** argv) {

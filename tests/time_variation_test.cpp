@@ -19,9 +19,9 @@
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/distributions.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/random.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/random.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tests/two_mass_drive.hpp"
 

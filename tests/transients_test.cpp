@@ -20,7 +20,7 @@
 #include "diagnosis/periodic_mismatch/time_variation.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tests/two_mass_drive.hpp"
 

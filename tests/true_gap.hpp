@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/design.hpp"
 
 namespace graybox {

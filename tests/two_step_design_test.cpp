@@ -7,9 +7,9 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/robot_spectrum_information.hpp"
+#include "problems/base/error.hpp"
+#include "problems/robot_information/robot_information.hpp"
+#include "problems/robot_information/robot_spectrum_information.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/column_generation.hpp"
 #include "tests/design_sets.hpp"

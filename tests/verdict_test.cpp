@@ -15,10 +15,10 @@
 #include "diagnosis/verdict/svg_chart.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/laws/law_catalogue.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox {
 namespace {

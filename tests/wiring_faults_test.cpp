@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

@@ -11,7 +11,7 @@
 
 #include "bench/challenge/case_experiment.hpp"
 #include "bench/challenge/detectability.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -19,8 +19,8 @@
 
 #include "bench/challenge/hidden_laws.hpp"
 #include "diagnosis/simulation/plant.hpp"
+#include "problems/base/random.hpp"
 #include "problems/elements/element.hpp"
-#include "problems/random.hpp"
 
 namespace graybox::bench {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/challenge/detectability.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "bench/challenge/case_experiment.hpp"
 #include "diagnosis/real_transform.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox::bench {
 namespace {

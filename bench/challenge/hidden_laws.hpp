@@ -22,8 +22,8 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/elements/law.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox::bench {
 

@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "diagnosis/simulation/multisine.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox::bench {
 namespace {

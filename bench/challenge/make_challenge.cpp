@@ -17,10 +17,10 @@
 #include "bench/challenge/case_draw.hpp"
 #include "bench/challenge/case_experiment.hpp"
 #include "diagnosis/simulation/recording_writer.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/folder_lock.hpp"
-#include "problems/formats/temporary_name.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/folder_lock.hpp"
+#include "problems/files/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {

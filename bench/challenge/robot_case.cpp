@@ -9,10 +9,10 @@
 #include <sstream>
 
 #include "diagnosis/simulation/multisine.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/local_model.hpp"
-#include "problems/robot_model.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox::bench {
 namespace {

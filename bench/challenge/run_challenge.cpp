@@ -13,11 +13,11 @@
 
 #include "bench/challenge/confinement.hpp"
 #include "bench/challenge/seal.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/folder_lock.hpp"
-#include "problems/formats/temporary_name.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/folder_lock.hpp"
+#include "problems/files/temporary_name.hpp"
 #include "solvers/child_process.hpp"
 
 namespace graybox::bench {

@@ -13,9 +13,9 @@
 #include <sstream>
 
 #include "bench/study/environment.hpp"
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

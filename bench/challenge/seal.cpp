@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/sha256.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/sha256.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/inverse_cholesky.hpp"
 #include "solvers/sensitivity.hpp"
 

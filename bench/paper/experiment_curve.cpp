@@ -8,9 +8,9 @@
 #include <numeric>
 
 #include "bench/paper/covariance_table.hpp"
-#include "problems/error.hpp"
-#include "problems/quantile.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/quantile.hpp"
+#include "problems/base/random.hpp"
 #include "solvers/exact/rounding.hpp"
 #include "solvers/inverse_cholesky.hpp"
 #include "solvers/sensitivity.hpp"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/design.hpp"
 
 namespace graybox::bench {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <numbers>
 
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
 
 namespace graybox::bench {
 

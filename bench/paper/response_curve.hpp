@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox::bench {
 

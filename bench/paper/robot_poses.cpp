@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <numbers>
 
-#include "problems/error.hpp"
-#include "problems/mechanics/rigid_chain.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/rigid_chain.hpp"
 
 namespace graybox::bench {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/information/information_set.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 #include "solvers/design.hpp"
 
 namespace graybox::bench {

@@ -18,9 +18,9 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "problems/base/program_version.hpp"
+#include "problems/base/sha256.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/program_version.hpp"
-#include "problems/sha256.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <array>
 #include <limits>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -16,7 +16,7 @@
 #include <fstream>
 #include <optional>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -12,9 +12,9 @@
 #include <tuple>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

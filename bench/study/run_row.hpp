@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "bench/study/process.hpp"
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/solve_report.hpp"
 #include "solvers/solver.hpp"

@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include "problems/error.hpp"
-#include "problems/quantile.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/quantile.hpp"
 
 namespace graybox::bench {
 namespace {

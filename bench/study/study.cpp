@@ -20,10 +20,10 @@
 #include "bench/study/run_row.hpp"
 #include "bench/study/statistics.hpp"
 #include "bench/study/worker.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/folder_lock.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/folder_lock.hpp"
+#include "problems/files/temporary_name.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "problems/formats/temporary_name.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -26,7 +26,7 @@
 
 #include "bench/study/plan.hpp"
 #include "bench/study/progress.hpp"
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/registry.hpp"
 
 namespace graybox::bench {

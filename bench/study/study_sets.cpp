@@ -6,11 +6,11 @@
 #include <thread>
 #include <vector>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/families/families.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/robot_grid.hpp"
-#include "problems/robot_information.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
+#include "problems/robot_information/robot_grid.hpp"
+#include "problems/robot_information/robot_information.hpp"
 
 namespace graybox::bench {
 namespace {

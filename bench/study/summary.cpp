@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "bench/study/tables.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -14,7 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/study/process.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/formats/information_set_file.hpp"
 
 namespace graybox::bench {

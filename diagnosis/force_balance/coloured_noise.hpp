@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 

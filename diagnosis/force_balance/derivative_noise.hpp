@@ -14,7 +14,7 @@
 #include <span>
 
 #include "diagnosis/recordings/campaign.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -12,8 +12,8 @@
 #include "diagnosis/hypotheses/place_file.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "problems/error.hpp"
-#include "problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {

@@ -16,7 +16,7 @@
 #include "diagnosis/inverse_dynamics/law_force.hpp"
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
 #include "diagnosis/plausibility/fitted_physics.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string_view>
 
-#include "problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanisms/rigid_body_regressor.hpp"
 
 namespace graybox {
 namespace {

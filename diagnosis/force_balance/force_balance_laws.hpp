@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "diagnosis/force_balance/force_balance_data.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -26,9 +26,9 @@
 #include "diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "diagnosis/long_run_variance.hpp"
 #include "diagnosis/recording_spread.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

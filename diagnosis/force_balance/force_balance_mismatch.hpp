@@ -34,7 +34,7 @@
 
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
 #include "diagnosis/recordings/campaign.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

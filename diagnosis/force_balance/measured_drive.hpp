@@ -11,8 +11,8 @@
 
 #include <optional>
 
-#include "problems/elements/lumped_model.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -1,5 +1,5 @@
 #include "diagnosis/force_balance/rate_faults.hpp"
-#include "problems/array_index.hpp"
+#include "problems/base/array_index.hpp"
 
 #include <fmt/format.h>
 

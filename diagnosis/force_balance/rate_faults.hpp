@@ -14,7 +14,7 @@
 
 #include "diagnosis/hypotheses/channel_faults.hpp"
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

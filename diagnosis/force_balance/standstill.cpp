@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "problems/quantile.hpp"
+#include "problems/base/quantile.hpp"
 
 namespace graybox {
 namespace {

@@ -18,7 +18,7 @@
 #include "diagnosis/force_balance/force_balance_data.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
 #include "diagnosis/plausibility/fitted_physics.hpp"
-#include "problems/mechanics/rigid_body_regressor.hpp"
+#include "problems/mechanisms/rigid_body_regressor.hpp"
 
 namespace graybox {
 

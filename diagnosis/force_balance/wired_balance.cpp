@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "problems/array_index.hpp"
+#include "problems/base/array_index.hpp"
 
 namespace graybox {
 namespace {

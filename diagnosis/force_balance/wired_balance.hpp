@@ -25,7 +25,7 @@
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

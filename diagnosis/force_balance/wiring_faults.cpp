@@ -17,7 +17,7 @@
 #include "diagnosis/force_balance/rate_faults.hpp"
 #include "diagnosis/force_balance/wired_balance.hpp"
 #include "diagnosis/force_balance/wrap_faults.hpp"
-#include "problems/array_index.hpp"
+#include "problems/base/array_index.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "problems/units.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "problems/quantile.hpp"
+#include "problems/base/quantile.hpp"
 
 namespace graybox {
 namespace {

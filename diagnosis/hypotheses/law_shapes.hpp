@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/candidate_place.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -6,8 +6,8 @@
 
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "problems/error.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 

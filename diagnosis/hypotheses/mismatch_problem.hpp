@@ -23,7 +23,7 @@
 #include "diagnosis/hypotheses/channel_faults.hpp"
 #include "diagnosis/hypotheses/next_experiment.hpp"
 #include "diagnosis/hypotheses/score_test.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

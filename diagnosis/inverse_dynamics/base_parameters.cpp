@@ -8,7 +8,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

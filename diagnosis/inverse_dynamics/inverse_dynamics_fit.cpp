@@ -10,7 +10,7 @@
 #include "diagnosis/inverse_dynamics/torque_refinement.hpp"
 #include "diagnosis/inverse_dynamics/weighted_regression.hpp"
 #include "diagnosis/recordings/preprocess.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -28,7 +28,7 @@
 
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
 #include "diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

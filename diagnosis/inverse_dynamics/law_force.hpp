@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "problems/elements/law.hpp"
+#include "problems/laws/law.hpp"
 
 namespace graybox {
 

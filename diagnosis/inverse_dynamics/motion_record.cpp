@@ -8,8 +8,8 @@
 #include "diagnosis/inverse_dynamics/law_force.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
-#include "problems/error.hpp"
-#include "problems/units.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

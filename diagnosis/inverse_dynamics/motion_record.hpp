@@ -11,7 +11,7 @@
 
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/preprocess.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

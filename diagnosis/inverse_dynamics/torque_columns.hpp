@@ -29,8 +29,8 @@
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
-#include "problems/mechanics/rigid_body_regressor.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/rigid_body_regressor.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

@@ -9,7 +9,7 @@
 #include <functional>
 #include <vector>
 
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

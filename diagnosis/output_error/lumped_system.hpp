@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "diagnosis/output_error/exponential_operators.hpp"
-#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 

@@ -11,8 +11,8 @@
 #include "diagnosis/output_error/linear_start.hpp"
 #include "diagnosis/output_error/output_error_covariance.hpp"
 #include "diagnosis/output_error/stretch_fit.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

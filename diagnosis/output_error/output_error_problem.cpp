@@ -11,7 +11,7 @@
 
 #include "diagnosis/output_error/output_delay.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -22,7 +22,7 @@
 
 #include "diagnosis/output_error/trajectory.hpp"
 #include "diagnosis/recordings/campaign.hpp"
-#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 

@@ -8,7 +8,7 @@
 
 #include "diagnosis/periodic_mismatch/place_observer.hpp"
 #include "diagnosis/periodic_mismatch/real_products.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -17,7 +17,7 @@
 #include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
 #include "diagnosis/periodic_mismatch/place_observer.hpp"
 #include "diagnosis/periodic_mismatch/record_loop.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

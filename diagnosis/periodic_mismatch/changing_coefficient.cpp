@@ -7,7 +7,7 @@
 
 #include "diagnosis/periodic_mismatch/periodic_law.hpp"
 #include "diagnosis/periodic_mismatch/time_variation.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -8,7 +8,7 @@
 #include "diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "diagnosis/periodic_mismatch/place_force_fit.hpp"
 #include "diagnosis/periodic_mismatch/telling_recordings.hpp"
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "diagnosis/periodic_mismatch/record_loop.hpp"
-#include "problems/array_index.hpp"
+#include "problems/base/array_index.hpp"
 
 namespace graybox {
 namespace {

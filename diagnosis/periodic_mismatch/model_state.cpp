@@ -8,9 +8,9 @@
 #include <mutex>
 #include <utility>
 
-#include "problems/array_index.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

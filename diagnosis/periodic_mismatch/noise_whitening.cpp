@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "diagnosis/maximum_likelihood.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 

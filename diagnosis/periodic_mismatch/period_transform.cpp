@@ -6,7 +6,7 @@
 #include <complex>
 
 #include "diagnosis/real_transform.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 

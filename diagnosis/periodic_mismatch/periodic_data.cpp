@@ -17,9 +17,9 @@
 #include "diagnosis/responses/covariance_pool.hpp"
 #include "diagnosis/responses/estimate_responses.hpp"
 #include "diagnosis/responses/line_spectra.hpp"
-#include "problems/array_index.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -13,9 +13,9 @@
 #include "diagnosis/periodic_mismatch/place_observer.hpp"
 #include "diagnosis/periodic_mismatch/real_products.hpp"
 #include "diagnosis/recording_spread.hpp"
-#include "problems/array_index.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

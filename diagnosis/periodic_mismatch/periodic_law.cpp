@@ -6,7 +6,7 @@
 #include <numbers>
 #include <string_view>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

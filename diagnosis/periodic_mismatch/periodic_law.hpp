@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "diagnosis/periodic_mismatch/period_transform.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -34,8 +34,8 @@
 #include "diagnosis/periodic_mismatch/steady_state.hpp"
 #include "diagnosis/periodic_mismatch/telling_recordings.hpp"
 #include "diagnosis/periodic_mismatch/transients.hpp"
-#include "problems/array_index.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "diagnosis/hypotheses/candidate_place.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

@@ -10,8 +10,8 @@
 
 #include "diagnosis/periodic_mismatch/steady_state.hpp"
 #include "diagnosis/quiet_ceres.hpp"
-#include "problems/array_index.hpp"
-#include "problems/error.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -1,7 +1,7 @@
 #include "diagnosis/periodic_mismatch/place_observer.hpp"
 
-#include "problems/array_index.hpp"
-#include "problems/frequency_response.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -7,12 +7,12 @@
 #include <algorithm>
 
 #include "diagnosis/hypotheses/place_file.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/local_model.hpp"
-#include "problems/mechanics/chain_dynamics.hpp"
+#include "problems/base/error.hpp"
+#include "problems/mechanisms/chain_dynamics.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox {
 namespace {

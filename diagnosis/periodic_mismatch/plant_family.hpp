@@ -13,7 +13,7 @@
 #include "diagnosis/hypotheses/candidate_place.hpp"
 #include "diagnosis/periodic_mismatch/sampled_response.hpp"
 #include "problems/elements/element.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

@@ -7,7 +7,7 @@
 
 #include "diagnosis/periodic_mismatch/periodic_data.hpp"
 #include "diagnosis/periodic_mismatch/steady_state.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 

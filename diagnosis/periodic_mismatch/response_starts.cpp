@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "diagnosis/periodic_mismatch/steady_state.hpp"
-#include "problems/error.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/random.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "diagnosis/periodic_mismatch/period_transform.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

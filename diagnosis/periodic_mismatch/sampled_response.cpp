@@ -10,7 +10,7 @@
 #include <numbers>
 #include <span>
 
-#include "problems/frequency_response.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -8,9 +8,9 @@
 
 #include "diagnosis/periodic_mismatch/anderson_mixing.hpp"
 #include "diagnosis/periodic_mismatch/real_products.hpp"
-#include "problems/array_index.hpp"
-#include "problems/frequency_response.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

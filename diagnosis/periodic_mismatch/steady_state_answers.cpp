@@ -5,8 +5,8 @@
 #include <complex>
 
 #include "diagnosis/periodic_mismatch/steady_state.hpp"
-#include "problems/array_index.hpp"
-#include "problems/frequency_response.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/mechanisms/frequency_response.hpp"
 
 namespace graybox {
 namespace {

@@ -10,8 +10,8 @@
 #include <tuple>
 
 #include "diagnosis/periodic_mismatch/real_products.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -8,8 +8,8 @@
 #include <numbers>
 
 #include "diagnosis/periodic_mismatch/transients.hpp"
-#include "problems/array_index.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

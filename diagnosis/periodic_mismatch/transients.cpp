@@ -17,8 +17,8 @@
 #include "diagnosis/periodic_mismatch/noise_whitening.hpp"
 #include "diagnosis/periodic_mismatch/period_transform.hpp"
 #include "diagnosis/responses/covariance_pool.hpp"
-#include "problems/array_index.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/array_index.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

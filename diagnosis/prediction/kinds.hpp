@@ -2,8 +2,8 @@
 #pragma once
 
 #include "diagnosis/prediction/model_prediction.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/mechanics/rigid_robot_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
 

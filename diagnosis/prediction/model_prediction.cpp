@@ -6,8 +6,8 @@
 
 #include "diagnosis/prediction/kinds.hpp"
 #include "diagnosis/verdict/svg_chart.hpp"
-#include "problems/error.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

@@ -7,7 +7,7 @@
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
 #include "diagnosis/prediction/kinds.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

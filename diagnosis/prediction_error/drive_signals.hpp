@@ -22,7 +22,7 @@
 
 #include "diagnosis/output_error/node_inputs.hpp"
 #include "diagnosis/output_error/output_error_problem.hpp"
-#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -11,9 +11,9 @@
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
 #include "diagnosis/search/verdict_reasons.hpp"
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

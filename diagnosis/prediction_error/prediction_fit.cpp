@@ -7,7 +7,7 @@
 #include "diagnosis/prediction_error/left_out_blocks.hpp"
 #include "diagnosis/prediction_error/predictor.hpp"
 #include "diagnosis/prediction_error/stationary_gain.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -31,7 +31,7 @@
 #include <vector>
 
 #include "diagnosis/output_error/node_inputs.hpp"
-#include "problems/elements/lumped_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 

@@ -9,10 +9,10 @@
 #include <string_view>
 
 #include "diagnosis/recordings/preprocess_fields.hpp"
-#include "problems/environment_text.hpp"
-#include "problems/formats/file_kind.hpp"
-#include "problems/units.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/units.hpp"
+#include "problems/files/environment_text.hpp"
+#include "problems/files/file_kind.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/text_lines.hpp"
-#include "problems/units.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+#include "problems/files/text_lines.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -13,8 +13,8 @@
 #include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/recordings/time_axis.hpp"
-#include "problems/error.hpp"
-#include "problems/units.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

@@ -8,9 +8,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox {
 namespace {

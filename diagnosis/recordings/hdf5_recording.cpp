@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/formats/hdf5_support.hpp"
 
 namespace graybox::formats {

@@ -8,10 +8,10 @@
 
 #include "diagnosis/recordings/record_columns.hpp"
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
-#include "problems/formats/text_lines.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
+#include "problems/files/text_lines.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
 #include "problems/formats/mat_file.hpp"
 #include "problems/formats/mat_handles.hpp"
 #include "problems/formats/mat_sizes.hpp"

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "diagnosis/recordings/late_signal.hpp"
-#include "problems/units.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

@@ -2,7 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/formats/npy_file.hpp"
 
 namespace graybox::formats {

@@ -12,7 +12,7 @@
 #include "diagnosis/recordings/preprocess_data.hpp"
 #include "diagnosis/recordings/sample_interpolation.hpp"
 #include "diagnosis/recordings/sample_mending.hpp"
-#include "problems/units.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "problems/units.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox::formats {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "diagnosis/recordings/gzip_text.hpp"
 #include "diagnosis/recordings/recording_formats.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "diagnosis/recordings/recording_file.hpp"
-#include "problems/formats/reading_process.hpp"
+#include "problems/files/reading_process.hpp"
 
 namespace graybox::formats {
 

@@ -5,8 +5,8 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "problems/distributions.hpp"
-#include "problems/error.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

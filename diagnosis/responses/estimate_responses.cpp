@@ -13,7 +13,7 @@
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/responses/distortion.hpp"
 #include "diagnosis/responses/settling.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

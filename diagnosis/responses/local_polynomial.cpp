@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -11,7 +11,7 @@
 #include "diagnosis/responses/closed_loop_bias.hpp"
 #include "diagnosis/responses/covariance_pool.hpp"
 #include "diagnosis/responses/distortion.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

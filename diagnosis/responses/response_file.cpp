@@ -12,8 +12,8 @@
 
 #include "diagnosis/responses/confidence.hpp"
 #include "diagnosis/responses/response_summary.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "problems/formats/hdf5_writer.hpp"
 
 namespace graybox {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "diagnosis/real_transform.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

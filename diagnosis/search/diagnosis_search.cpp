@@ -16,7 +16,7 @@
 #include "diagnosis/search/shape_check.hpp"
 #include "diagnosis/search/verdict_reasons.hpp"
 #include "diagnosis/search/verification.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "diagnosis/search/candidate_ranking.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

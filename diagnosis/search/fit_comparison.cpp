@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "diagnosis/hypotheses/fit_physics.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "diagnosis/search/candidate_ranking.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

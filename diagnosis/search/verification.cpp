@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "diagnosis/search/verdict_reasons.hpp"
-#include "problems/distributions.hpp"
+#include "problems/base/distributions.hpp"
 
 namespace graybox {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

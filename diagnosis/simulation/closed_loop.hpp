@@ -20,7 +20,7 @@
 #include <optional>
 
 #include "diagnosis/simulation/plant.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

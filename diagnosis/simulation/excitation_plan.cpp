@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "diagnosis/simulation/multisine.hpp"
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

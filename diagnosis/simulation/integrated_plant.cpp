@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

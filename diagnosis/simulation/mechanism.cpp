@@ -2,7 +2,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "problems/robot_dynamics.hpp"
+#include "problems/mechanisms/robot_dynamics.hpp"
 
 namespace graybox {
 namespace {

@@ -5,9 +5,9 @@
 #include <Eigen/Core>
 #include <memory>
 
-#include "problems/elements/robot_elements.hpp"
-#include "problems/local_model.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

@@ -11,8 +11,8 @@
 #include <numbers>
 
 #include "diagnosis/real_transform.hpp"
-#include "problems/error.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 namespace {

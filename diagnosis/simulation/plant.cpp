@@ -5,7 +5,7 @@
 #include "diagnosis/simulation/exact_plant.hpp"
 #include "diagnosis/simulation/integrated_plant.hpp"
 #include "diagnosis/simulation/mechanism.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

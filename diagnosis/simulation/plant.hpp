@@ -22,9 +22,9 @@
 #include <vector>
 
 #include "problems/elements/element.hpp"
-#include "problems/elements/lumped_model.hpp"
-#include "problems/local_model.hpp"
-#include "problems/robot_model.hpp"
+#include "problems/mechanisms/local_model.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
 

@@ -4,7 +4,7 @@
 
 #include <iterator>
 
-#include "problems/formats/atomic_file.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "problems/formats/hdf5_writer.hpp"
 
 namespace graybox {

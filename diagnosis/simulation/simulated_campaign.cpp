@@ -20,12 +20,12 @@
 #include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/recording_writer.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/folder_lock.hpp"
-#include "problems/formats/temporary_name.hpp"
-#include "problems/program_version.hpp"
-#include "problems/random.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/base/random.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/folder_lock.hpp"
+#include "problems/files/temporary_name.hpp"
 
 namespace graybox {
 namespace {

@@ -4,10 +4,10 @@
 
 #include <numbers>
 
-#include "problems/elements/lumped_model.hpp"
-#include "problems/elements/robot_elements.hpp"
-#include "problems/environment_text.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/files/environment_text.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox {
 namespace {

@@ -8,8 +8,8 @@
 #include <string_view>
 
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "diagnosis/verdict/law_words.hpp"
-#include "problems/elements/law_catalogue.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "problems/quantile.hpp"
+#include "problems/base/quantile.hpp"
 
 namespace graybox {
 namespace {

@@ -10,7 +10,7 @@
 #include "diagnosis/verdict/reason_words.hpp"
 #include "diagnosis/verdict/svg_chart.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/program_version.hpp"
 
 namespace graybox {
 namespace {

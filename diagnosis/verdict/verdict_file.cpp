@@ -12,8 +12,8 @@
 #include "diagnosis/responses/distortion.hpp"
 #include "diagnosis/verdict/reason_words.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/distributions.hpp"
-#include "problems/program_version.hpp"
+#include "problems/base/distributions.hpp"
+#include "problems/base/program_version.hpp"
 
 namespace graybox {
 namespace {

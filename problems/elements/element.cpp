@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <set>
 
-#include "problems/elements/law_file.hpp"
+#include "problems/laws/law_file.hpp"
 
 namespace graybox {
 namespace {

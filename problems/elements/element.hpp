@@ -32,8 +32,8 @@
 #include <string>
 #include <vector>
 
-#include "problems/elements/law_catalogue.hpp"
-#include "problems/yaml_field.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 

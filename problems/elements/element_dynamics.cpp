@@ -5,7 +5,7 @@
 #include <cmath>
 #include <span>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "problems/random.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox {
 

@@ -6,7 +6,7 @@
 #include <functional>
 #include <utility>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "problems/families/random_families.hpp"
 #include "problems/families/regression.hpp"
 #include "problems/families/smooth_family.hpp"

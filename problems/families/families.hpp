@@ -35,7 +35,7 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

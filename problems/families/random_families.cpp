@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/families/candidate_stream.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

@@ -9,8 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/random.hpp"
 #include "problems/families/candidate_stream.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/random.hpp"
 
 namespace graybox {
 namespace {

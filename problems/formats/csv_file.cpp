@@ -13,13 +13,13 @@
 #include <utility>
 #include <vector>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/input_file.hpp"
+#include "problems/files/text_lines.hpp"
 #include "problems/formats/symmetric_packer.hpp"
-#include "problems/formats/text_lines.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

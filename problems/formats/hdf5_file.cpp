@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/formats/hdf5_support.hpp"
 #include "problems/formats/hdf5_writer.hpp"
 #include "problems/formats/stored_set.hpp"
 #include "problems/formats/symmetric_packer.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

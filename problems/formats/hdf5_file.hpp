@@ -15,8 +15,8 @@
 
 #include <string>
 
-#include "problems/formats/reading_process.hpp"
-#include "problems/information_set.hpp"
+#include "problems/files/reading_process.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

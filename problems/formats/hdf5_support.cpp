@@ -9,8 +9,8 @@
 #include <numeric>
 #include <utility>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
 #include "problems/formats/quiet_hdf5.hpp"
 #include "problems/formats/symmetric_packer.hpp"
 

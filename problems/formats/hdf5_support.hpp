@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "problems/formats/stored_set.hpp"
 
 namespace graybox::hdf5 {

@@ -13,13 +13,13 @@
 #include <fstream>
 #include <string_view>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
+#include "problems/files/temporary_name.hpp"
 #include "problems/formats/csv_file.hpp"
 #include "problems/formats/hdf5_file.hpp"
-#include "problems/formats/input_file.hpp"
 #include "problems/formats/mat_file.hpp"
 #include "problems/formats/npy_file.hpp"
-#include "problems/formats/temporary_name.hpp"
 
 namespace graybox {
 namespace {

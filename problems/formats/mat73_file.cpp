@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/formats/hdf5_support.hpp"
 #include "problems/formats/mat_variable.hpp"
 #include "problems/formats/symmetric_packer.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

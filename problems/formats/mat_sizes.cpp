@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <limits>
 
-#include "problems/available_memory.hpp"
-#include "problems/error.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 

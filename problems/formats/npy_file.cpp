@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/input_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "problems/available_memory.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/available_memory.hpp"
+#include "problems/files/input_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
 
 namespace graybox {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
-#include "problems/formats/reading_process.hpp"
-#include "problems/information_set.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/files/reading_process.hpp"
+#include "problems/information/information_set.hpp"
 
 namespace graybox {
 

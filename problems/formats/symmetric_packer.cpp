@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/packed_matrix.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
 

@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <string>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 
 namespace graybox {
 

@@ -1,7 +1,7 @@
 #include "problems/kernels/information_kernels.hpp"
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/vector_width.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace information_generic {

@@ -8,7 +8,7 @@
 #include <numeric>
 #include <vector>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {

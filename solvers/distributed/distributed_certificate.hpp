@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 
 namespace graybox {

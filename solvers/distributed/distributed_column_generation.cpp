@@ -11,9 +11,9 @@
 #include <string>
 #include <utility>
 
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/random.hpp"
-#include "problems/stop.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
 #include "solvers/exact/relaxation.hpp"
 #include "solvers/exact/whitened_pool.hpp"

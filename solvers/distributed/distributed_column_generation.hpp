@@ -24,7 +24,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/distributed/distributed_certificate.hpp"
 #include "solvers/solver.hpp"
 

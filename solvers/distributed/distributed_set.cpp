@@ -8,11 +8,11 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
+#include "problems/base/sha256.hpp"
 #include "problems/formats/hdf5_file.hpp"
-#include "problems/packed_matrix.hpp"
-#include "problems/set_validation.hpp"
-#include "problems/sha256.hpp"
+#include "problems/information/set_validation.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
 
 namespace graybox {

@@ -17,8 +17,8 @@
 #include <string>
 
 #include "problems/formats/information_set_file.hpp"
-#include "problems/information_set.hpp"
-#include "problems/semidefinite_projection.hpp"
+#include "problems/information/information_set.hpp"
+#include "problems/information/semidefinite_projection.hpp"
 
 namespace graybox {
 

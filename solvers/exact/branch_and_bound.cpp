@@ -9,8 +9,8 @@
 #include <optional>
 #include <utility>
 
-#include "problems/error.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exact/exact_certificate.hpp"
 #include "solvers/exact/exact_screening.hpp"
 #include "solvers/exact/exchange.hpp"

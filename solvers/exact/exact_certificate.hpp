@@ -16,7 +16,7 @@
 #include <limits>
 #include <string>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/exact/exact_design.hpp"
 #include "solvers/exact/relaxation.hpp"

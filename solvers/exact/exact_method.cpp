@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/exact/branch_and_bound.hpp"
 #include "solvers/exact/efficient_rounding.hpp"
 #include "solvers/exact/exact_certificate.hpp"

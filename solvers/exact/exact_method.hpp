@@ -23,7 +23,7 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_design.hpp"
 #include "solvers/exact/relaxation.hpp"
 

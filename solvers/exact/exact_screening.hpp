@@ -15,7 +15,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/relaxation.hpp"
 
 namespace graybox {

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exact/efficient_rounding.hpp"
 #include "solvers/exact/exact_screening.hpp"
 #include "solvers/exact/local_exchange.hpp"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 
 namespace graybox {
 namespace {

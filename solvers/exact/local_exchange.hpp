@@ -26,8 +26,8 @@
 #include <span>
 #include <vector>
 
-#include "problems/random.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exact/whitened_pool.hpp"
 #include "solvers/inverse_cholesky.hpp"
 

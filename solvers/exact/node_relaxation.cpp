@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {

@@ -44,8 +44,8 @@
 #include <utility>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exact/box_bound.hpp"
 #include "solvers/exact/box_quadratic.hpp"
 #include "solvers/exact/whitened_pool.hpp"

@@ -18,7 +18,7 @@
 #include <limits>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/design.hpp"
 #include "solvers/extended_information.hpp"

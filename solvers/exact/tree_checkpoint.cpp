@@ -11,9 +11,9 @@
 #include <type_traits>
 #include <unordered_map>
 
-#include "problems/error.hpp"
-#include "problems/formats/atomic_file.hpp"
-#include "problems/formats/input_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/input_file.hpp"
 
 namespace graybox {
 namespace {

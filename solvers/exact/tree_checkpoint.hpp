@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_method.hpp"
 #include "solvers/exact/node_relaxation.hpp"
 

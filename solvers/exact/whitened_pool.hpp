@@ -14,8 +14,8 @@
 #include <span>
 #include <vector>
 
-#include "problems/information_set.hpp"
-#include "problems/stop.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/exact/relaxation.hpp"
 
 namespace graybox {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/ipopt/ipopt_run.hpp"
 #include "solvers/sensitivity.hpp"
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "problems/packed_matrix.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/ipopt/ipopt_run.hpp"
 #include "solvers/sensitivity.hpp"
 

@@ -25,8 +25,8 @@
 #include <thread>
 #include <utility>
 
+#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/stop.hpp"
 #include "solvers/sensitivity.hpp"
 #include "solvers/tracer.hpp"
 

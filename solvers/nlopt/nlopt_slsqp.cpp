@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/packed_matrix.hpp"
 #include "solvers/nlopt/nlopt_handle.hpp"
 #include "solvers/nonnegative_quadratic.hpp"
 #include "solvers/normalized_set.hpp"

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/information_step.hpp"
 #include "solvers/interior_point.hpp"
 #include "solvers/nesterov_todd.hpp"

@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {

@@ -28,7 +28,7 @@
 #include <cstddef>
 #include <span>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/extended_information.hpp"
 

@@ -8,9 +8,9 @@
 #include <limits>
 #include <utility>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
+#include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "problems/random.hpp"
 #include "solvers/best_design.hpp"
 #include "solvers/candidate_pool.hpp"
 #include "solvers/column_generation.hpp"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numeric>
 
-#include "problems/error.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/column_generation.hpp"
 #include "solvers/extended_information.hpp"
 

@@ -19,7 +19,7 @@
 #include <string_view>
 #include <vector>
 
-#include "problems/information_set.hpp"
+#include "problems/information/information_set.hpp"
 #include "solvers/certificate.hpp"
 #include "solvers/design.hpp"
 #include "solvers/solver.hpp"

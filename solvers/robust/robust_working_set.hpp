@@ -32,7 +32,7 @@
 #include <span>
 #include <vector>
 
-#include "problems/aligned_array.hpp"
+#include "problems/base/aligned_array.hpp"
 #include "solvers/inverse_cholesky.hpp"
 #include "solvers/robust/robust_problem.hpp"
 

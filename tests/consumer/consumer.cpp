@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdio>
 
-#include "graybox/problems/information_set.hpp"
+#include "graybox/problems/information/information_set.hpp"
 #include "graybox/solvers/certificate.hpp"
 #include "solvers/registry.hpp"
 

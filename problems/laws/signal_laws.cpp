@@ -1,0 +1,108 @@
+// Laws of actuators and sensors: the signal s becomes s + f(s), or s + f(d) with a driving input d.
+#include "problems/laws/formula_law.hpp"
+#include "problems/laws/law_lists.hpp"
+
+namespace graybox {
+namespace {
+
+struct GainError {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return p[0] * signal;
+  }
+};
+
+struct SignalOffset {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T&, const T&, const T*) {
+    return p[0];
+  }
+};
+
+// The corner is a parabola from limit - corner to limit + corner, of slope one to zero. p: limit,
+// corner.
+struct Saturation {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    const T corner = p[1] < p[0] ? p[1] : p[0];
+    const T size = signal < 0.0 ? T(-signal) : signal;
+    const T beyond = p[0] + corner - size;  // to where it holds at the limit
+    if (!(corner > 0.0) || beyond <= 0.0 || beyond >= 2.0 * corner) {
+      return clip(signal, p[0]) - signal;
+    }
+    const T held = p[0] - beyond * beyond / (4.0 * corner);
+    return (signal < 0.0 ? T(-held) : held) - signal;
+  }
+};
+
+struct SignalDeadZone {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return -clip(signal, p[0]);
+  }
+};
+
+struct Feedthrough {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& driving, const T&, const T*) {
+    return p[0] * driving;
+  }
+};
+
+// s is replaced by x, x' = (s - x)/T.
+struct Lag {
+  static constexpr int kParameters = 1, kStates = 1;
+  template <typename T>
+  static T force(const T*, const T& signal, const T&, const T* x) {
+    return x[0] - signal;
+  }
+  template <typename T>
+  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
+    change[0] = (signal - x[0]) / p[0];
+  }
+  static void rest(const double*, double signal, double* x) { x[0] = signal; }
+};
+
+}  // namespace
+
+std::vector<LawEntry> signal_laws() {
+  using enum ParameterRange;
+  constexpr auto kSignal = LawUse::kSignal;
+  return {
+      {"gain", "s becomes (1 + error) s", kSignal, {{"error", "1", kAny}}, make_law<GainError>},
+      {"offset", "s becomes s + value", kSignal, {{"value", "F", kAny}}, make_law<SignalOffset>},
+      {"saturation",
+       "s is held within -limit ... limit, with a parabola for a corner from corner below to "
+       "corner above",
+       kSignal,
+       {{"limit", "F", kPositive},
+        {.name = "corner", .unit = "F", .range = kNonNegative, .if_absent = 0.0}},
+       make_law<Saturation>},
+      {"dead_zone",
+       "s becomes s - clip(s, -half_width, half_width)",
+       kSignal,
+       {{"half_width", "F", kNonNegative}},
+       make_law<SignalDeadZone>},
+      {"lag",
+       "first-order lag: x' = (s - x)/time_constant",
+       kSignal,
+       {{"time_constant", "s", kPositive}},
+       make_law<Lag>},
+      {"delay", "s comes later by a time", LawUse::kDelay, {{"time", "s", kNonNegative}}, {}},
+  };
+}
+
+std::vector<LawEntry> supplementary_signal_laws() {
+  return {{"feedthrough",
+           "s becomes s + gain d, d an input that drives it (driven_by)",
+           LawUse::kSignal,
+           {{"gain", "F/x", ParameterRange::kAny}},
+           make_law<Feedthrough>}};
+}
+
+}  // namespace graybox

@@ -1,0 +1,245 @@
+#include "problems/mechanisms/urdf_chain.hpp"
+
+#include <console_bridge/console.h>
+#include <fmt/format.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <mutex>
+#include <set>
+#include <sstream>
+
+#include "problems/base/error.hpp"
+#include "problems/files/file_kind.hpp"
+#include "problems/files/input_guard.hpp"
+
+namespace graybox {
+namespace {
+
+// urdfdom reports through a global handler that prints; this one keeps the first error instead.
+class FirstError : public console_bridge::OutputHandler {
+ public:
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR || !text_.empty()) return;
+    text_ = text;
+    std::ranges::replace(text_, '\n', ' ');
+  }
+  [[nodiscard]] std::string text() const { return text_.empty() ? "unknown reason" : text_; }
+
+ private:
+  std::string text_;
+};
+
+urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file) {
+  require_file(file);
+  note_input(file.string());
+  std::ifstream stream(file);
+  if (!stream) throw InputError(fmt::format("{}: can't be opened", file.string()));
+  std::ostringstream text;
+  text << stream.rdbuf();
+
+  static std::mutex handler_is_global;
+  const std::lock_guard lock(handler_is_global);
+  FirstError first_error;
+  console_bridge::useOutputHandler(&first_error);
+  urdf::ModelInterfaceSharedPtr model;
+  try {
+    model = urdf::parseURDF(text.str());
+  } catch (const std::exception& error) {
+    console_bridge::restorePreviousOutputHandler();
+    throw InputError(fmt::format("{}: not a valid URDF: {}", file.string(), error.what()));
+  }
+  console_bridge::restorePreviousOutputHandler();
+  if (model == nullptr) {
+    throw InputError(fmt::format("{}: not a valid URDF: {}", file.string(), first_error.text()));
+  }
+  return model;
+}
+
+Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  double x = 0.0, y = 0.0, z = 0.0, w = 1.0;
+  pose.rotation.getQuaternion(x, y, z, w);
+  result.linear() = Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
+  result.translation() = Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z);
+  return result;
+}
+
+class UrdfReader {
+ public:
+  explicit UrdfReader(const std::filesystem::path& file)
+      : file_(file.string()), model_(parse(file)) {
+    require_tree();
+  }
+
+  // The joints from base to tip.
+  [[nodiscard]] std::vector<urdf::JointSharedPtr> path(const std::string& base,
+                                                       const std::string& tip) const {
+    if (model_->getLink(base) == nullptr) fail(fmt::format("no link '{}' (base)", base));
+    urdf::LinkConstSharedPtr link = model_->getLink(tip);
+    if (link == nullptr) fail(fmt::format("no link '{}' (tip)", tip));
+    std::vector<urdf::JointSharedPtr> joints;
+    while (link->name != base) {
+      if (link->parent_joint == nullptr) {
+        fail(fmt::format("link '{}' (tip) is not beyond link '{}' (base)", tip, base));
+      }
+      joints.push_back(link->parent_joint);
+      link = link->getParent();
+    }
+    std::ranges::reverse(joints);
+    return joints;
+  }
+
+  // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
+  // Joints beside the chain stand at zero.
+  [[nodiscard]] RigidBody body(const std::string& link_name,
+                               const urdf::JointSharedPtr& next) const {
+    const urdf::LinkConstSharedPtr link = model_->getLink(link_name);
+    RigidBody result = own_body(*link);
+    for (const urdf::JointSharedPtr& joint : link->child_joints) {
+      if (joint == next) continue;
+      const Eigen::Isometry3d pose = to_eigen(joint->parent_to_joint_origin_transform);
+      result = joined(result, moved(body(joint->child_link_name, nullptr), pose));
+    }
+    return result;
+  }
+
+  [[nodiscard]] bool is_fixed(const urdf::Joint& joint) const {
+    if (joint.type == urdf::Joint::FIXED) return true;
+    if (joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::CONTINUOUS &&
+        joint.type != urdf::Joint::PRISMATIC) {
+      fail(
+          fmt::format("joint '{}': only revolute, continuous, prismatic and fixed joints can be in "
+                      "the chain",
+                      joint.name));
+    }
+    if (joint.mimic != nullptr) {
+      fail(fmt::format("joint '{}' mimics another: describe coupled axes by a transmission matrix",
+                       joint.name));
+    }
+    return false;
+  }
+
+  [[nodiscard]] Eigen::Vector3d axis(const urdf::Joint& joint) const {
+    const Eigen::Vector3d result(joint.axis.x, joint.axis.y, joint.axis.z);
+    if (!(result.norm() > 0.0)) fail(fmt::format("joint '{}': its axis has no length", joint.name));
+    return result;
+  }
+
+  [[noreturn]] void fail(const std::string& message) const {
+    throw InputError(fmt::format("{}: {}", file_, message));
+  }
+
+ private:
+  // Every link is moved by one joint at most, and a way down from it comes to an end: urdfdom takes
+  // joints that form a loop.
+  void require_tree() const {
+    constexpr std::size_t kDeepest = 1000;
+    std::set<std::string> moved_links;
+    for (const auto& [name, joint] : model_->joints_) {
+      if (!moved_links.insert(joint->child_link_name).second) {
+        fail(fmt::format("link '{}' is the child of two joints", joint->child_link_name));
+      }
+    }
+    for (const auto& [name, tip] : model_->links_) {
+      std::size_t depth = 0;
+      for (urdf::LinkConstSharedPtr link = tip; link->parent_joint != nullptr;
+           link = link->getParent()) {
+        if (++depth > kDeepest) {
+          fail(fmt::format("link '{}': the joints form a loop, or a chain of more than {}", name,
+                           kDeepest));
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] RigidBody own_body(const urdf::Link& link) const {
+    if (link.inertial == nullptr) return {};
+    const urdf::Inertial& i = *link.inertial;
+    Eigen::Matrix3d inertia;
+    inertia << i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz;
+    if (!std::isfinite(i.mass) || i.mass < 0.0) {
+      fail(fmt::format("link '{}': mass must not be negative, is {}", link.name, i.mass));
+    }
+    if (!inertia.allFinite()) fail(fmt::format("link '{}': inertia is not finite", link.name));
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia, Eigen::EigenvaluesOnly);
+    const Eigen::Vector3d moments = solver.eigenvalues();
+    if (moments(0) < -1e-9 * moments.cwiseAbs().maxCoeff()) {
+      fail(fmt::format("link '{}': inertia must be positive semidefinite, has the moment {}",
+                       link.name, moments(0)));
+    }
+    const RigidBody body{i.mass, Eigen::Vector3d::Zero(), inertia};
+    return moved(body, to_eigen(i.origin));
+  }
+
+  std::string file_;
+  urdf::ModelInterfaceSharedPtr model_;
+};
+
+}  // namespace
+
+RigidBody moved(const RigidBody& body, const Eigen::Isometry3d& pose) {
+  return {body.mass, pose * body.centre_of_mass,
+          pose.linear() * body.inertia * pose.linear().transpose()};
+}
+
+RigidBody joined(const RigidBody& a, const RigidBody& b) {
+  RigidBody result;
+  result.mass = a.mass + b.mass;
+  if (result.mass > 0.0) {
+    result.centre_of_mass = (a.mass * a.centre_of_mass + b.mass * b.centre_of_mass) / result.mass;
+  }
+  for (const RigidBody* body : {&a, &b}) {
+    const Eigen::Vector3d r = body->centre_of_mass - result.centre_of_mass;
+    result.inertia += body->inertia + body->mass * (r.squaredNorm() * Eigen::Matrix3d::Identity() -
+                                                    r * r.transpose());
+  }
+  return result;
+}
+
+UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
+                           const std::string& tip) {
+  const UrdfReader reader(file);
+  const std::vector<urdf::JointSharedPtr> path = reader.path(base, tip);
+  UrdfChain chain;
+  Eigen::Isometry3d offset = Eigen::Isometry3d::Identity();  // from the last joint's frame
+  for (std::size_t j = 0; j < path.size(); ++j) {
+    const urdf::Joint& joint = *path[j];
+    const urdf::JointSharedPtr next = j + 1 < path.size() ? path[j + 1] : nullptr;
+    const RigidBody body = reader.body(joint.child_link_name, next);
+    offset = offset * to_eigen(joint.parent_to_joint_origin_transform);
+    if (!reader.is_fixed(joint)) {
+      chain.joints.push_back({joint.name, offset, reader.axis(joint), body});
+      chain.is_prismatic.push_back(joint.type == urdf::Joint::PRISMATIC);
+      if (joint.type != urdf::Joint::CONTINUOUS && joint.limits != nullptr) {
+        chain.joints.back().lower = joint.limits->lower;
+        chain.joints.back().upper = joint.limits->upper;
+      }
+      offset = Eigen::Isometry3d::Identity();
+    } else if (!chain.joints.empty()) {
+      chain.joints.back().body = joined(chain.joints.back().body, moved(body, offset));
+    }
+  }
+  if (chain.joints.empty()) {
+    reader.fail(fmt::format("no moving joint between '{}' and '{}'", base, tip));
+  }
+  return chain;
+}
+
+std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
+                                           const std::string& base, const std::string& tip) {
+  UrdfChain chain = read_urdf_joints(file, base, tip);
+  const auto prismatic = std::ranges::find(chain.is_prismatic, true);
+  if (prismatic != chain.is_prismatic.end()) {
+    const auto at = static_cast<std::size_t>(prismatic - chain.is_prismatic.begin());
+    throw InputError(fmt::format(
+        "{}: joint '{}': only revolute, continuous and fixed joints can be in the chain",
+        file.string(), chain.joints[at].name));
+  }
+  return std::move(chain.joints);
+}
+
+}  // namespace graybox

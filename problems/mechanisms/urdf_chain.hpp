@@ -1,0 +1,40 @@
+// The moving joints and bodies between two links of a URDF file, read with urdfdom.
+//
+// Fixed joints are folded away: a link that hangs rigidly on another adds its mass and inertia to
+// it. What is fixed to the base link does not move and is left out.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "problems/mechanisms/rigid_chain.hpp"
+
+namespace graybox {
+
+struct UrdfChain {
+  // One for each joint that moves, named like it. A prismatic joint's `axis` is that along which it
+  // moves, its limits are in m.
+  std::vector<ChainRotation> joints;
+  std::vector<bool> is_prismatic;  // of each
+};
+
+// The chain from `base` to `tip`. Joints beside it are locked at zero: their bodies count as fixed.
+// Throws InputError for a missing or broken file, an unknown link, a tip that is not beyond the
+// base, joints of the chain that are neither revolute, continuous, prismatic nor fixed, mimic
+// joints in it, and masses or inertias that no body has.
+[[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
+                                         const std::string& tip);
+
+// The same for robots of rotations alone: InputError for a prismatic joint.
+[[nodiscard]] std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
+                                                         const std::string& base,
+                                                         const std::string& tip);
+
+// The body seen from another frame: `pose` is the body's frame in that frame.
+[[nodiscard]] RigidBody moved(const RigidBody& body, const Eigen::Isometry3d& pose);
+
+// Two bodies given in the same frame as one (parallel-axis theorem).
+[[nodiscard]] RigidBody joined(const RigidBody& a, const RigidBody& b);
+
+}  // namespace graybox
