@@ -6,8 +6,8 @@
 #include <string>
 
 #include "bench/study/study_sets.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/dual_newton.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/interior_point/dual_newton.hpp"
 
 namespace {
 

@@ -30,9 +30,9 @@
 #include "bench/study/study_sets.hpp"
 #include "problems/base/error.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "solvers/hessian_assembly.hpp"
+#include "solvers/interior_point/hessian_assembly.hpp"
 #include "solvers/registry.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace {
 

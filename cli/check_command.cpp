@@ -10,10 +10,10 @@
 #include "cli/criterion_arguments.hpp"
 #include "cli/exact_report_text.hpp"
 #include "cli/set_arguments.hpp"
-#include "solvers/design_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
-#include "solvers/exact/exact_screening.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/exact_bounds/exact_screening.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

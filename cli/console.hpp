@@ -5,9 +5,9 @@
 #include <string>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/design.hpp"
-#include "solvers/solve_report.hpp"
-#include "solvers/solver.hpp"
+#include "solvers/core/design.hpp"
+#include "solvers/core/solver.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 

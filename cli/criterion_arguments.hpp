@@ -6,7 +6,7 @@
 #include <string>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/criterion.hpp"
+#include "solvers/core/criterion.hpp"
 
 namespace graybox::cli {
 

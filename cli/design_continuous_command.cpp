@@ -1,4 +1,4 @@
-// `graybox design continuous`: robot positions off the grid (solvers/continuous_design.hpp).
+// `graybox design continuous`: robot positions off the grid (solvers/column_generation/continuous_design.hpp).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,12 +24,12 @@
 #include "problems/robot_information/robot_information.hpp"
 #include "problems/robot_information/robot_space.hpp"
 #include "problems/robot_information/stiffness_samples.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
-#include "solvers/continuous_design.hpp"
-#include "solvers/design_file.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/column_generation/continuous_design.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

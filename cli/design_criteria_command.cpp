@@ -22,11 +22,11 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/files/atomic_file.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "solvers/registry.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -22,10 +22,10 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/column_generation.hpp"
-#include "solvers/design_file.hpp"
-#include "solvers/inverse_cholesky.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/report/design_file.hpp"
 
 namespace graybox::cli {
 namespace {

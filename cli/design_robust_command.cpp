@@ -19,10 +19,10 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 #include "solvers/robust/concentration_interior_point.hpp"
 #include "solvers/robust/robust_column_generation.hpp"
-#include "solvers/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -18,9 +18,9 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
-#include "solvers/block_limited_certificate.hpp"
-#include "solvers/design_file.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/blocks/block_limited_certificate.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

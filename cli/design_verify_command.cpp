@@ -28,10 +28,10 @@
 #include "problems/base/sha256.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/column_generation.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/exact/efficient_rounding.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/report/design_file.hpp"
 
 namespace graybox::cli {
 namespace {

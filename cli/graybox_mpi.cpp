@@ -18,11 +18,11 @@
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"
-#include "solvers/design_file.hpp"
 #include "solvers/distributed/distributed_column_generation.hpp"
 #include "solvers/distributed/distributed_set.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -17,7 +17,7 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
 
 namespace graybox::cli {
 namespace {

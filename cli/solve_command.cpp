@@ -18,9 +18,9 @@
 #include "cli/trace_file.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
-#include "solvers/design_file.hpp"
 #include "solvers/registry.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
 namespace {

@@ -16,8 +16,8 @@
 #include "problems/mechanisms/local_model.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
 #include "problems/robot_information/stiffness_samples.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/core/sensitivity.hpp"
 
 namespace graybox::cli {
 namespace {

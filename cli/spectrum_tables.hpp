@@ -9,7 +9,7 @@
 #include "problems/information/information_set.hpp"
 #include "problems/mechanisms/robot_model.hpp"
 #include "problems/robot_information/robot_grid.hpp"
-#include "solvers/block_designs.hpp"
+#include "solvers/blocks/block_designs.hpp"
 
 namespace graybox::cli {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox::cli {
 

@@ -20,10 +20,10 @@
 #include "problems/base/random.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/exact/exchange.hpp"
-#include "solvers/exact/relaxation.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/exact_bounds/relaxation.hpp"
 
 namespace graybox {
 namespace {

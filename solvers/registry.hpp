@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

@@ -9,10 +9,10 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/block_limited_certificate.hpp"
-#include "solvers/block_limited_column_generation.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/blocks/block_limited_certificate.hpp"
+#include "solvers/blocks/block_limited_column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "tests/design_sets.hpp"
 
 namespace graybox {

@@ -1,4 +1,4 @@
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/core/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/registered_solvers.hpp"
 

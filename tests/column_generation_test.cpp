@@ -1,4 +1,4 @@
-#include "solvers/column_generation.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,11 +10,11 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
-#include "solvers/nonnegative_quadratic.hpp"
-#include "solvers/sensitivity_sample.hpp"
-#include "solvers/working_set.hpp"
+#include "solvers/restricted_problem/nonnegative_quadratic.hpp"
+#include "solvers/restricted_problem/working_set.hpp"
 
 namespace graybox {
 namespace {

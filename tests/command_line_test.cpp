@@ -14,9 +14,9 @@
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
+#include "solvers/report/design_file.hpp"
 #include "tests/command_runner.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "problems/base/error.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "solvers/robust/concentration_interior_point.hpp"
 #include "tests/design_sets.hpp"
 

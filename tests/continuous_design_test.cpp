@@ -1,6 +1,6 @@
 // Designs over a continuum: known optima of polynomial regression, limits, certificates, and the
 // robot, whose continuous optimum is never worse than the grid's.
-#include "solvers/continuous_design.hpp"
+#include "solvers/column_generation/continuous_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,9 +19,9 @@
 #include "problems/information/candidate_space.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "problems/robot_information/robot_space.hpp"
-#include "solvers/box_search.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/box_search.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

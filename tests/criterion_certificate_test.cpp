@@ -13,7 +13,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "tests/criterion_sets.hpp"
 
 namespace graybox {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "problems/formats/information_set_file.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/report/design_file.hpp"
 #include "tests/command_runner.hpp"
 
 namespace graybox {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "problems/base/packed_matrix.hpp"
-#include "solvers/criterion.hpp"
+#include "solvers/core/criterion.hpp"
 #include "tests/design_sets.hpp"
 
 namespace graybox::testing_sets {

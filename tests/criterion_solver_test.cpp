@@ -17,11 +17,11 @@
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
-#include "solvers/damped_least_squares.hpp"
-#include "solvers/multiplicative.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/multiplicative/multiplicative.hpp"
 #include "solvers/registry.hpp"
+#include "solvers/restricted_problem/damped_least_squares.hpp"
 #include "tests/criterion_sets.hpp"
 
 namespace graybox {

@@ -1,4 +1,4 @@
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/solve_report.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace graybox {

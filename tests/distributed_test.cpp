@@ -11,8 +11,8 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "solvers/distributed/distributed_column_generation.hpp"
 
 namespace {

@@ -15,15 +15,15 @@
 #include <vector>
 
 #include "problems/base/error.hpp"
-#include "solvers/exact/box_bound.hpp"
-#include "solvers/exact/box_quadratic.hpp"
 #include "solvers/exact/efficient_rounding.hpp"
 #include "solvers/exact/exact_certificate.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact/exact_method.hpp"
-#include "solvers/exact/exact_screening.hpp"
 #include "solvers/exact/local_exchange.hpp"
 #include "solvers/exact/rounding.hpp"
+#include "solvers/exact_bounds/box_bound.hpp"
+#include "solvers/exact_bounds/box_quadratic.hpp"
+#include "solvers/exact_bounds/exact_screening.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -1,5 +1,5 @@
 // The parts of the first-order methods: line search, moves, start, coordinates, the fused pass.
-#include "solvers/exchange_design.hpp"
+#include "solvers/exchange/exchange_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,13 +14,13 @@
 
 #include "problems/base/error.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/conditioned_set.hpp"
-#include "solvers/inverse_cholesky.hpp"
-#include "solvers/log_det_line.hpp"
-#include "solvers/reweigh_pass.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/start_design.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/conditioning/conditioned_set.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/exchange/log_det_line.hpp"
+#include "solvers/exchange/start_design.hpp"
+#include "solvers/multiplicative/reweigh_pass.hpp"
 #include "tests/design_sets.hpp"
 
 namespace graybox {

@@ -1,5 +1,5 @@
 // external:CMD: the example that users copy, and every way a program can fail.
-#include "solvers/external_solver.hpp"
+#include "solvers/external/external_solver.hpp"
 
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -15,7 +15,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
 
 namespace graybox {

@@ -15,7 +15,7 @@
 #include "problems/families/random_families.hpp"
 #include "problems/families/regression.hpp"
 #include "problems/families/smooth_family.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 
 namespace graybox {
 namespace {

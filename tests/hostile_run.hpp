@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "solvers/registry.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::testing_sets {
 

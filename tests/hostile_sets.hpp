@@ -14,7 +14,7 @@
 
 #include "problems/base/random.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox::testing_sets {
 

@@ -6,7 +6,7 @@
 #include <iostream>
 #include <vector>
 
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "tests/hostile_run.hpp"
 #include "tests/hostile_sets.hpp"
 

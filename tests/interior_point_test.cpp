@@ -1,4 +1,4 @@
-#include "solvers/interior_point.hpp"
+#include "solvers/interior_point/interior_point.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,14 +10,14 @@
 #include <string>
 #include <vector>
 
-#include "solvers/augmented_system.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/dual_interior_point.hpp"
-#include "solvers/dual_interior_point_unscaled.hpp"
-#include "solvers/nesterov_todd.hpp"
-#include "solvers/primal_interior_point.hpp"
-#include "solvers/primal_interior_point_low_rank.hpp"
-#include "solvers/range_system.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/interior_point/augmented_system.hpp"
+#include "solvers/interior_point/dual_interior_point.hpp"
+#include "solvers/interior_point/dual_interior_point_unscaled.hpp"
+#include "solvers/interior_point/nesterov_todd.hpp"
+#include "solvers/interior_point/primal_interior_point.hpp"
+#include "solvers/interior_point/primal_interior_point_low_rank.hpp"
+#include "solvers/interior_point/range_system.hpp"
 #include "solvers/registry.hpp"
 #include "tests/design_sets.hpp"
 

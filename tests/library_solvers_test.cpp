@@ -11,7 +11,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
 
 namespace graybox {

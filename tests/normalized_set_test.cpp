@@ -1,4 +1,4 @@
-#include "solvers/normalized_set.hpp"
+#include "solvers/conditioning/normalized_set.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/hessian_assembly.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/interior_point/hessian_assembly.hpp"
 #include "solvers/kernels/gram_kernels.hpp"
-#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

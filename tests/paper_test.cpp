@@ -17,8 +17,8 @@
 #include "problems/mechanisms/frequency_response.hpp"
 #include "problems/mechanisms/local_model.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox::bench {

@@ -11,9 +11,9 @@
 
 #include "docs/examples/torsney_solver.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/core/solver.hpp"
 #include "solvers/registry.hpp"
-#include "solvers/solver.hpp"
 
 namespace {
 

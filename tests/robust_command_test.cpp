@@ -9,7 +9,7 @@
 
 #include "problems/families/families.hpp"
 #include "problems/formats/information_set_file.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
 #include "solvers/robust/concentration_limit.hpp"
 #include "solvers/robust/robust_problem.hpp"
 #include "tests/command_runner.hpp"

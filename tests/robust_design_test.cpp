@@ -11,7 +11,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/robot_information/stiffness_samples.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "solvers/robust/robust_column_generation.hpp"
 #include "tests/design_sets.hpp"
 

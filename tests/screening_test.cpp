@@ -1,7 +1,7 @@
 // The deletion rules against brute force: random sets solved to tight optimality by an independent
 // reference (pair exchanges with a line search by generalised eigenvalues), random designs at many
 // gaps, and no candidate that an optimum may use is ever deleted.
-#include "solvers/screening.hpp"
+#include "solvers/column_generation/screening.hpp"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 #include "problems/base/error.hpp"
 #include "problems/families/families.hpp"
 #include "problems/robot_information/robot_information.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "tests/robot_test_support.hpp"
 
 namespace graybox {

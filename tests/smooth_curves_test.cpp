@@ -17,8 +17,8 @@
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "tests/true_gap.hpp"
 
 namespace graybox {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "problems/base/error.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/registered_solvers.hpp"
 

@@ -13,8 +13,8 @@
 #include "problems/base/error.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
-#include "solvers/block_limited_certificate.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/blocks/block_limited_certificate.hpp"
+#include "solvers/report/design_file.hpp"
 #include "tests/command_runner.hpp"
 #include "tests/robot_test_support.hpp"
 

@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "solvers/exact/exact_method.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/registered_solvers.hpp"

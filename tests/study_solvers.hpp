@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/core/tracer.hpp"
 #include "solvers/registry.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/tracer.hpp"
 
 namespace graybox::testing {
 

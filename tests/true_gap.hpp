@@ -8,7 +8,7 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "solvers/two_step_design.hpp"
+#include "solvers/blocks/two_step_design.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include "problems/base/error.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "tests/design_sets.hpp"
 #include "tests/robot_test_support.hpp"
 

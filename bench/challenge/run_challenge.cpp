@@ -18,7 +18,7 @@
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/folder_lock.hpp"
 #include "problems/files/temporary_name.hpp"
-#include "solvers/child_process.hpp"
+#include "solvers/external/child_process.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -8,8 +8,8 @@
 #include <numeric>
 
 #include "problems/base/error.hpp"
-#include "solvers/inverse_cholesky.hpp"
-#include "solvers/sensitivity.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
 
 namespace graybox::bench {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox::bench {
 

@@ -11,9 +11,9 @@
 #include "problems/base/error.hpp"
 #include "problems/base/quantile.hpp"
 #include "problems/base/random.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "solvers/exact/rounding.hpp"
-#include "solvers/inverse_cholesky.hpp"
-#include "solvers/sensitivity.hpp"
 
 namespace graybox::bench {
 namespace {

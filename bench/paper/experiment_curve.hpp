@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox::bench {
 

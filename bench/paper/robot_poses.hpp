@@ -7,7 +7,7 @@
 
 #include "problems/information/information_set.hpp"
 #include "problems/mechanisms/robot_model.hpp"
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox::bench {
 

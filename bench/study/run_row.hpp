@@ -1,6 +1,6 @@
 // One run of one solver on one set, as the study records it: a line of rows.jsonl.
 //
-// What happened is a ReportStatus (solvers/solve_report.hpp), decided from the process's ending,
+// What happened is a ReportStatus (solvers/report/solve_report.hpp), decided from the process's ending,
 // the solver's claim and the checker's certificate of the design it handed back. The claim alone
 // never counts. To the verdicts of the checker come those of the fence: `time_limit` also where the
 // clock of the study had to kill, `out_of_memory` above the memory limit or where an allocation
@@ -19,9 +19,9 @@
 
 #include "bench/study/process.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/solve_report.hpp"
-#include "solvers/solver.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/core/solver.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox::bench {
 

@@ -5,8 +5,8 @@
 #include <functional>
 #include <limits>
 
-#include "solvers/certificate.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 
 namespace graybox {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "graybox/solvers/sensitivity.hpp"
-#include "graybox/solvers/tracer.hpp"
+#include "graybox/solvers/core/sensitivity.hpp"
+#include "graybox/solvers/core/tracer.hpp"
 
 graybox::Solution TorsneySolver::solve(const graybox::InformationSet& set,
                                        const graybox::SolveOptions& options,

@@ -2,7 +2,7 @@
 // and Torsney 1978). The README shows it; tests/readme_test.cpp runs it.
 #pragma once
 
-#include "graybox/solvers/solver.hpp"
+#include "graybox/solvers/core/solver.hpp"
 
 class TorsneySolver : public graybox::Solver {
  public:

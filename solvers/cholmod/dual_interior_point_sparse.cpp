@@ -1,7 +1,7 @@
 #include "solvers/cholmod/dual_interior_point_sparse.hpp"
 
 #include "solvers/cholmod/sparse_range_system.hpp"
-#include "solvers/dual_newton.hpp"
+#include "solvers/interior_point/dual_newton.hpp"
 
 namespace graybox {
 

@@ -7,7 +7,7 @@
 // graybox::solvers_cholmod, because parts of CHOLMOD are under the GPL.
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "solvers/range_system.hpp"
+#include "solvers/interior_point/range_system.hpp"
 
 namespace graybox {
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 
 namespace graybox {
 

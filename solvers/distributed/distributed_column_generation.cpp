@@ -14,14 +14,14 @@
 #include "problems/base/random.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
+#include "solvers/column_generation/sensitivity_sample.hpp"
+#include "solvers/core/tracer.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
-#include "solvers/exact/relaxation.hpp"
-#include "solvers/exact/whitened_pool.hpp"
+#include "solvers/exact_bounds/relaxation.hpp"
+#include "solvers/exact_bounds/whitened_pool.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
-#include "solvers/sensitivity_sample.hpp"
-#include "solvers/solve_report.hpp"
-#include "solvers/tracer.hpp"
-#include "solvers/working_set.hpp"
+#include "solvers/report/solve_report.hpp"
+#include "solvers/restricted_problem/working_set.hpp"
 
 namespace graybox {
 namespace {

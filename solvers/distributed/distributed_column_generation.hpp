@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "problems/information/information_set.hpp"
+#include "solvers/core/solver.hpp"
 #include "solvers/distributed/distributed_certificate.hpp"
-#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -12,11 +12,11 @@
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "solvers/exact/exact_certificate.hpp"
-#include "solvers/exact/exact_screening.hpp"
 #include "solvers/exact/exchange.hpp"
 #include "solvers/exact/local_exchange.hpp"
-#include "solvers/exact/node_relaxation.hpp"
 #include "solvers/exact/tree_checkpoint.hpp"
+#include "solvers/exact_bounds/exact_screening.hpp"
+#include "solvers/exact_bounds/node_relaxation.hpp"
 
 namespace graybox {
 namespace {

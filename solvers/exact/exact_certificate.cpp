@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "solvers/exact/whitened_pool.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/exact_bounds/whitened_pool.hpp"
 
 namespace graybox {
 namespace {

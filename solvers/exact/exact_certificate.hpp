@@ -17,9 +17,9 @@
 #include <string>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
+#include "solvers/certificates/certificate.hpp"
 #include "solvers/exact/exact_design.hpp"
-#include "solvers/exact/relaxation.hpp"
+#include "solvers/exact_bounds/relaxation.hpp"
 
 namespace graybox {
 

@@ -10,7 +10,7 @@
 #include <numeric>
 #include <vector>
 
-#include "solvers/design.hpp"
+#include "solvers/core/design.hpp"
 
 namespace graybox {
 

@@ -9,7 +9,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
 
 namespace graybox {
 namespace {

@@ -18,7 +18,7 @@
 
 #include "solvers/exact/exact_certificate.hpp"
 #include "solvers/exact/exact_method.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox {
 

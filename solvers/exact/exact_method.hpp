@@ -25,7 +25,7 @@
 
 #include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_design.hpp"
-#include "solvers/exact/relaxation.hpp"
+#include "solvers/exact_bounds/relaxation.hpp"
 
 namespace graybox {
 

@@ -9,9 +9,9 @@
 
 #include "problems/base/stop.hpp"
 #include "solvers/exact/efficient_rounding.hpp"
-#include "solvers/exact/exact_screening.hpp"
 #include "solvers/exact/local_exchange.hpp"
 #include "solvers/exact/rounding.hpp"
+#include "solvers/exact_bounds/exact_screening.hpp"
 
 namespace graybox {
 namespace {

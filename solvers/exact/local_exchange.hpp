@@ -28,8 +28,8 @@
 
 #include "problems/base/random.hpp"
 #include "problems/base/stop.hpp"
-#include "solvers/exact/whitened_pool.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/exact_bounds/whitened_pool.hpp"
 
 namespace graybox {
 

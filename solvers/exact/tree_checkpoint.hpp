@@ -17,7 +17,7 @@
 
 #include "problems/information/information_set.hpp"
 #include "solvers/exact/exact_method.hpp"
-#include "solvers/exact/node_relaxation.hpp"
+#include "solvers/exact_bounds/node_relaxation.hpp"
 
 namespace graybox {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "problems/base/packed_matrix.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "solvers/ipopt/ipopt_run.hpp"
-#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

@@ -13,7 +13,7 @@
 // = 1. p variables, Q constraints: time per iteration O(Q p^2), memory O(Q p).
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

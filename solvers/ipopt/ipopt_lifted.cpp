@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "problems/base/packed_matrix.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "solvers/ipopt/ipopt_run.hpp"
-#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

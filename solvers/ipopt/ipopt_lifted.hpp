@@ -15,7 +15,7 @@
 // iteration O(Q p^2), memory O(Q p). The same problem as ipopt_primal, told well.
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

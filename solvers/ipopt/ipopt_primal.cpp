@@ -9,8 +9,8 @@
 #include <numbers>
 
 #include "problems/base/packed_matrix.hpp"
+#include "solvers/core/sensitivity.hpp"
 #include "solvers/ipopt/ipopt_run.hpp"
-#include "solvers/sensitivity.hpp"
 
 namespace graybox {
 namespace {

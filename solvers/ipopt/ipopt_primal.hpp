@@ -13,7 +13,7 @@
 // `unsupported`.
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

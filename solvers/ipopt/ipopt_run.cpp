@@ -27,8 +27,8 @@
 
 #include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/tracer.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/core/tracer.hpp"
 
 namespace graybox::ipopt {
 namespace {

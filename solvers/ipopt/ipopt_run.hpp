@@ -17,8 +17,8 @@
 #include <span>
 #include <vector>
 
-#include "solvers/normalized_set.hpp"
-#include "solvers/solver.hpp"
+#include "solvers/conditioning/normalized_set.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox::ipopt {
 

@@ -15,11 +15,11 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
+#include "solvers/conditioning/normalized_set.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/core/tracer.hpp"
 #include "solvers/nlopt/nlopt_handle.hpp"
-#include "solvers/nonnegative_quadratic.hpp"
-#include "solvers/normalized_set.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/tracer.hpp"
+#include "solvers/restricted_problem/nonnegative_quadratic.hpp"
 
 namespace graybox {
 namespace {

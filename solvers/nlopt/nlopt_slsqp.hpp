@@ -30,7 +30,7 @@
 // not halved the gap and no candidate is left to add.
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

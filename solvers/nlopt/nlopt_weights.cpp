@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "problems/kernels/kernels.hpp"
+#include "solvers/conditioning/normalized_set.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/core/tracer.hpp"
 #include "solvers/nlopt/nlopt_handle.hpp"
-#include "solvers/normalized_set.hpp"
-#include "solvers/sensitivity.hpp"
-#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

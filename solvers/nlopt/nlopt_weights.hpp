@@ -30,7 +30,7 @@
 // iteration in counters and limits is an evaluation.
 #pragma once
 
-#include "solvers/solver.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "problems/base/error.hpp"
-#include "solvers/information_step.hpp"
-#include "solvers/interior_point.hpp"
-#include "solvers/nesterov_todd.hpp"
-#include "solvers/primal_interior_point_low_rank.hpp"
-#include "solvers/tracer.hpp"
+#include "solvers/core/tracer.hpp"
+#include "solvers/interior_point/information_step.hpp"
+#include "solvers/interior_point/interior_point.hpp"
+#include "solvers/interior_point/nesterov_todd.hpp"
+#include "solvers/interior_point/primal_interior_point_low_rank.hpp"
 
 namespace graybox {
 namespace {

@@ -51,8 +51,8 @@
 //   const auto proof = graybox::certify_concentrated(set, answer.design, limit);
 #pragma once
 
+#include "solvers/core/solver.hpp"
 #include "solvers/robust/concentration_limit.hpp"
-#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -29,8 +29,8 @@
 #include <span>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/extended_information.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/conditioning/extended_information.hpp"
 
 namespace graybox {
 

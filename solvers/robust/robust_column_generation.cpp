@@ -11,11 +11,11 @@
 #include "problems/base/aligned_array.hpp"
 #include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
-#include "solvers/best_design.hpp"
-#include "solvers/candidate_pool.hpp"
-#include "solvers/column_generation.hpp"
+#include "solvers/column_generation/best_design.hpp"
+#include "solvers/column_generation/candidate_pool.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/core/tracer.hpp"
 #include "solvers/robust/robust_working_set.hpp"
-#include "solvers/tracer.hpp"
 
 namespace graybox {
 namespace {

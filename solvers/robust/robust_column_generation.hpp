@@ -27,8 +27,8 @@
 
 #include <vector>
 
+#include "solvers/core/solver.hpp"
 #include "solvers/robust/robust_problem.hpp"
-#include "solvers/solver.hpp"
 
 namespace graybox {
 

@@ -8,8 +8,8 @@
 #include <numeric>
 
 #include "problems/base/error.hpp"
-#include "solvers/column_generation.hpp"
-#include "solvers/extended_information.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/conditioning/extended_information.hpp"
 
 namespace graybox {
 namespace {

@@ -20,9 +20,9 @@
 #include <vector>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/certificate.hpp"
-#include "solvers/design.hpp"
-#include "solvers/solver.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/core/design.hpp"
+#include "solvers/core/solver.hpp"
 
 namespace graybox {
 

@@ -33,7 +33,7 @@
 #include <vector>
 
 #include "problems/base/aligned_array.hpp"
-#include "solvers/inverse_cholesky.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/robust/robust_problem.hpp"
 
 namespace graybox {

@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "graybox/problems/information/information_set.hpp"
-#include "graybox/solvers/certificate.hpp"
+#include "graybox/solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
 
 int main() {

@@ -1,12 +1,12 @@
-// What solvers/design_file.cpp refers to when it writes, so that the fuzzer, which only reads,
+// What solvers/report/design_file.cpp refers to when it writes, so that the fuzzer, which only reads,
 // needs no solvers. The check whether limits fit a set is theirs, too.
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "solvers/certificate.hpp"
-#include "solvers/design_limits.hpp"
-#include "solvers/solve_report.hpp"
+#include "solvers/certificates/certificate.hpp"
+#include "solvers/report/design_limits.hpp"
+#include "solvers/report/solve_report.hpp"
 
 namespace graybox {
 

@@ -26,7 +26,7 @@
 #include "problems/mechanisms/rigid_robot_model.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
 #include "problems/robot_information/robot_grid.hpp"
-#include "solvers/design_file.hpp"
+#include "solvers/report/design_file.hpp"
 
 namespace graybox::fuzz {
 namespace {

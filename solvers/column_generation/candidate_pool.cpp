@@ -1,0 +1,91 @@
+#include "solvers/column_generation/candidate_pool.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+#include "problems/kernels/kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+
+namespace graybox {
+
+CandidatePool sample_pool(std::size_t total, std::size_t count, Random& random) {
+  CandidatePool pool;
+  pool.count = std::min(count, total);
+  if (count < total) {
+    pool.indices.resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t from = total * k / count;
+      const std::size_t to = total * (k + 1) / count;
+      pool.indices[k] = from + random.below(to - from);
+    }
+  }
+  pool.sensitivity = AlignedArray(pool.count);
+  return pool;
+}
+
+CandidatePool pool_above(const CandidatePool& all, std::span<const double> values,
+                         double threshold) {
+  CandidatePool list;
+  std::vector<std::size_t> positions;
+  for (std::size_t k = 0; k < all.count; ++k) {
+    if (values[k] >= threshold) positions.push_back(k);
+  }
+  list.count = positions.size();
+  list.sensitivity = AlignedArray(list.count);
+  list.indices.resize(list.count);
+  for (std::size_t k = 0; k < list.count; ++k) {
+    list.sensitivity[k] = all.sensitivity[positions[k]];
+    list.indices[k] = all.candidate(positions[k]);
+  }
+  return list;
+}
+
+void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
+                CandidatePool& pool) {
+  const std::size_t p = set.packed_size();
+  constexpr std::size_t kBlock = 4096;
+  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
+  const int used = blocks < 8 ? 1 : threads;
+#pragma omp parallel for num_threads(used) schedule(static) if (used > 1)
+  for (std::ptrdiff_t b = 0; b < blocks; ++b) {
+    const std::size_t from = static_cast<std::size_t>(b) * kBlock;
+    const std::size_t count = std::min(kBlock, pool.count - from);
+    double* out = pool.sensitivity.data() + from;
+    if (pool.whole()) {
+      kernels().price(set.data() + from * p, count, p, trace_dual.data(), out);
+    } else {
+      dense_kernels().price_indexed(set.data(), pool.indices.data() + from, count, p,
+                                    trace_dual.data(), out);
+    }
+  }
+  pool.best = static_cast<std::size_t>(
+      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
+      pool.sensitivity.begin());
+}
+
+std::vector<std::size_t> violators(std::span<const double> sensitivities, double threshold,
+                                   std::size_t wanted, std::size_t stretches, Random& random) {
+  const std::size_t count = sensitivities.size();
+  stretches = std::min(count, stretches);
+  const std::size_t length = (count + stretches - 1) / stretches;
+  const std::size_t shift = random.below(length);
+  std::vector<std::pair<double, std::size_t>> found;
+  for (std::size_t from = 0; from < count;) {
+    const std::size_t to = std::min(count, from == 0 ? length - shift : from + length);
+    const double* first = sensitivities.data() + from;
+    const double* best = std::max_element(first, sensitivities.data() + to);
+    if (*best > threshold) {
+      found.emplace_back(*best, from + static_cast<std::size_t>(best - first));
+    }
+    from = to;
+  }
+  wanted = std::min(found.size(), wanted);
+  std::ranges::partial_sort(found, found.begin() + static_cast<std::ptrdiff_t>(wanted),
+                            std::greater<>());
+  std::vector<std::size_t> positions(wanted);
+  for (std::size_t k = 0; k < wanted; ++k) positions[k] = found[k].second;
+  return positions;
+}
+
+}  // namespace graybox

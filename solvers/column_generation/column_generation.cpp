@@ -1,0 +1,260 @@
+#include "solvers/column_generation/column_generation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "problems/base/random.hpp"
+#include "solvers/column_generation/best_design.hpp"
+#include "solvers/column_generation/candidate_pool.hpp"
+#include "solvers/column_generation/criterion_column_generation.hpp"
+#include "solvers/column_generation/fallback.hpp"
+#include "solvers/column_generation/screening.hpp"
+#include "solvers/column_generation/sensitivity_sample.hpp"
+#include "solvers/column_generation/well_conditioned_start.hpp"
+#include "solvers/conditioning/conditioned_set.hpp"
+#include "solvers/core/tracer.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/restricted_problem/working_set.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kForgivenShare = 0.1;  // of the gap asked for that rounding may hide
+
+std::string rounding_message(double error) {
+  return fmt::format("rounding hides up to {:.1e} of the gap", error);
+}
+
+// Whose coordinates a run works in: the set's own, which it leaves where rounding hides too much of
+// the gap, or those of ConditionedSet, beyond which there are no better ones.
+enum class Coordinates : std::int8_t { kOwn, kWhitened };
+
+class ColumnGenerationRun {
+ public:
+  ColumnGenerationRun(const InformationSet& set, Coordinates coordinates,
+                      const SolveOptions& options, Tracer& tracer)
+      : set_(set),
+        coordinates_(coordinates),
+        options_(options),
+        tracer_(tracer),
+        working_(set.dimension()),
+        random_(options.seed),
+        dimension_(static_cast<double>(set.dimension())) {}
+
+  MethodOutcome run();
+
+ private:
+  double price(CandidatePool& pool);
+  std::size_t add_violators(const CandidatePool& pool);
+  void solve_pool(CandidatePool& pool, double tolerance, int round_limit);
+  [[nodiscard]] bool out_of_rounds() const {
+    return options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit;
+  }
+  bool improve(double gap, double tolerance);
+  [[nodiscard]] bool warm_up();
+  [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
+  void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
+  [[nodiscard]] MethodOutcome finish(SolveStatus status, std::string message = {}) const;
+
+  const InformationSet& set_;
+  Coordinates coordinates_;
+  const SolveOptions& options_;
+  Tracer& tracer_;
+  WorkingSet working_;
+  Random random_;
+  double dimension_;
+  std::int64_t rounds_ = 0;
+  BestDesign best_;
+};
+
+// w_i for the pool; returns the largest.
+double ColumnGenerationRun::price(CandidatePool& pool) {
+  price_pool(set_, working_.inverse().trace_dual(), options_.threads, pool);
+  tracer_.count_candidates(pool.count);
+  return pool.largest();
+}
+
+std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
+  const std::size_t d = set_.dimension();
+  std::size_t added = 0;
+  for (const std::size_t k : violators(pool.sensitivities(), dimension_, 2 * d, 4 * d, random_)) {
+    const std::size_t i = pool.candidate(k);
+    added += working_.add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
+  }
+  return added;
+}
+
+// Newton on the working set after a pass with the given gap. False where no further step is
+// possible.
+bool ColumnGenerationRun::improve(double gap, double tolerance) {
+  ++rounds_;
+  const WorkingSetStatus status = working_.improve(gap, tolerance);
+  return status == WorkingSetStatus::kConverged || status == WorkingSetStatus::kStopped;
+}
+
+// Rounds of price, add, solve on one pool until its gap is at most `tolerance`.
+void ColumnGenerationRun::solve_pool(CandidatePool& pool, double tolerance, int round_limit) {
+  for (int round = 0; round < round_limit && !out_of_rounds() && !tracer_.out_of_time(); ++round) {
+    const double gap = price(pool) / dimension_ - 1.0;
+    if (gap <= tolerance) return;
+    const std::size_t added = add_violators(pool);
+    if (!improve(gap, tolerance) && added == 0) return;
+  }
+}
+
+// A rough design from a sample, and for large sets from a larger sample after it.
+bool ColumnGenerationRun::warm_up() {
+  constexpr double kRoughGap = 0.03;
+  const std::size_t total = set_.candidate_count();
+  const std::size_t first =
+      total <= 1024 ? total : std::clamp(total / 16, std::size_t{256}, std::size_t{4096});
+  CandidatePool sample = sample_pool(total, first, random_);
+  if (!well_conditioned_start(set_, sample, random_, tracer_, working_)) return false;
+  working_.optimise(kRoughGap, 4);
+  if (first < total) solve_pool(sample, kRoughGap, 4);
+  for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
+    sample = sample_pool(total, size, random_);
+    solve_pool(sample, kRoughGap, 3);
+  }
+  return true;
+}
+
+MethodOutcome ColumnGenerationRun::run() {
+  if (!warm_up()) {
+    return finish(SolveStatus::kUnsupported,
+                  "the sum of all information matrices is singular in double precision");
+  }
+  const double asked = options_.duality_gap;
+  CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
+  for (int passes_without_progress = 0;;) {
+    const double error = working_.sensitivity_error();
+    if (coordinates_ == Coordinates::kOwn && error > kForgivenShare * asked) {
+      return finish(SolveStatus::kNumericalFailure, rounding_message(error));
+    }
+    const double gap = price(all) / dimension_ - 1.0;
+    tracer_.record(gap, rounds_);
+    passes_without_progress = gap < 0.9 * best_.gap() ? 0 : passes_without_progress + 1;
+    best_.offer(gap, working_.indices(), working_.weights());
+    if (gap + error <= asked) return finish(SolveStatus::kSolved);
+    if (gap <= asked && error >= 0.5 * asked) {
+      return finish(SolveStatus::kNumericalFailure, rounding_message(error));
+    }
+    if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
+    if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
+    if (passes_without_progress > 8) {
+      return finish(SolveStatus::kNumericalFailure,
+                    fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
+    }
+    CandidatePool list =
+        short_list(all);  // before the working set moves: the rules hold for this design
+    add_violators(all);
+    improve(gap, asked);
+    solve_pool(list, 0.5 * asked, 30);
+  }
+}
+
+// The candidates on which to go on after a pass over the whole set. Where the safe rules leave few
+// enough, those: they hold every support point, so that the next pass over the set is the last.
+// Otherwise about as many as are wanted of the largest sensitivities, a guess that the next pass
+// corrects; its threshold is a quantile of a sample.
+CandidatePool ColumnGenerationRun::short_list(const CandidatePool& all) {
+  const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
+  if (all.count <= 2 * wanted) return pool_above(all, all.sensitivity.span(), -kInfinity);
+  SensitivitySample sample(all.sensitivity.span());
+  const double largest = all.largest();
+  const double safe = harman_pronzato_threshold(largest, set_.dimension());
+  const double guess = sample.exceeded_by(wanted);
+  if (safe >= guess) return pool_above(all, all.sensitivity.span(), safe);
+  if (safe < sample.exceeded_by(4 * wanted)) return pool_above(all, all.sensitivity.span(), guess);
+  CandidatePool list = pool_above(all, all.sensitivity.span(), safe);
+  apply_frobenius_rule(list, largest);
+  return list;
+}
+
+// Keeps the candidates that formula (6) of screening.hpp can't exclude from every optimal support.
+void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_sensitivity) {
+  constexpr std::size_t kBatch = 64;
+  const FrobeniusRule rule(max_sensitivity, set_.dimension());
+  const std::size_t stride = (set_.packed_size() + 7) / 8 * 8;
+  const std::size_t d = set_.dimension();
+  std::vector<double> whitened(kBatch * stride), scratch(8 * d * (d + 1)), traces(kBatch);
+  std::size_t kept = 0;
+  for (std::size_t from = 0; from < list.count; from += kBatch) {
+    const std::size_t count = std::min(kBatch, list.count - from);
+    dense_kernels().whiten(set_.data(), list.indices.data() + from, count, d,
+                           working_.inverse().inverse_factor().data(), whitened.data(), stride,
+                           traces.data(), scratch.data());
+    for (std::size_t k = 0; k < count; ++k) {
+      const double* row = whitened.data() + k * stride;
+      const double squared_norm = std::inner_product(row, row + stride, row, 0.0);
+      if (rule.deletable(traces[k], squared_norm)) continue;
+      list.indices[kept] = list.indices[from + k];
+      list.sensitivity[kept] = list.sensitivity[from + k];
+      ++kept;
+    }
+  }
+  tracer_.count_candidates(list.count);
+  list.indices.resize(kept);
+  list.count = kept;
+}
+
+MethodOutcome ColumnGenerationRun::finish(SolveStatus status, std::string message) const {
+  Design design;
+  if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
+  return {std::move(design), status, best_.gap(), working_.sensitivity_error(), rounds_,
+          std::move(message)};
+}
+
+// A D-optimal design that is good enough to start from, then the criterion's own method.
+Solution solve_other_criterion(const InformationSet& set, const SolveOptions& options,
+                               Tracer& tracer) {
+  SolveOptions rough = options;
+  rough.criterion = Criterion();
+  rough.duality_gap = std::max(0.1, options.duality_gap);
+  rough.iteration_limit = 0;
+  Solution start = ColumnGeneration().solve(set, rough);
+  tracer.count_passes(start.counters.passes);
+  if (start.status == SolveStatus::kUnsupported) return start;
+  return solve_criterion(set, options, start.design, tracer);
+}
+
+[[nodiscard]] bool wants_better_coordinates(const MethodOutcome& outcome) {
+  return outcome.status == SolveStatus::kNumericalFailure ||
+         outcome.status == SolveStatus::kUnsupported;
+}
+
+MethodOutcome solve_d(const InformationSet& set, const SolveOptions& options, Tracer& tracer) {
+  MethodOutcome own = ColumnGenerationRun(set, Coordinates::kOwn, options, tracer).run();
+  if (!wants_better_coordinates(own)) return own;
+  const ConditionedSet conditioned(set, 0.0, tracer, options.threads);
+  MethodOutcome whitened =
+      ColumnGenerationRun(conditioned.set(), Coordinates::kWhitened, options, tracer).run();
+  if (!wants_better_coordinates(whitened)) return whitened;
+  return finish_with_another(conditioned.set(), options, ColumnGeneration().name(),
+                             std::move(whitened), tracer);
+}
+
+}  // namespace
+
+Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
+                                 SolveObserver* observer) const {
+  Tracer tracer(set, options, observer);
+  if (options.criterion.kind() != CriterionKind::kD) {
+    options.criterion.require_fits(set);
+    return solve_other_criterion(set, options, tracer);
+  }
+  MethodOutcome outcome = solve_d(set, options, tracer);
+  return tracer.finish(std::move(outcome.design), outcome.status, outcome.iterations,
+                       std::move(outcome.message));
+}
+
+}  // namespace graybox

@@ -1,0 +1,58 @@
+// column_generation: D-optimal design with a handful of passes over the set.
+//
+// The optimum has few support points (at most p, in practice 1 to 3 d), so nearly all of the work
+// is finding them. The method alternates
+//
+//   price   w_i = tr(M^-1 H_i) for a pool of candidates, one read of its rows;
+//   add     the most violating candidates (w_i > d) to a working set of a few dozen;
+//   solve   the design problem on the working set by Newton's method (working_set.hpp);
+//
+// over growing pools: a stratified sample (solved roughly, from a few multiplicative steps), for
+// large sets a larger sample, and then the whole set. Each pass over the whole set yields the gap
+// max_i w_i / d - 1 of a design, upper bounds that remove candidates for good (screening.hpp), and
+// a short list of those with the largest sensitivities, on which the next rounds run to full
+// precision before the set is read again. It stops on a pass over ALL candidates in double
+// precision, and claims only what it can know: the gap and the bound on its rounding error
+// (sensitivity_error.hpp) together are at most the gap asked for.
+//
+// Ties and duplicates: the first working set is well conditioned (well_conditioned_start.hpp), and
+// never made of the largest sensitivities, which may all point the same way; a row that is in the
+// working set to the last bit is not added twice; additions are spread over the candidate order,
+// since neighbours on a grid are near-duplicates.
+//
+// Ill-conditioned sets: where rounding may hide more than a tenth of the gap asked for, the set is
+// whitened (conditioned_set.hpp) and solved in those coordinates; well-conditioned ones never pay
+// for that. Where the bound is too large there, too, the status is numerical_failure, with the gap
+// reached. Where the steps themselves end short of the gap, another method finishes (fallback.hpp),
+// and the message says so.
+//
+// Criteria other than D start from a rough D-optimal design and go on with
+// criterion_column_generation.hpp.
+//
+// Cost: 2 Q p flops and one read of the set a pass, 2 to 4 passes in practice; per Newton step
+// n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
+// Threads share the passes; each w_i is computed alone, so results do not depend on their number.
+#pragma once
+
+#include "solvers/core/solver.hpp"
+
+namespace graybox {
+
+class ColumnGeneration : public Solver {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "column_generation"; }
+  [[nodiscard]] std::string_view description() const override {
+    return "Newton on a small working set, few full passes to price all candidates, safe screening";
+  }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.reachable_gap = 1e-9,
+            .memory_exponent = 1,
+            .randomised = true,
+            .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kE, CriterionKind::kL,
+                         CriterionKind::kDs}};
+  }
+  [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
+                               SolveObserver* observer = nullptr) const override;
+};
+
+}  // namespace graybox

@@ -1,0 +1,31 @@
+// Column generation for the criteria A, E, L and Ds: what column_generation does where the
+// criterion is not D. The same scheme: price all candidates with tr(G H_i), add the most violating
+// to a working set of a few dozen, solve the problem there (restricted_problem.hpp) and go on,
+// between passes over the whole set on a short list of those with the largest sensitivities. It
+// starts from a D-optimal design of gap 0.1, which is regular and whose support sees every
+// direction.
+//
+// No candidates are removed for good: the rules of screening.hpp hold for D alone, and the short
+// list is a guess that the next pass over all candidates corrects. It stops on a pass over ALL
+// candidates whose gap is at most the one asked for.
+//
+// Where rounding of the sensitivities could reach a tenth of the gap asked for, or keeps the gap
+// above it, the set is whitened first (conditioned_set.hpp), and K or lambda_min transformed with
+// it.
+//
+// Cost: 2 Q p flops and one read of the set a pass, 4 to 10 passes, one of them for the condition;
+// the working set as smooth_restricted_problem.hpp and eigenvalue_restricted_problem.hpp say.
+// Results do not depend on the number of threads.
+#pragma once
+
+#include "solvers/core/solver.hpp"
+#include "solvers/core/tracer.hpp"
+
+namespace graybox {
+
+// `start`: a design with a regular information matrix. For criterion E the answer carries its
+// dual_matrix.
+[[nodiscard]] Solution solve_criterion(const InformationSet& set, const SolveOptions& options,
+                                       const Design& start, Tracer& tracer);
+
+}  // namespace graybox

@@ -1,0 +1,84 @@
+// The arithmetic that every checker shares: reading the weights of a design, its information matrix
+// and sensitivities in extended precision (64-bit significand), and a bound on the error of the
+// latter.
+//
+// With X the computed inverse of the Cholesky factor of M, scaled to unit diagonal, and
+// ||X M X^T - I|| <= residual() < 1, M^-1 lies between X^T X / (1 + residual) and
+// X^T X / (1 - residual) in the Loewner order: each tr(M^-1 H_i) is known to within these factors,
+// apart from the rounding of the trace itself, at most trace_unit() times the sum of the magnitudes
+// of its terms.
+//
+//   const graybox::CheckedWeights checked(set, design);
+//   if (!checked.message.empty()) ...                       // no design
+//   const graybox::ExtendedInformation m(set, checked.weights);
+//   if (!m.regular()) ...
+//   const graybox::Extended w = m.sensitivity(set.information(i));
+//
+// Cost: O(support p + d^3) to construct, p multiplications a sensitivity. In quadruple precision
+// each takes about a hundred times as long.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "problems/information/information_set.hpp"
+#include "solvers/core/design.hpp"
+
+namespace graybox {
+
+using Extended = long double;
+
+// The weights of a design, clipped and renormalised. `message` says why they are no design: a wrong
+// length, a NaN, a weight below -1e-12, or a sum that differs from one by more than 1e-9.
+struct CheckedWeights {
+  CheckedWeights(const InformationSet& set, const Design& design);
+
+  std::string message;            // empty for a design
+  std::vector<Extended> weights;  // non-negative, of sum 1
+  std::size_t support_size = 0;   // weights above zero
+  double clipped = 0.0;           // sum of the negative weights set to zero, as a positive number
+  double renormalised = 0.0;      // sum of the weights minus one, before renormalising
+};
+
+// Real: Extended, or Quadruple (quadruple.hpp) where that is not enough.
+template <class Real>
+class InformationIn {
+ public:
+  // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows
+  // of inverse_factor() then whiten the Schur complement of the others, the information about
+  // order[d-k] .. order[d-1] that is left when the others are unknown too.
+  InformationIn(const InformationSet& set, std::span<const Extended> weights,
+                std::span<const std::size_t> order = {});
+
+  // False where M is not numerically positive definite; the rest is then undefined.
+  [[nodiscard]] bool regular() const { return residual_ < Real(0.1); }
+  [[nodiscard]] Real log_det() const { return log_det_; }
+  [[nodiscard]] Real residual() const { return residual_; }
+  // tr(M^-1 H) for a packed H, and the sum of the magnitudes of its terms.
+  [[nodiscard]] Real sensitivity(std::span<const double> packed) const;
+  [[nodiscard]] Real magnitude(std::span<const double> packed) const;
+  [[nodiscard]] Real trace_unit() const;
+  // No less than magnitude() for a positive semidefinite H, from the diagonals alone: by
+  // Cauchy-Schwarz (sum_a sqrt(W_aa H_aa))^2 <= d sum_a W_aa H_aa.
+  [[nodiscard]] double largest_magnitude(std::span<const double> packed) const;
+  // X, d x d row-major: its columns are the parameters in their own order, its rows those in the
+  // order of elimination.
+  [[nodiscard]] std::span<const Real> inverse_factor() const { return inverse_; }
+  // The logarithm of the information about the parameter eliminated k-th, given those after it;
+  // log_det() is the sum over k.
+  [[nodiscard]] Real log_pivot(std::size_t k) const { return log_pivots_[k]; }
+
+ private:
+  std::size_t dimension_;
+  std::vector<Real> inverse_;
+  std::vector<Real> log_pivots_;
+  std::vector<Real> dual_;  // M^-1 in trace-dual packing
+  Real log_det_ = 0;
+  Real residual_ = 1;
+};
+
+using ExtendedInformation = InformationIn<Extended>;
+
+}  // namespace graybox

@@ -1,0 +1,281 @@
+#include "solvers/multiplicative/multiplicative_accelerated.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "problems/kernels/kernels.hpp"
+#include "solvers/column_generation/screening.hpp"
+#include "solvers/conditioning/conditioned_set.hpp"
+#include "solvers/core/claim.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/core/tracer.hpp"
+#include "solvers/multiplicative/reweigh_pass.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::int64_t kDefaultIterationLimit = 1'000'000;
+constexpr std::int64_t kStallWindow = 10'000;
+constexpr double kLargestExponent = 50.0;  // of one extrapolation, either way
+constexpr double kWorthCompacting = 0.1;   // share of the survivors that must be deletable
+constexpr double kNegligibleShare = 1e-17;
+
+class AcceleratedRun {
+ public:
+  AcceleratedRun(const InformationSet& set, const SolveOptions& options, SolveObserver* observer)
+      : options_(options),
+        tracer_(set, options, observer),
+        conditioned_(set, kSensitivityAccuracy * options.duality_gap, tracer_),
+        dimension_(static_cast<double>(set.dimension())),
+        data_(conditioned_.set().data()),
+        index_(set.candidate_count()),
+        weights_(set.candidate_count(), 1.0 / static_cast<double>(set.candidate_count())),
+        information_(conditioned_.uniform_information().begin(),
+                     conditioned_.uniform_information().end()),
+        factor_(set.dimension()),
+        pass_(set.dimension(), options.threads),
+        survivors_target_(options.duality_gap) {
+    std::iota(index_.begin(), index_.end(), std::size_t{0});
+    former_ = w_ = second_w_ = weights_;
+    trial_information_ = information_;
+    if (!factor_.factor(information_)) message_ = "the uniform design is singular";
+  }
+
+  Solution solve() {
+    const std::int64_t limit =
+        options_.iteration_limit > 0 ? options_.iteration_limit : kDefaultIterationLimit;
+    while (message_.empty()) {
+      std::ranges::copy(weights_, former_.begin());
+      plain_step(w_);
+      const double largest = *std::ranges::max_element(w_);
+      const double gap = largest / dimension_ - 1.0;
+      tracer_.record(gap, iteration_);
+      if (gap <= std::min(survivors_target_, stop_at()) && confirm()) {
+        Claim claim = claim_at(options_.duality_gap, rounding());
+        message_ = std::move(claim.message);
+        return finish(claim.status);
+      }
+      if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
+      if (iteration_ == limit) return finish(SolveStatus::kIterationLimit);
+      ++iteration_;
+      delete_candidates(largest, gap);
+      if (message_.empty()) advance();
+    }
+    return finish(SolveStatus::kNumericalFailure);
+  }
+
+ private:
+  [[nodiscard]] std::size_t count() const { return index_.size(); }
+  // The factor is that of former_; information_ has moved on by one plain step, which changes
+  // little.
+  [[nodiscard]] double rounding() const {
+    return gap_rounding(information_, factor_.trace_dual(), conditioned_.set().dimension());
+  }
+  [[nodiscard]] double stop_at() const { return gap_to_stop_at(options_.duality_gap, rounding()); }
+  [[nodiscard]] std::size_t packed() const { return information_.size(); }
+
+  // lambda <- F(lambda) and its M; w: the sensitivities before the step. The factor stays behind.
+  void plain_step(std::vector<double>& w) {
+    pass_.run(data_, factor_.trace_dual(), weights_, w, information_);
+    tracer_.count_candidates(count());
+  }
+
+  void factorise() {
+    if (!factor_.factor(information_)) message_ = "the information matrix became singular";
+  }
+
+  // The second plain step and the extrapolation from former_ through both.
+  void advance() {
+    factorise();
+    if (!message_.empty()) return;
+    plain_step(second_w_);
+    factorise();
+    if (!message_.empty()) return;
+    const double plain_log_det = factor_.log_det();
+    watch_progress(plain_log_det);
+    if (!extrapolate()) return;
+    if (factor_.factor(trial_information_) && factor_.log_det() >= plain_log_det) {
+      std::swap(weights_, trial_);
+      std::swap(information_, trial_information_);
+      if (length_ >= cap_) cap_ *= 2.0;
+    } else {
+      cap_ = std::max(1.0, 0.5 * length_);
+      if (cap_ < 2.0) cap_ = 2.0;
+      factorise();
+    }
+  }
+
+  // Writes trial_ and trial_information_; false if there is nothing to extrapolate.
+  bool extrapolate() {
+    trial_.resize(count());
+    increment_.resize(count());
+    double first = 0.0, second = 0.0;
+    constexpr double kTiny = std::numeric_limits<double>::min();
+    for (std::size_t i = 0; i < count(); ++i) {
+      const double w = std::max(w_[i], kTiny), next = std::max(second_w_[i], kTiny);
+      increment_[i] = std::log(w / dimension_);
+      trial_[i] = std::log(next / w);
+      first += former_[i] * increment_[i] * increment_[i];
+      second += former_[i] * trial_[i] * trial_[i];
+    }
+    length_ = second > 0.0 ? std::sqrt(first / second) : cap_;
+    if (!(length_ > 1.0)) return false;
+    length_ = std::min(length_, cap_);
+    double total = 0.0;
+    for (std::size_t i = 0; i < count(); ++i) {
+      const double exponent = length_ * (2.0 * increment_[i] + length_ * trial_[i]);
+      const double bounded = std::clamp(exponent, -kLargestExponent, kLargestExponent);
+      trial_[i] = std::max(former_[i] * std::exp(bounded), kSmallestWeight);
+      total += trial_[i];
+    }
+    for (double& weight : trial_) weight /= total;
+    std::ranges::fill(trial_information_, 0.0);
+    kernels().accumulate(data_, count(), packed(), trial_.data(), trial_information_.data());
+    tracer_.count_candidates(count());
+    return true;
+  }
+
+  void watch_progress(double log_det) {
+    if (iteration_ < next_check_) return;
+    const double rounding =
+        4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(log_det));
+    if (!(log_det > last_log_det_ + rounding)) {
+      message_ = "no step gains in double precision any more";
+    }
+    last_log_det_ = log_det;
+    next_check_ = iteration_ + kStallWindow;
+  }
+
+  // Marks what the rules can delete by the sensitivities w_ of former_, whose factor is at hand.
+  std::size_t mark_deletable(double largest, double gap) {
+    const auto d = conditioned_.set().dimension();
+    const double threshold = harman_pronzato_threshold(largest, d);
+    keep_.assign(count(), 1);
+    std::size_t deletable = 0;
+    for (std::size_t i = 0; i < count(); ++i) {
+      if (w_[i] >= threshold) continue;
+      keep_[i] = 0;
+      ++deletable;
+    }
+    if (gap > 0.5 * last_frobenius_gap_) return deletable;
+    last_frobenius_gap_ = gap;
+    const FrobeniusRule rule(largest, d);
+    scratch_.resize(2 * d * d);
+    std::size_t read = 0;
+    for (std::size_t i = 0; i < count(); ++i) {
+      // The norm is at least that of (w_i/d) I: if even that is not deletable, none is.
+      if (keep_[i] == 0 || !rule.deletable(w_[i], w_[i] * w_[i] / dimension_)) continue;
+      ++read;
+      const double norm =
+          squared_whitened_norm(data_ + i * packed(), factor_.inverse_factor(), d, scratch_);
+      if (!rule.deletable(w_[i], norm)) continue;
+      keep_[i] = 0;
+      ++deletable;
+    }
+    tracer_.count_candidates(read);
+    return deletable;
+  }
+
+  void delete_candidates(double largest, double gap) {
+    const std::size_t deletable = mark_deletable(largest, gap);
+    if (static_cast<double>(deletable) < kWorthCompacting * static_cast<double>(count())) return;
+    if (deletable == 0) return;
+    compact(count() - deletable);
+    double total = 0.0;
+    for (const double weight : weights_) total += weight;
+    for (double& weight : weights_) weight /= total;
+    std::ranges::fill(information_, 0.0);
+    kernels().accumulate(data_, count(), packed(), weights_.data(), information_.data());
+    tracer_.count_candidates(count());
+  }
+
+  void compact(std::size_t survivors) {
+    if (copy_.empty()) copy_ = AlignedArray(survivors * packed());
+    std::size_t to = 0;
+    for (std::size_t from = 0; from < count(); ++from) {
+      if (keep_[from] == 0) continue;
+      std::copy_n(data_ + from * packed(), packed(), copy_.data() + to * packed());
+      index_[to] = index_[from];
+      weights_[to] = weights_[from];
+      former_[to] = former_[from];
+      w_[to] = w_[from];
+      ++to;
+    }
+    data_ = copy_.data();
+    index_.resize(to);
+    weights_.resize(to);
+    former_.resize(to);
+    w_.resize(to);
+    second_w_.resize(to);
+  }
+
+  // The gap over all candidates, of the weights former_ whose factor is at hand.
+  bool confirm() {
+    const InformationSet& set = conditioned_.set();
+    if (count() == set.candidate_count()) return true;
+    all_w_.resize(set.candidate_count());
+    sensitivities(set, factor_.trace_dual(), all_w_);
+    tracer_.count_passes(1.0);
+    const double gap = *std::ranges::max_element(all_w_) / dimension_ - 1.0;
+    tracer_.record(gap, iteration_);
+    if (gap <= stop_at()) return true;
+    survivors_target_ *= 0.25;
+    return false;
+  }
+
+  Solution finish(SolveStatus status) {
+    // lambda_i H_i <= lambda_i w_i M: a weight with a negligible bound does not show in M.
+    Design design{std::vector<double>(conditioned_.set().candidate_count(), 0.0)};
+    double total = 0.0;
+    for (std::size_t i = 0; i < count(); ++i) {
+      if (former_[i] * std::max(w_[i], 1.0) > kNegligibleShare) total += former_[i];
+    }
+    for (std::size_t i = 0; i < count(); ++i) {
+      if (former_[i] * std::max(w_[i], 1.0) > kNegligibleShare) {
+        design.weights[index_[i]] = former_[i] / total;
+      }
+    }
+    return tracer_.finish(std::move(design), status, iteration_, std::move(message_));
+  }
+
+  const SolveOptions& options_;
+  Tracer tracer_;
+  const ConditionedSet conditioned_;
+  const double dimension_;
+  // The survivors: their matrices, places in the set, and weights.
+  const double* data_;
+  AlignedArray copy_;
+  std::vector<std::size_t> index_;
+  std::vector<double> weights_;
+  std::vector<double> information_;
+  InverseCholesky factor_;
+  ReweighPass pass_;
+  double survivors_target_;
+  std::vector<double> former_;    // weights before the iteration's first step
+  std::vector<double> w_;         // their sensitivities
+  std::vector<double> second_w_;  // sensitivities after the first step
+  std::vector<double> increment_, trial_, trial_information_;
+  double length_ = 1.0, cap_ = 4.0;
+  std::vector<char> keep_;
+  std::vector<double> scratch_, all_w_;
+  double last_frobenius_gap_ = 1.0;
+  double last_log_det_ = -std::numeric_limits<double>::infinity();
+  std::int64_t iteration_ = 0;
+  std::int64_t next_check_ = kStallWindow;
+  std::string message_;
+};
+
+}  // namespace
+
+Solution MultiplicativeAccelerated::solve(const InformationSet& set, const SolveOptions& options,
+                                          SolveObserver* observer) const {
+  return AcceleratedRun(set, options, observer).solve();
+}
+
+}  // namespace graybox

@@ -1,0 +1,323 @@
+#include "solvers/report/design_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "problems/base/error.hpp"
+#include "problems/base/program_version.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "problems/files/input_file.hpp"
+
+namespace graybox {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kFormat = "graybox-design/1";
+
+Json support_entry(const InformationSet& set, std::size_t index, double weight) {
+  Json entry{{"index", index}, {"weight", weight}};
+  const auto& names = set.candidates().names;
+  const auto coordinates = set.coordinates(index);
+  for (std::size_t k = 0; k < names.size(); ++k) entry["candidate"][names[k]] = coordinates[k];
+  return entry;
+}
+
+Json criterion_entry(const InformationSet& set, const Criterion& criterion) {
+  Json entry{{"name", to_string(criterion.kind())}};
+  if (criterion.kind() == CriterionKind::kL) entry["weights"] = criterion.weights();
+  if (criterion.kind() == CriterionKind::kDs) {
+    entry["interest"] = criterion.interest();
+    for (const std::size_t k : criterion.interest()) {
+      if (!set.parameters().empty()) entry["parameters"].push_back(set.parameters()[k]);
+    }
+  }
+  return entry;
+}
+
+// Reading: `file_` begins every message.
+class DesignReader {
+ public:
+  DesignReader(const std::string& path, const InformationSet& set) : path_(path), set_(set) {}
+
+  DesignFile read(WeightCheck check) {
+    parse();
+    DesignFile file;
+    file.solver = text(root_, "solver");
+    file.status = text(root_, "status");
+    file.message = text(root_, "message");
+    file.problem_hash = text(root_, "problem_hash");
+    require_this_problem(file.problem_hash);
+    file.asked_gap = number(object("options"), "options.", "duality_gap");
+    const Json counters = object("counters");
+    file.counters.seconds = number(counters, "counters.", "seconds").value_or(0.0);
+    file.counters.passes = number(counters, "counters.", "passes").value_or(0.0);
+    file.counters.iterations = whole(number(counters, "counters.", "iterations").value_or(0.0));
+    file.criterion = criterion();
+    file.limits = limits();
+    file.objective = text(object("objective"), "name");
+    file.design.weights = weights(check);
+    file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
+    return file;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(fmt::format("{}: {}", path_, problem));
+  }
+
+  void parse() {
+    { const InputFile present(path_); }  // missing, a folder, empty
+    std::ifstream stream(path_, std::ios::binary);
+    try {
+      root_ = Json::parse(stream);
+    } catch (const Json::parse_error& error) {
+      fail(fmt::format("not valid JSON at byte {}; is the file truncated?", error.byte));
+    }
+    if (!root_.is_object()) fail(fmt::format("no JSON object; expected format {}", kFormat));
+    const std::string format = text(root_, "format");
+    if (format != kFormat) {
+      fail(fmt::format("format is {}; expected {}", format.empty() ? "missing" : "'" + format + "'",
+                       kFormat));
+    }
+  }
+
+  // Beyond 2^53 doubles are no counts.
+  static std::int64_t whole(double value) {
+    constexpr double kLargest = 9007199254740992.0;
+    return static_cast<std::int64_t>(std::clamp(value, 0.0, kLargest));
+  }
+
+  [[nodiscard]] std::string text(const Json& parent, const char* key) const {
+    const auto found = parent.find(key);
+    if (found == parent.end() || found->is_null()) return {};
+    if (!found->is_string()) fail(fmt::format("{} must be text", key));
+    return found->get<std::string>();
+  }
+
+  [[nodiscard]] Json object(const char* key) const {
+    const auto found = root_.find(key);
+    if (found == root_.end()) return Json::object();
+    if (!found->is_object()) fail(fmt::format("{} must be an object", key));
+    return *found;
+  }
+
+  [[nodiscard]] std::optional<double> number(const Json& parent, const char* where,
+                                             const char* key) const {
+    const auto found = parent.find(key);
+    if (found == parent.end() || found->is_null()) return std::nullopt;
+    if (!found->is_number()) fail(fmt::format("{}{} must be a number", where, key));
+    return found->get<double>();
+  }
+
+  // An array of numbers; empty where there is none.
+  template <typename Number>
+  [[nodiscard]] std::vector<Number> numbers(const Json& parent, const char* where,
+                                            const char* key) const {
+    const auto found = parent.find(key);
+    if (found == parent.end() || found->is_null()) return {};
+    const auto fits = [](const Json& entry) {
+      return std::is_integral_v<Number> ? entry.is_number_unsigned() : entry.is_number();
+    };
+    if (!found->is_array() || !std::ranges::all_of(*found, fits)) {
+      fail(fmt::format("{}{} must be an array of {}", where, key,
+                       std::is_integral_v<Number> ? "indices" : "numbers"));
+    }
+    return found->get<std::vector<Number>>();
+  }
+
+  [[nodiscard]] DesignLimits limits() const {
+    DesignLimits found;
+    const Json root = object("limits");
+    for (const auto& [name, entry] : root.items()) {
+      if (name == "concentration") {
+        found.concentration = {share(entry, name), count(entry, name, "positions")};
+      } else if (name == "block_share") {
+        found.block_share = {share(entry, name), count(entry, name, "block_size")};
+      } else {
+        fail(fmt::format("unknown limit '{}'; the checker knows concentration and block_share",
+                         name));
+      }
+    }
+    try {
+      require_fits(found, set_);
+    } catch (const InputError& error) {
+      fail(error.what());
+    }
+    return found;
+  }
+
+  [[nodiscard]] double share(const Json& entry, const std::string& limit) const {
+    const auto found = entry.is_object() ? entry.find("largest_share") : entry.end();
+    if (found == entry.end() || !found->is_number()) {
+      fail(fmt::format("limits.{}.largest_share must be a number", limit));
+    }
+    return found->get<double>();
+  }
+
+  [[nodiscard]] std::size_t count(const Json& entry, const std::string& limit,
+                                  const char* key) const {
+    const auto found = entry.is_object() ? entry.find(key) : entry.end();
+    if (found == entry.end() || !found->is_number_unsigned() || *found == 0U) {
+      fail(fmt::format("limits.{}.{} must be a positive integer", limit, key));
+    }
+    return found->get<std::size_t>();
+  }
+
+  [[nodiscard]] std::optional<Criterion> criterion() const {
+    if (!root_.contains("criterion")) return std::nullopt;
+    const Json entry = object("criterion");
+    try {
+      Criterion found = criterion_of(entry);
+      found.require_fits(set_);
+      return found;
+    } catch (const InputError& error) {
+      fail(error.what());
+    }
+  }
+
+  [[nodiscard]] Criterion criterion_of(const Json& entry) const {
+    switch (criterion_kind(text(entry, "name"))) {
+      case CriterionKind::kA:
+        return Criterion::a();
+      case CriterionKind::kE:
+        return Criterion::e();
+      case CriterionKind::kL:
+        return Criterion::l(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kDs:
+        return Criterion::ds(numbers<std::size_t>(entry, "criterion.", "interest"));
+      case CriterionKind::kD:
+        break;
+    }
+    return {};
+  }
+
+  void require_this_problem(const std::string& stated) const {
+    for (const auto& [key, value] : {std::pair{"candidates", set_.candidate_count()},
+                                     std::pair{"dimension", set_.dimension()}}) {
+      const auto there = number(root_, "", key);
+      if (there.has_value() && *there != static_cast<double>(value)) {
+        fail(fmt::format("{} is {}, but {} has {}; this design is of another problem", key, *there,
+                         set_.name(), value));
+      }
+    }
+    if (stated.empty()) return;
+    const std::string hash = set_.content_hash();
+    if (stated != hash) {
+      fail(
+          fmt::format("problem_hash starts {:.12} but {} has {:.12}; this design is of another "
+                      "problem",
+                      stated, set_.name(), hash));
+    }
+  }
+
+  [[nodiscard]] std::vector<double> weights(WeightCheck check) const {
+    const auto support = root_.find("support");
+    if (support == root_.end() || !support->is_array() || support->empty()) {
+      fail("support is missing or empty; expected [{\"index\": ..., \"weight\": ...}, ...]");
+    }
+    std::vector<double> all(set_.candidate_count(), 0.0);
+    std::vector<bool> seen(set_.candidate_count(), false);
+    double sum = 0.0;
+    for (std::size_t k = 0; k < support->size(); ++k) {
+      const auto [index, weight] = support_point((*support)[k], k);
+      if (seen[index]) fail(fmt::format("support[{}]: index {} stands there twice", k, index));
+      if (check == WeightCheck::kStrict && weight < -1e-12) {
+        fail(fmt::format("support[{}]: weight {} is negative", k, weight));
+      }
+      seen[index] = true;
+      all[index] = weight;
+      sum += weight;
+    }
+    if (check == WeightCheck::kStrict && !(std::abs(sum - 1.0) <= 1e-9)) {
+      fail(fmt::format("support: the weights sum to {:.12g}, not 1", sum));
+    }
+    return all;
+  }
+
+  [[nodiscard]] std::pair<std::size_t, double> support_point(const Json& entry,
+                                                             std::size_t k) const {
+    const auto index = entry.is_object() ? entry.find("index") : entry.end();
+    const auto weight = entry.is_object() ? entry.find("weight") : entry.end();
+    if (index == entry.end() || weight == entry.end()) {
+      fail(fmt::format("support[{}]: expected {{\"index\": ..., \"weight\": ...}}", k));
+    }
+    if (!index->is_number_integer() || *index < 0 || *index >= set_.candidate_count()) {
+      fail(fmt::format("support[{}]: index {} is no integer from 0 to {}", k, index->dump(),
+                       set_.candidate_count() - 1));
+    }
+    if (!weight->is_number() || !std::isfinite(weight->get<double>())) {
+      fail(fmt::format("support[{}]: weight {} is no number", k, weight->dump()));
+    }
+    return {index->get<std::size_t>(), weight->get<double>()};
+  }
+
+  std::string path_;
+  const InformationSet& set_;
+  Json root_;
+};
+
+}  // namespace
+
+Json design_json(const InformationSet& set, const Design& design, const SolveReport& report,
+                 const DesignLimits& limits) {
+  const Certificate& certificate = report.certificate;
+  Json support = Json::array();
+  for (std::size_t i = 0; i < design.weights.size(); ++i) {
+    if (design.weights[i] != 0.0) support.push_back(support_entry(set, i, design.weights[i]));
+  }
+  Json root{{"format", kFormat},
+            {"written_by", written_by()},
+            {"problem", report.problem},
+            {"problem_hash", report.problem_hash},
+            {"candidates", set.candidate_count()},
+            {"dimension", set.dimension()},
+            {"solver", report.solver},
+            {"criterion", criterion_entry(set, report.options.criterion)},
+            {"options",
+             {{"duality_gap", report.options.duality_gap},
+              {"time_limit", report.options.time_limit},
+              {"iteration_limit", report.options.iteration_limit},
+              {"seed", report.options.seed},
+              {"threads", report.options.threads}}},
+            {"status", to_string(report.status)},
+            {"message", report.message},
+            {"support", std::move(support)},
+            {"certificate",
+             {{"status", to_string(certificate.status)},
+              {"duality_gap", certificate.duality_gap},
+              {"rounding_bound", certificate.rounding_bound},
+              {"criterion_value", certificate.criterion_value},
+              {"log_det", certificate.log_det},
+              {"log_det_gap", certificate.log_det_gap},
+              {"efficiency", certificate.efficiency},
+              {"worst_candidate", certificate.worst_candidate},
+              {"clipped", certificate.clipped},
+              {"renormalised", certificate.renormalised}}},
+            {"log_det", certificate.log_det},
+            {"counters",
+             {{"iterations", report.counters.iterations},
+              {"passes", report.counters.passes},
+              {"seconds", report.counters.seconds}}}};
+  if (limits.any()) root["limits"] = to_json(limits);
+  if (!design.dual_matrix.empty()) root["dual_matrix"] = design.dual_matrix;
+  return root;
+}
+
+void write_design(const std::string& path, const InformationSet& set, const Design& design,
+                  const SolveReport& report, const DesignLimits& limits) {
+  write_text_file(path, design_json(set, design, report, limits).dump(1) + "\n");
+}
+
+DesignFile read_design(const std::string& path, const InformationSet& set, WeightCheck check) {
+  return DesignReader(path, set).read(check);
+}
+
+}  // namespace graybox

@@ -1,0 +1,216 @@
+#include "solvers/restricted_problem/working_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numeric>
+
+#include "problems/base/packed_matrix.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+
+namespace graybox {
+
+WorkingSet::WorkingSet(std::size_t dimension)
+    : dimension_(dimension),
+      packed_size_(graybox::packed_size(dimension)),
+      stride_((packed_size_ + 7) / 8 * 8),
+      scratch_(dimension * (dimension + 1) * 8),
+      matrix_(packed_size_),
+      target_matrix_(packed_size_),
+      trial_matrix_(packed_size_),
+      inverse_(dimension),
+      trial_(dimension) {
+  reserve(8 * dimension_);
+}
+
+void WorkingSet::reserve(std::size_t members) {
+  if (whitened_rows_ >= members) return;
+  indices_.reserve(members);
+  weights_.reserve(members);
+  rows_.reserve(members * packed_size_);
+  whitened_ = AlignedArray(members * stride_);
+  whitened_rows_ = members;
+  sensitivity_.resize(members);
+  active_.reserve(members);
+  active_sensitivity_.resize(members);
+  hessian_.resize(members * members);
+  linear_.resize(members);
+  target_.resize(members);
+  quadratic_.reserve(members);
+}
+
+void WorkingSet::clear() {
+  indices_.clear();
+  weights_.clear();
+  rows_.clear();
+}
+
+bool WorkingSet::add(std::size_t candidate, const double* information, double weight) {
+  const std::size_t bytes = packed_size_ * sizeof(double);
+  for (std::size_t k = 0; k < size(); ++k) {
+    if (indices_[k] == candidate ||
+        std::memcmp(rows_.data() + k * packed_size_, information, bytes) == 0) {
+      weights_[k] += weight;
+      return false;
+    }
+  }
+  if (size() == whitened_rows_) reserve(2 * size());
+  indices_.push_back(candidate);
+  weights_.push_back(weight);
+  rows_.insert(rows_.end(), information, information + packed_size_);
+  return true;
+}
+
+void WorkingSet::drop_below(double sensitivity) {
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < size(); ++k) {
+    if (weights_[k] == 0.0 && sensitivity_[k] < sensitivity) continue;
+    if (kept != k) {
+      indices_[kept] = indices_[k];
+      weights_[kept] = weights_[k];
+      sensitivity_[kept] = sensitivity_[k];
+      std::copy_n(rows_.begin() + static_cast<std::ptrdiff_t>(k * packed_size_), packed_size_,
+                  rows_.begin() + static_cast<std::ptrdiff_t>(kept * packed_size_));
+    }
+    ++kept;
+  }
+  indices_.resize(kept);
+  weights_.resize(kept);
+  rows_.resize(kept * packed_size_);
+}
+
+void WorkingSet::information(std::span<const double> weights, std::span<double> packed) const {
+  std::ranges::fill(packed, 0.0);
+  kernels().accumulate(rows_.data(), size(), packed_size_, weights.data(), packed.data());
+}
+
+void WorkingSet::normalise() {
+  const double sum = std::accumulate(weights_.begin(), weights_.end(), 0.0);
+  for (double& weight : weights_) weight /= sum;
+}
+
+bool WorkingSet::refresh() {
+  normalise();
+  information(weights_, matrix_);
+  return inverse_.factor(matrix_);
+}
+
+void WorkingSet::choose_active() {
+  active_.clear();
+  const auto d = static_cast<double>(dimension_);
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (weights_[i] > 0.0 || sensitivity_[i] > d) active_.push_back(i);
+  }
+}
+
+// The minimiser mu of the quadratic model over the active members, in target_.
+bool WorkingSet::newton_target() {
+  const std::size_t n = active_.size();
+  const auto d = static_cast<double>(dimension_);
+  dense_kernels().whiten(rows_.data(), active_.data(), n, dimension_,
+                         inverse_.inverse_factor().data(), whitened_.data(), stride_,
+                         active_sensitivity_.data(), scratch_.data());
+  dense_kernels().gram(whitened_.data(), n, stride_, hessian_.data());
+  double trace = 0.0;
+  for (std::size_t i = 0; i < n; ++i) trace += hessian_[i * n + i];
+  const std::span<double> target(target_.data(), n);
+  double added = 0.0;
+  for (double proximal = 1e-6 * trace / static_cast<double>(n); proximal <= 1e-2 * trace;
+       proximal *= 1e3) {
+    for (std::size_t i = 0; i < n; ++i) {
+      hessian_[i * n + i] += proximal - added;
+      linear_[i] = 2.0 * active_sensitivity_[i] - d + proximal * weights_[active_[i]];
+      target[i] = 1.0;  // guess: all are free
+    }
+    added = proximal;
+    if (quadratic_.solve({hessian_.data(), n * n}, {linear_.data(), n}, target)) return true;
+  }
+  return false;
+}
+
+// Moves from the weights towards the target as far as f increases enough (Armijo's rule on the
+// scale-free objective); false where no step does.
+bool WorkingSet::search_line() {
+  const auto d = static_cast<double>(dimension_);
+  double slope = 0.0, target_sum = 0.0;
+  trial_weights_.assign(size(), 0.0);
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    slope += (active_sensitivity_[k] - d) * (target_[k] - weights_[active_[k]]);
+    target_sum += target_[k];
+    trial_weights_[active_[k]] = target_[k];
+  }
+  if (!(slope > 0.0) || !(target_sum > 0.0)) return false;
+  double step = 1.0;
+  if (slope > 1e-2) {  // below that the quadratic model is exact enough to take the full step
+    information(trial_weights_, target_matrix_);
+    const double value = inverse_.log_det() - d;  // the weights sum to one
+    for (; step > 1e-6; step *= 0.4) {
+      for (std::size_t k = 0; k < packed_size_; ++k) {
+        trial_matrix_[k] = matrix_[k] + step * (target_matrix_[k] - matrix_[k]);
+      }
+      const double trial = trial_.log_det_of(trial_matrix_) - d * (1.0 + step * (target_sum - 1.0));
+      if (trial >= value + 0.1 * step * slope) break;
+    }
+    if (step <= 1e-6) return false;
+  }
+  for (std::size_t i = 0; i < size(); ++i) {
+    weights_[i] =
+        step == 1.0 ? trial_weights_[i] : weights_[i] + step * (trial_weights_[i] - weights_[i]);
+  }
+  return true;
+}
+
+// Monotone whatever the state; used where Newton's step finds no increase.
+bool WorkingSet::multiplicative_steps(int count) {
+  for (int k = 0; k < count; ++k) {
+    std::ranges::fill(matrix_, 0.0);
+    kernels().reweigh(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
+                      1.0 / static_cast<double>(dimension_), weights_.data(), sensitivity_.data(),
+                      matrix_.data());
+    for (double& weight : weights_) weight = weight > kSmallestWeight ? weight : 0.0;
+    if (!refresh()) return false;
+  }
+  return true;
+}
+
+WorkingSetStatus WorkingSet::optimise(double tolerance, int step_limit) {
+  const auto d = static_cast<double>(dimension_);
+  double best_gap = std::numeric_limits<double>::infinity();
+  int stalled = 0;
+  for (int step = 0;; ++step) {
+    if (!refresh()) {
+      if (step == 0) return WorkingSetStatus::kSingular;
+      weights_ = regular_weights_;  // the step lost rank: back to where M had it
+      return refresh() ? WorkingSetStatus::kNoProgress : WorkingSetStatus::kSingular;
+    }
+    regular_weights_ = weights_;
+    kernels().price(rows_.data(), size(), packed_size_, inverse_.trace_dual().data(),
+                    sensitivity_.data());
+    gap_ = *std::max_element(sensitivity_.begin(),
+                             sensitivity_.begin() + static_cast<std::ptrdiff_t>(size())) /
+               d -
+           1.0;
+    if (gap_ <= tolerance) return WorkingSetStatus::kConverged;
+    if (step == step_limit) return WorkingSetStatus::kStopped;
+    stalled = gap_ < 0.9 * best_gap ? 0 : stalled + 1;
+    best_gap = std::min(best_gap, gap_);
+    if (stalled > 12) return WorkingSetStatus::kNoProgress;
+    ++newton_steps_;
+    choose_active();
+    if (!newton_target() || !search_line()) {
+      if (!multiplicative_steps(10)) return WorkingSetStatus::kSingular;
+    }
+  }
+}
+
+WorkingSetStatus WorkingSet::improve(double pool_gap, double tolerance) {
+  constexpr int kStepLimit = 30;
+  const double target = std::max(0.3 * tolerance, std::min(0.1 * pool_gap, pool_gap * pool_gap));
+  const WorkingSetStatus status = optimise(target, kStepLimit);
+  drop_below(static_cast<double>(dimension_) * (1.0 - std::sqrt(gap_ + pool_gap)));
+  return status;
+}
+
+}  // namespace graybox
