@@ -24,10 +24,10 @@
 
 #include "bench/benchmark_folder.hpp"
 #include "bench/thread_argument.hpp"
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/signals/multisine.hpp"
 #include "diagnosis/simulation/excitation_plan.hpp"
-#include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "problems/mechanisms/robot_model.hpp"
 #include "problems/robot_information/robot_grid.hpp"

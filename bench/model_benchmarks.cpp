@@ -35,11 +35,11 @@
 
 #include "bench/benchmark_folder.hpp"
 #include "bench/thread_argument.hpp"
-#include "diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/response_fits/maximum_likelihood.hpp"
 #include "diagnosis/responses/estimate_responses.hpp"
+#include "diagnosis/signals/multisine.hpp"
 #include "diagnosis/simulation/closed_loop.hpp"
 #include "diagnosis/simulation/excitation_plan.hpp"
-#include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "problems/mechanisms/chain_dynamics.hpp"

@@ -1,5 +1,5 @@
 // `graybox design sequential`: what measuring, estimating and designing again is worth, in a
-// simulation with many repetitions (diagnosis/sequential_design.hpp).
+// simulation with many repetitions (diagnosis/studies/sequential_design.hpp).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 #include "cli/console.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/robot_arguments.hpp"
-#include "diagnosis/sequential_design.hpp"
+#include "diagnosis/studies/sequential_design.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 

@@ -1,5 +1,5 @@
 // `graybox design verify`: does a design deliver the covariance that it promises? Simulated
-// experiments, fitted, many times (diagnosis/efficiency_study.hpp).
+// experiments, fitted, many times (diagnosis/studies/efficiency_study.hpp).
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -21,7 +21,7 @@
 #include "cli/console.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/robot_arguments.hpp"
-#include "diagnosis/efficiency_study.hpp"
+#include "diagnosis/studies/efficiency_study.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"

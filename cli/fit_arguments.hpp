@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/fit_report.hpp"
+#include "diagnosis/estimation/fit_report.hpp"
 
 namespace graybox::cli {
 

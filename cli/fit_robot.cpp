@@ -7,7 +7,7 @@
 #include "cli/fit_arguments.hpp"
 #include "cli/interrupt.hpp"
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/robot_fit.hpp"
+#include "diagnosis/robot_fits/robot_fit.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
 
 namespace graybox::cli {

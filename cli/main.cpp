@@ -7,7 +7,7 @@
 #include "cli/commands.hpp"
 #include "cli/option_checks.hpp"
 #include "cli/start_up.hpp"
-#include "diagnosis/quiet_ceres.hpp"
+#include "diagnosis/estimation/quiet_ceres.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/recordings/recording_formats.hpp"
+#include "diagnosis/recording_files/recording_formats.hpp"
 #include "problems/formats/hdf5_file.hpp"
 #include "problems/formats/mat_file.hpp"
 

@@ -1,5 +1,5 @@
 // Fixed points that substitution alone does not reach.
-#include "diagnosis/periodic_mismatch/anderson_mixing.hpp"
+#include "diagnosis/harmonic_balance/anderson_mixing.hpp"
 
 #include <gtest/gtest.h>
 

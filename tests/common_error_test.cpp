@@ -1,15 +1,15 @@
 // What recordings have in common after their free motion was taken out: the covariance that is
 // stated, in closed form and by Monte Carlo, and what it does to held-out recordings.
-#include "diagnosis/periodic_mismatch/common_error.hpp"
+#include "diagnosis/harmonic_balance/common_error.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <string>
 
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "diagnosis/periodic_mismatch/real_products.hpp"
-#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/free_motion/transients.hpp"
+#include "diagnosis/harmonic_balance/real_products.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "problems/base/random.hpp"
 #include "tests/temporary_folder.hpp"

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/recordings/recording_file.hpp"
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"

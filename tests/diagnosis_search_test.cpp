@@ -15,7 +15,7 @@
 #include <set>
 #include <vector>
 
-#include "diagnosis/search/fit_comparison.hpp"
+#include "diagnosis/evidence/fit_comparison.hpp"
 #include "problems/base/distributions.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/signals/multisine.hpp"
 #include "diagnosis/simulation/closed_loop.hpp"
-#include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "problems/base/error.hpp"
 #include "problems/mechanisms/lumped_model.hpp"

@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/efficiency_study.hpp"
-#include "diagnosis/estimator_statistics.hpp"
-#include "diagnosis/fit_report.hpp"
-#include "diagnosis/identifiability.hpp"
+#include "diagnosis/estimation/fit_report.hpp"
+#include "diagnosis/estimation/identifiability.hpp"
+#include "diagnosis/studies/efficiency_study.hpp"
+#include "diagnosis/studies/estimator_statistics.hpp"
 #include "problems/base/distributions.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"

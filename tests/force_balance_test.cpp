@@ -11,8 +11,8 @@
 #include <iostream>
 #include <numbers>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
-#include "diagnosis/force_balance/coloured_noise.hpp"
 #include "diagnosis/force_balance/derivative_noise.hpp"
 #include "diagnosis/force_balance/force_balance_data.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
@@ -24,7 +24,7 @@
 #include "diagnosis/plausibility/plausibility.hpp"
 #include "diagnosis/recordings/preprocess.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
-#include "diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/signals/coloured_noise.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"

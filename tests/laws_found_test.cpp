@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
-#include "diagnosis/search/verdict_reasons.hpp"
 #include "tests/recorded_systems.hpp"
 
 namespace graybox {

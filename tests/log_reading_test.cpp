@@ -16,10 +16,10 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/late_signal.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
-#include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/sample_interpolation.hpp"
 #include "tests/recorded_channels.hpp"
 #include "tests/refusal.hpp"

@@ -1,6 +1,6 @@
 // Simulated measurements have the covariance (12), and the maximum-likelihood fit (7) has exact
 // derivatives, recovers the truth, and errs as its covariance says.
-#include "diagnosis/maximum_likelihood.hpp"
+#include "diagnosis/response_fits/maximum_likelihood.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,12 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/constitutive_residuals.hpp"
-#include "diagnosis/constitutive_stage.hpp"
-#include "diagnosis/fit_search.hpp"
-#include "diagnosis/response_measurement.hpp"
-#include "diagnosis/response_model.hpp"
-#include "diagnosis/whitened_residuals.hpp"
+#include "diagnosis/response_fits/response_measurement.hpp"
+#include "diagnosis/response_fits/response_model.hpp"
+#include "diagnosis/response_fits/whitened_residuals.hpp"
+#include "diagnosis/robot_fits/constitutive_residuals.hpp"
+#include "diagnosis/robot_fits/constitutive_stage.hpp"
+#include "diagnosis/robot_fits/fit_search.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
 #include "problems/mechanisms/frequency_response.hpp"

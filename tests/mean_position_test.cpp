@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/harmonic_balance/periodic_data.hpp"
+#include "diagnosis/harmonic_balance/plant_family.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
-#include "diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "tests/temporary_folder.hpp"

@@ -1,6 +1,6 @@
 // Noise that was estimated from few samples: what its errors do to chi-square and to scores,
 // against drawn covariances.
-#include "diagnosis/periodic_mismatch/noise_whitening.hpp"
+#include "diagnosis/harmonic_balance/noise_whitening.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/candidate_products.hpp"
+#include "diagnosis/periodic/candidate_products.hpp"
 #include "problems/base/array_index.hpp"
 #include "problems/base/random.hpp"
 

@@ -1,7 +1,7 @@
 // First fits of a flexible robot to its own recordings: several starts, one optimum; and the steady
 // states that they are made of.
-#include "diagnosis/periodic_mismatch/periodic_fit.hpp"
-#include "diagnosis/periodic_mismatch/gradual_fit.hpp"
+#include "diagnosis/periodic/periodic_fit.hpp"
+#include "diagnosis/periodic/gradual_fit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,13 +18,13 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/periodic_assessment.hpp"
-#include "diagnosis/periodic_mismatch/periodic_data.hpp"
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "diagnosis/periodic_mismatch/place_force_fit.hpp"
-#include "diagnosis/periodic_mismatch/plant_family.hpp"
-#include "diagnosis/periodic_mismatch/response_starts.hpp"
-#include "diagnosis/periodic_mismatch/telling_recordings.hpp"
+#include "diagnosis/harmonic_balance/periodic_data.hpp"
+#include "diagnosis/harmonic_balance/plant_family.hpp"
+#include "diagnosis/periodic/periodic_assessment.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
+#include "diagnosis/periodic/place_force_fit.hpp"
+#include "diagnosis/periodic/response_starts.hpp"
+#include "diagnosis/periodic/telling_recordings.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "tests/temporary_folder.hpp"
 

@@ -1,5 +1,5 @@
 // The diagnosis of periodic recordings on simulated drives whose missing physics is known.
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -14,11 +14,11 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/harmonic_balance/period_transform.hpp"
+#include "diagnosis/harmonic_balance/periodic_law.hpp"
+#include "diagnosis/harmonic_balance/sampled_response.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
-#include "diagnosis/periodic_mismatch/period_transform.hpp"
-#include "diagnosis/periodic_mismatch/periodic_law.hpp"
-#include "diagnosis/periodic_mismatch/periodic_shapes.hpp"
-#include "diagnosis/periodic_mismatch/sampled_response.hpp"
+#include "diagnosis/periodic/periodic_shapes.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/simulation/exact_plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"

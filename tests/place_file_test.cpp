@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/plant_family.hpp"
+#include "diagnosis/harmonic_balance/plant_family.hpp"
 #include "problems/base/error.hpp"
 #include "problems/mechanisms/rigid_robot_model.hpp"
 #include "tests/temporary_folder.hpp"

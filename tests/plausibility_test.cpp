@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/fit_report.hpp"
+#include "diagnosis/estimation/fit_report.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
 #include "problems/base/random.hpp"

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <map>
 
-#include "diagnosis/recordings/recording_file.hpp"
-#include "diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 
 namespace graybox::testing {
 namespace {

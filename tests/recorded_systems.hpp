@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "problems/base/error.hpp"
 #include "tests/temporary_folder.hpp"

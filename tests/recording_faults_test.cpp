@@ -15,15 +15,15 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/recordings/counter_wrap.hpp"
 #include "diagnosis/recordings/data_faults.hpp"
-#include "diagnosis/recordings/lost_samples.hpp"
-#include "diagnosis/recordings/quantisation.hpp"
-#include "diagnosis/recordings/recording_copies.hpp"
-#include "diagnosis/recordings/sample_statistics.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
-#include "diagnosis/recordings/spike.hpp"
-#include "diagnosis/recordings/stuck_sensor.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/lost_samples.hpp"
+#include "diagnosis/signal_faults/quantisation.hpp"
+#include "diagnosis/signal_faults/recording_copies.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "diagnosis/signal_faults/spike.hpp"
+#include "diagnosis/signal_faults/stuck_sensor.hpp"
 #include "tests/recorded_channels.hpp"
 
 namespace graybox {

@@ -13,8 +13,8 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
-#include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/simulation/recording_writer.hpp"
 #include "problems/base/error.hpp"
 #include "tests/refusal.hpp"

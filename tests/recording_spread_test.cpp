@@ -1,5 +1,5 @@
 // Standard errors that allow for the spread between recordings.
-#include "diagnosis/recording_spread.hpp"
+#include "diagnosis/estimation/recording_spread.hpp"
 
 #include <gtest/gtest.h>
 

@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/recordings/band_limited_derivative.hpp"
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
-#include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
-#include "diagnosis/recordings/time_axis.hpp"
+#include "diagnosis/signal_faults/time_axis.hpp"
+#include "diagnosis/signals/band_limited_derivative.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 #include "tests/command_runner.hpp"

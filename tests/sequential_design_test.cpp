@@ -1,5 +1,5 @@
 // The next experiments, and the study of sequential design.
-#include "diagnosis/sequential_design.hpp"
+#include "diagnosis/studies/sequential_design.hpp"
 
 #include <gtest/gtest.h>
 

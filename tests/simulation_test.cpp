@@ -10,9 +10,9 @@
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
+#include "diagnosis/signals/multisine.hpp"
 #include "diagnosis/simulation/closed_loop.hpp"
 #include "diagnosis/simulation/excitation_plan.hpp"
-#include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "problems/base/error.hpp"
 #include "problems/mechanisms/frequency_response.hpp"

@@ -1,5 +1,5 @@
 // What changes while it is recorded: found where it is, and nowhere else.
-#include "diagnosis/periodic_mismatch/time_variation.hpp"
+#include "diagnosis/free_motion/time_variation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/free_motion/transients.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"

@@ -1,6 +1,6 @@
 // Free motion in periodic recordings: taken out exactly where the model is right, whatever its
 // damping.
-#include "diagnosis/periodic_mismatch/transients.hpp"
+#include "diagnosis/free_motion/transients.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,8 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/periodic_mismatch/periodic_mismatch.hpp"
-#include "diagnosis/periodic_mismatch/time_variation.hpp"
+#include "diagnosis/free_motion/time_variation.hpp"
+#include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
 #include "problems/base/distributions.hpp"

@@ -1,5 +1,5 @@
 // A verdict is computed from its reasons, and from nothing else.
-#include "diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/evidence/verdict_reasons.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Swapped wires, wrong signs and units of rigid robots: of simulated arms, where everything is
 // known, and of real recordings that are rewired here.
-#include "diagnosis/force_balance/wiring_faults.hpp"
+#include "diagnosis/wiring/wiring_faults.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

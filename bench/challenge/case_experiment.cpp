@@ -1,6 +1,6 @@
 #include "bench/challenge/case_experiment.hpp"
 
-#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/signals/multisine.hpp"
 
 namespace graybox::bench {
 

@@ -8,7 +8,7 @@
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include "bench/challenge/case_experiment.hpp"
-#include "diagnosis/real_transform.hpp"
+#include "diagnosis/signals/real_transform.hpp"
 #include "problems/base/distributions.hpp"
 
 namespace graybox::bench {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/signals/multisine.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 

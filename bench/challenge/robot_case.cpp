@@ -8,7 +8,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/signals/multisine.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/local_model.hpp"

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <utility>
 
+#include "diagnosis/estimation/recording_spread.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
-#include "diagnosis/force_balance/coloured_noise.hpp"
 #include "diagnosis/force_balance/derivative_noise.hpp"
 #include "diagnosis/force_balance/force_balance_data.hpp"
 #include "diagnosis/force_balance/force_balance_laws.hpp"
@@ -21,11 +21,11 @@
 #include "diagnosis/force_balance/remaining_structure.hpp"
 #include "diagnosis/force_balance/shape_refinement.hpp"
 #include "diagnosis/force_balance/uncertain_bodies.hpp"
-#include "diagnosis/force_balance/wiring_faults.hpp"
 #include "diagnosis/hypotheses/physical_evidence.hpp"
 #include "diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "diagnosis/long_run_variance.hpp"
-#include "diagnosis/recording_spread.hpp"
+#include "diagnosis/signals/coloured_noise.hpp"
+#include "diagnosis/signals/long_run_variance.hpp"
+#include "diagnosis/wiring/wiring_faults.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
 #include "problems/base/stop.hpp"

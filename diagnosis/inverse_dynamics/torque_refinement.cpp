@@ -6,7 +6,7 @@
 #include <cmath>
 #include <memory>
 
-#include "diagnosis/quiet_ceres.hpp"
+#include "diagnosis/estimation/quiet_ceres.hpp"
 
 namespace graybox {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/long_run_variance.hpp"
-#include "diagnosis/recording_spread.hpp"
+#include "diagnosis/estimation/recording_spread.hpp"
+#include "diagnosis/signals/long_run_variance.hpp"
 
 namespace graybox {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/long_run_variance.hpp"
-#include "diagnosis/recording_spread.hpp"
+#include "diagnosis/estimation/recording_spread.hpp"
+#include "diagnosis/signals/long_run_variance.hpp"
 
 namespace graybox {
 namespace {

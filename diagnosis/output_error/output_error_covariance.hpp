@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <span>
 
-#include "diagnosis/identifiability.hpp"
+#include "diagnosis/estimation/identifiability.hpp"
 #include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {

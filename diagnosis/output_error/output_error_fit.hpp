@@ -43,7 +43,7 @@
 #include <string_view>
 #include <vector>
 
-#include "diagnosis/identifiability.hpp"
+#include "diagnosis/estimation/identifiability.hpp"
 #include "diagnosis/output_error/output_error_problem.hpp"
 
 namespace graybox {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "diagnosis/quiet_ceres.hpp"
+#include "diagnosis/estimation/quiet_ceres.hpp"
 
 namespace graybox {
 namespace {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/prediction_error/final_fit.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
-#include "diagnosis/search/verdict_reasons.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/yaml_field.hpp"

@@ -19,10 +19,10 @@
 #include <filesystem>
 #include <vector>
 
+#include "diagnosis/evidence/diagnosis.hpp"
+#include "diagnosis/evidence/search_options.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/search/diagnosis.hpp"
-#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

@@ -8,12 +8,12 @@
 #include <set>
 #include <utility>
 
-#include "diagnosis/recordings/counter_wrap.hpp"
-#include "diagnosis/recordings/lost_samples.hpp"
-#include "diagnosis/recordings/quantisation.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
-#include "diagnosis/recordings/spike.hpp"
-#include "diagnosis/recordings/stuck_sensor.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/lost_samples.hpp"
+#include "diagnosis/signal_faults/quantisation.hpp"
+#include "diagnosis/signal_faults/spike.hpp"
+#include "diagnosis/signal_faults/stuck_sensor.hpp"
 
 namespace graybox {
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/recordings/finding.hpp"
+#include "diagnosis/signal_faults/finding.hpp"
 
 namespace graybox {
 

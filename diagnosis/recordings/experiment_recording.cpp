@@ -8,11 +8,11 @@
 #include <map>
 #include <utility>
 
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/data_faults.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
-#include "diagnosis/recordings/recording_file.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
-#include "diagnosis/recordings/time_axis.hpp"
+#include "diagnosis/signal_faults/time_axis.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 

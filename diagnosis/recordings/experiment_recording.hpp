@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/recordings/finding.hpp"
 #include "diagnosis/recordings/preprocess.hpp"
-#include "diagnosis/recordings/recording_copies.hpp"
+#include "diagnosis/signal_faults/finding.hpp"
+#include "diagnosis/signal_faults/recording_copies.hpp"
 
 namespace graybox {
 

@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/recordings/finding.hpp"
 #include "diagnosis/recordings/preprocess.hpp"
+#include "diagnosis/signal_faults/finding.hpp"
 
 namespace graybox {
 

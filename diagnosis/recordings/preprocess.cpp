@@ -7,11 +7,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "diagnosis/recordings/band_limited_derivative.hpp"
 #include "diagnosis/recordings/channel_arithmetic.hpp"
 #include "diagnosis/recordings/preprocess_data.hpp"
 #include "diagnosis/recordings/sample_interpolation.hpp"
 #include "diagnosis/recordings/sample_mending.hpp"
+#include "diagnosis/signals/band_limited_derivative.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

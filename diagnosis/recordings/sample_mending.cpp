@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/recordings/counter_wrap.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
 
 namespace graybox {
 namespace {

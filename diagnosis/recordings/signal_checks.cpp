@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/recordings/sample_statistics.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 
 namespace graybox {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/recordings/finding.hpp"
+#include "diagnosis/signal_faults/finding.hpp"
 
 namespace graybox {
 

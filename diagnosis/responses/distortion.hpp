@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "diagnosis/responses/frequency_response_estimate.hpp"
-#include "diagnosis/responses/line_spectra.hpp"
+#include "diagnosis/signals/line_spectra.hpp"
 
 namespace graybox {
 

@@ -24,9 +24,9 @@
 
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/responses/frequency_response_estimate.hpp"
-#include "diagnosis/responses/line_spectra.hpp"
 #include "diagnosis/responses/local_polynomial.hpp"
 #include "diagnosis/responses/periodic_response.hpp"
+#include "diagnosis/signals/line_spectra.hpp"
 
 namespace graybox {
 

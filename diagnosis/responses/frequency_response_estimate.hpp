@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/recordings/finding.hpp"
-#include "diagnosis/response_measurement.hpp"
+#include "diagnosis/response_fits/response_measurement.hpp"
+#include "diagnosis/signal_faults/finding.hpp"
 
 namespace graybox {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/real_transform.hpp"
+#include "diagnosis/signals/real_transform.hpp"
 #include "problems/base/distributions.hpp"
 
 namespace graybox {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

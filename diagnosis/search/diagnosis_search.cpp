@@ -4,6 +4,9 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/evidence/search_state.hpp"
+#include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/evidence/verification.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/search/first_fit.hpp"
 #include "diagnosis/search/law_exchange.hpp"
@@ -12,10 +15,7 @@
 #include "diagnosis/search/law_selection.hpp"
 #include "diagnosis/search/mismatch_detection.hpp"
 #include "diagnosis/search/rival_weighing.hpp"
-#include "diagnosis/search/search_state.hpp"
 #include "diagnosis/search/shape_check.hpp"
-#include "diagnosis/search/verdict_reasons.hpp"
-#include "diagnosis/search/verification.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {

@@ -108,9 +108,9 @@
 // rivals.
 #pragma once
 
+#include "diagnosis/evidence/diagnosis.hpp"
+#include "diagnosis/evidence/search_options.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
-#include "diagnosis/search/diagnosis.hpp"
-#include "diagnosis/search/search_options.hpp"
 
 namespace graybox {
 

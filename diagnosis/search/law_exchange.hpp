@@ -2,7 +2,7 @@
 // found early.
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

@@ -13,7 +13,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

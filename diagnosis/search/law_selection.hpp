@@ -1,7 +1,7 @@
 // Step 3 of the search (diagnosis_search.hpp): laws for what is missing, one after another.
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

@@ -1,7 +1,7 @@
 // Step 2 of the search (diagnosis_search.hpp): is anything missing, and what would have been seen?
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

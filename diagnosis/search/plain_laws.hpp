@@ -11,7 +11,7 @@
 // Cost: a few fits with all plain laws, and n + (n - 1) + ... with one less each.
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

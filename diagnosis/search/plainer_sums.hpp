@@ -12,7 +12,7 @@
 
 #include <vector>
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

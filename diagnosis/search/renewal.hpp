@@ -2,7 +2,7 @@
 // what is kept of before (diagnosis_search.hpp, steps 2 and 3).
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

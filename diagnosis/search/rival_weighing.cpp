@@ -5,12 +5,12 @@
 #include <span>
 #include <utility>
 
+#include "diagnosis/evidence/verification.hpp"
 #include "diagnosis/search/candidate_ranking.hpp"
 #include "diagnosis/search/explanation_class.hpp"
 #include "diagnosis/search/law_pruning.hpp"
 #include "diagnosis/search/plainer_sums.hpp"
 #include "diagnosis/search/renewal.hpp"
-#include "diagnosis/search/verification.hpp"
 
 namespace graybox {
 namespace {

@@ -6,10 +6,10 @@
 #include <span>
 #include <utility>
 
+#include "diagnosis/evidence/verification.hpp"
 #include "diagnosis/search/candidate_ranking.hpp"
 #include "diagnosis/search/law_selection.hpp"
 #include "diagnosis/search/rival_weighing.hpp"
-#include "diagnosis/search/verification.hpp"
 
 namespace graybox {
 namespace {

@@ -1,7 +1,7 @@
 // Step 6 of the search (diagnosis_search.hpp): is it these laws, or others like them?
 #pragma once
 
-#include "diagnosis/search/search_state.hpp"
+#include "diagnosis/evidence/search_state.hpp"
 
 namespace graybox {
 

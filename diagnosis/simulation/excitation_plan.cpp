@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/simulation/multisine.hpp"
+#include "diagnosis/signals/multisine.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/yaml_field.hpp"

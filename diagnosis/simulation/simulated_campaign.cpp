@@ -16,8 +16,8 @@
 #include <numbers>
 #include <vector>
 
+#include "diagnosis/signals/multisine.hpp"
 #include "diagnosis/simulation/closed_loop.hpp"
-#include "diagnosis/simulation/multisine.hpp"
 #include "diagnosis/simulation/plant.hpp"
 #include "diagnosis/simulation/recording_writer.hpp"
 #include "problems/base/error.hpp"

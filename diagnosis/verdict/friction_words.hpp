@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/search/diagnosis.hpp"
+#include "diagnosis/evidence/diagnosis.hpp"
 
 namespace graybox {
 

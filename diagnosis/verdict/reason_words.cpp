@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "diagnosis/search/verdict_reasons.hpp"
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/verdict/svg_chart.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/recording_files/recording_formats.hpp"
 #include "diagnosis/recordings/campaign.hpp"
-#include "diagnosis/recordings/recording_formats.hpp"
 #include "diagnosis/simulation/excitation_plan.hpp"
 #include "problems/base/error.hpp"
 #include "problems/formats/csv_file.hpp"

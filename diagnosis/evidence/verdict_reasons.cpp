@@ -1,0 +1,272 @@
+#include "diagnosis/evidence/verdict_reasons.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <string>
+#include <utility>
+
+namespace graybox {
+namespace {
+
+constexpr double kSignal = 100.0;  // %, of an error as large as what is measured
+
+constexpr const char* kNoTime = "no time was left for it";
+constexpr const char* kNoneKeptOut = "no recordings were kept out of the fit";
+
+VerdictReason at_most(std::string test, double value, double limit, std::string next,
+                      Verdict otherwise = Verdict::kUnknown) {
+  VerdictReason reason;
+  reason.test = std::move(test);
+  reason.value = value;
+  reason.limit = limit;
+  reason.passed = value <= limit;  // not where it is no number
+  reason.otherwise = otherwise;
+  if (!reason.passed) reason.next = std::move(next);
+  return reason;
+}
+
+VerdictReason at_least(std::string test, double value, double limit, std::string next) {
+  VerdictReason reason = at_most(std::move(test), value, limit, {});
+  reason.is_lower_limit = true;
+  reason.passed = value >= limit;
+  if (!reason.passed) reason.next = std::move(next);
+  return reason;
+}
+
+VerdictReason not_asked(std::string test, double limit, std::string why) {
+  VerdictReason reason;
+  reason.test = std::move(test);
+  reason.limit = limit;
+  reason.not_tested = std::move(why);
+  return reason;
+}
+
+VerdictReason failed(std::string test, std::string next, Verdict otherwise = Verdict::kUnknown) {
+  VerdictReason reason;
+  reason.test = std::move(test);
+  reason.passed = false;
+  reason.next = std::move(next);
+  reason.otherwise = otherwise;
+  return reason;
+}
+
+VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& options) {
+  const char* const test = "error kept out over that of the fit";
+  if (!diagnosis.validation_after) return not_asked(test, options.generalisation, kNoneKeptOut);
+  return at_most(test,
+                 std::sqrt(diagnosis.validation_after->chi_square_per_dof() /
+                           diagnosis.after.estimation.chi_square_per_dof()),
+                 options.generalisation,
+                 "put recordings like those kept out into the fit, and look at which channel and "
+                 "time the error kept out "
+                 "is largest: something acts there that the fit's recordings hardly show");
+}
+
+// The channel that is predicted worst: a good figure for all channels together may hide it.
+std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
+                                           const SearchOptions& options) {
+  const std::string error = "error kept out of the channel predicted worst";
+  const std::string growth = "largest ratio of a channel's error kept out to that of the fit";
+  std::string worst, grown;
+  double largest = 0.0, ratio = 0.0;
+  for (const ChannelRest& rest : diagnosis.channels_after) {
+    if (!rest.held_out_nrmse) continue;
+    if (worst.empty() || *rest.held_out_nrmse > largest) {
+      worst = rest.channel;
+      largest = *rest.held_out_nrmse;
+    }
+    if (grown.empty() || *rest.held_out_nrmse > ratio * rest.nrmse) {
+      grown = rest.channel;
+      ratio = *rest.held_out_nrmse / rest.nrmse;
+    }
+  }
+  if (worst.empty()) return {};
+  return {at_most(fmt::format("{} ({}), % of its signal", error, worst), largest,
+                  options.channel_tolerance,
+                  fmt::format("look at {}: something acts there that no law found describes, or it "
+                              "is mostly noise",
+                              worst)),
+          at_most(fmt::format("{} ({})", growth, grown), ratio, options.generalisation,
+                  fmt::format("put recordings like those kept out into the fit, and look at {}",
+                              grown))};
+}
+
+// Of a problem that can't say it nothing is known to be noise.
+VerdictReason remaining(const char* test, const std::optional<double>& value, double limit,
+                        const char* next) {
+  if (!value) return failed(std::string(test) + " (can't be told)", next);
+  return at_most(test, *value, limit, next);
+}
+
+void append(std::vector<VerdictReason> more, std::vector<VerdictReason>& reasons) {
+  std::ranges::move(more, std::back_inserter(reasons));
+}
+
+// Of what a search that was stopped had no time for.
+std::string why_not(const Diagnosis& diagnosis, const char* otherwise) {
+  return diagnosis.interrupted ? kNoTime : otherwise;
+}
+
+std::vector<VerdictReason> shape_reasons(const Diagnosis& diagnosis) {
+  const char* const test = "places where the laws found only resemble what is there";
+  std::vector<VerdictReason> reasons;
+  if (diagnosis.shapes_compared) {
+    reasons.push_back(at_most(test, static_cast<double>(diagnosis.departures.size()), 0.0,
+                              "try laws of your own there (--laws), or record larger motion"));
+  } else {
+    reasons.push_back(
+        not_asked(test, 0.0, why_not(diagnosis, "other laws to compare with could not be tested")));
+  }
+  reasons.push_back(at_most("places where several laws describe one spring or friction",
+                            static_cast<double>(diagnosis.shared_characteristics.size()), 0.0,
+                            "try one law of your own for them (--laws)"));
+  return reasons;
+}
+
+VerdictReason change_reason(const Diagnosis& diagnosis, const SearchOptions& options) {
+  const char* const test = "p-value of what changes with time";
+  if (diagnosis.time_variation) {
+    return at_least(test, diagnosis.time_variation->p_value, options.variation_level,
+                    "let the machine warm up, look for what works loose, and record for longer");
+  }
+  if (!diagnosis.time_variation_was_tested) {
+    return not_asked(test, options.variation_level,
+                     why_not(diagnosis, "these recordings can't tell it"));
+  }
+  VerdictReason passed = not_asked(test, options.variation_level, {});
+  passed.is_lower_limit = true;
+  return passed;
+}
+
+VerdictReason rivals_reason(const Diagnosis& diagnosis) {
+  std::size_t rivals = 0;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    rivals += effect.rivals.size() + effect.same_at.size();
+  }
+  return at_most("other explanations that are not excluded", static_cast<double>(rivals), 0.0,
+                 "make the experiment that tells them apart, where one is named, or add a sensor",
+                 Verdict::kAmbiguous);
+}
+
+std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
+  std::vector<VerdictReason> reasons;
+  reasons.push_back(at_least(
+      "laws found", static_cast<double>(diagnosis.effects.size()), 1.0,
+      "try laws and places of your own (--laws, --places), and check units, signs and the motion "
+      "that was recorded"));
+  const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
+    return effect.held_out && effect.held_out->misleads;
+  });
+  if (diagnosis.validation_after) {
+    reasons.push_back(at_most("laws found that raise the error kept out",
+                              static_cast<double>(misleading), 0.0, "leave them out (--without)"));
+    reasons.push_back(at_most("error kept out, % of the signal", diagnosis.validation_after->nrmse,
+                              kSignal, "check the units and signs of the channels"));
+  } else {
+    reasons.push_back(not_asked("laws found that raise the error kept out", 0.0, kNoneKeptOut));
+  }
+  return reasons;
+}
+
+// Why there is no fit to judge.
+std::optional<VerdictReason> trouble_reason(const Diagnosis& diagnosis) {
+  if (!diagnosis.channel_faults.empty()) {
+    return at_most(
+        "wires, signs and units that look wrong",
+        static_cast<double>(diagnosis.channel_faults.size()), 0.0,
+        "mend them in campaign.yaml or in the model, or search all the same with --ignore-faults");
+  }
+  if (!diagnosis.trouble.empty()) {
+    return failed("the model as it is can be fitted",
+                  "check the values in the model file, and what 'graybox fit' makes of it");
+  }
+  return {};
+}
+
+VerdictReason determination_reason(const Diagnosis& diagnosis) {
+  const std::size_t count = diagnosis.implausible.size() - excluding(diagnosis.implausible);
+  return at_most("parameters that are not determined", static_cast<double>(count), 0.0,
+                 count > 0 ? diagnosis.implausible.back().remedy : "", Verdict::kAmbiguous);
+}
+
+VerdictReason plausibility_reason(const Diagnosis& diagnosis) {
+  const char* const test = "parameters and laws that no machine has";
+  if (!diagnosis.plausibility_judged) return not_asked(test, 0.0, kNoTime);
+  const std::size_t count = excluding(diagnosis.implausible);
+  return at_most(test, static_cast<double>(count), 0.0,
+                 count > 0 ? diagnosis.implausible.front().remedy : "");
+}
+
+}  // namespace
+
+std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const SearchOptions& options) {
+  const char* const look =
+      "look at which channel and where it is largest, and try laws of your own there (--laws)";
+  if (!diagnosis.noise_is_known) {
+    std::vector<VerdictReason> reasons = {generalisation(diagnosis, options)};
+    append(channel_reasons(diagnosis, options), reasons);
+    append({remaining("share of the rest that depends on the motion", diagnosis.remaining_structure,
+                      options.structure_tolerance, look),
+            at_most("part of the rest that follows from its own past, % of the signal",
+                    diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
+                    "a disturbance with memory, or physics that none of these laws describes: "
+                    "record what may disturb "
+                    "(temperature, supply, floor), or try laws of your own (--laws)")},
+           reasons);
+    return reasons;
+  }
+  return {at_least(diagnosis.validation_within_errors
+                       ? "p-value of the rest on recordings kept out being noise"
+                       : "p-value of the rest being noise",
+                   diagnosis.rest_p_value, options.verification_level, look),
+          at_least("p-value of the rest on the fit's recordings being noise", diagnosis.fit_p_value,
+                   options.verification_level, look)};
+}
+
+std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
+                                           const SearchOptions& options) {
+  std::vector<VerdictReason> reasons;
+  if (std::optional<VerdictReason> trouble = trouble_reason(diagnosis)) {
+    return {*std::move(trouble)};
+  }
+  if (diagnosis.interrupted) {
+    reasons.push_back(
+        failed("the search came to its end", "give it more time (--time-limit) or more threads"));
+  }
+  if (!diagnosis.channels_checked) {
+    reasons.push_back(not_asked("wires, signs and units that look wrong", 0.0, kNoTime));
+  }
+  reasons.push_back(plausibility_reason(diagnosis));
+  if (!diagnosis.detection.detected) {
+    reasons.push_back(failed("something is missing",
+                             "nothing: the model as it is will do for motion like the recorded one",
+                             Verdict::kNone));
+    return reasons;
+  }
+  append(law_reasons(diagnosis), reasons);
+  append(rest_reasons(diagnosis, options), reasons);
+  reasons.push_back(change_reason(diagnosis, options));
+  if (diagnosis.noise_is_known) append(shape_reasons(diagnosis), reasons);
+  if (diagnosis.noise_is_known && diagnosis.validation_after) {
+    VerdictReason predicts =
+        at_most("chi-square per degree of freedom kept out",
+                diagnosis.validation_after->chi_square_per_dof(), options.noise_floor,
+                "put recordings like those kept out into the fit", Verdict::kAmbiguous);
+    predicts.passed = diagnosis.predicts;  // or above it by chance
+    if (predicts.passed) predicts.next.clear();
+    reasons.push_back(std::move(predicts));
+  }
+  reasons.push_back(determination_reason(diagnosis));
+  reasons.push_back(rivals_reason(diagnosis));
+  return reasons;
+}
+
+Verdict verdict_of(std::span<const VerdictReason> reasons) {
+  const auto first = std::ranges::find_if(reasons, has_failed);
+  return first == reasons.end() ? Verdict::kExplained : first->otherwise;
+}
+
+}  // namespace graybox

@@ -1,0 +1,32 @@
+// Why a verdict is what it is. The tests stand in one list, in the order in which they decide, and
+// the verdict is computed from it by one rule: the first test that failed says what the verdict is,
+// and where none failed it is `explained`. A test that could not be asked neither passes nor fails,
+// and says why.
+//
+//   diagnosis.reasons = verdict_reasons(diagnosis, options);
+//   diagnosis.verdict = verdict_of(diagnosis.reasons);
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "diagnosis/evidence/diagnosis.hpp"
+#include "diagnosis/evidence/search_options.hpp"
+
+namespace graybox {
+
+// What is left after the last fit: no more than noise, where that is known; else predicted as well
+// as fitted, and without structure. Diagnosis::verified: none of them failed.
+[[nodiscard]] std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis,
+                                                      const SearchOptions& options);
+
+[[nodiscard]] std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
+                                                         const SearchOptions& options);
+
+[[nodiscard]] Verdict verdict_of(std::span<const VerdictReason> reasons);
+
+[[nodiscard]] inline bool has_failed(const VerdictReason& reason) {
+  return !reason.passed && reason.not_tested.empty();
+}
+
+}  // namespace graybox

@@ -1,0 +1,87 @@
+// The free motion that periodic recordings still hold, taken out with the model's own modes.
+//
+// A record of P periods of N samples begins in a state x_0 and ends in x_PN. For a sampled linear
+// plant, x_{n+1} = A x_n + B u_n, y_n = C x_n, the spectra of all PN samples obey at each bin b,
+// exactly,
+//
+//   Y = G(z) U + C (z I - A)^-1 z d + V,   G = C (z I - A)^-1 B,   z = e^(2 pi j b / (P N)),
+//
+// with one real vector d, (x_0 - x_PN) in the spectra's scale (Pintelon and Schoukens 2012, Section
+// 6.3.2). Between the lines of the period, b not a multiple of P, there is nothing periodic: these bins
+// give d by weighted least squares (with a ridge: a departure of the size of the periodic motion is
+// expected, so that what no output sees stays small), and what is left there is noise. A polynomial
+// over a few bins (line_spectra.hpp) needs no model but does not follow a mode that is sharper than
+// the bins, nor G between them; where the model is known well enough this is exact, leaves
+// neighbouring lines independent and costs 2 n real numbers a record instead of a third of the
+// noise's.
+//
+// Laws of the model that are forces act on these motions as they are if they are linear (a mode is
+// a coordinate more), else by their mean slopes. The model's own forces (PlantFamily::own_force),
+// and laws without memory beyond their mean slopes, do not:
+// f(q_periodic + q_free) - f(q_periodic) falls on the lines as well where a free motion and a
+// periodic one multiply, and is taken out with the free motion.
+//
+// Under a controller, U = F (R - Y), noise and free motion come back in the inputs,
+//
+//   U = T (R - V - C (z I - A)^-1 z d),   T = (G + F^-1)^-1,
+//
+// near a resonance as large as what is excited there. Y - G U is V all the same, but everything
+// that is judged by it (derivatives, motions that laws act on) would go with V, and its products
+// with V do not average out: estimates biased by up to 10 standard errors, and errors 30 % too
+// small. What came back is taken out of the lines: T (V + C (z I - A)^-1 z d) is added to U, and
+// what the model makes of it to Y, V limited to what noise may be, for it may be physics that the
+// model leaves out. F is that of the model; nothing is done without one.
+//
+// These forces and the free motion are brought to agree by substitution, then by Anderson's mixing
+// of its steps: near a mode that is hardly damped a small change of the one is a large one of the
+// other. Where 30 steps are not enough, the one that changed least stays; what is left then counts
+// as misfit. Laws that are not linear count beyond their mean slopes only where less is left
+// between the lines so: a law may bend the motion so much that no substitution leads anywhere.
+//
+// Cost: O(n^3) once and O(B n (n + n_y)) a record for B = P (K + 1) bins and n coordinates, O(B n_y
+// n^2) for d, and some thousand evaluations of the own forces a step: four steps for most records.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+
+#include "diagnosis/harmonic_balance/periodic_data.hpp"
+#include "diagnosis/harmonic_balance/plant_family.hpp"
+#include "diagnosis/harmonic_balance/sampled_response.hpp"
+#include "diagnosis/harmonic_balance/steady_state.hpp"
+
+namespace graybox {
+
+// x = (q, q') of a plant, its input held between samples.
+struct SampledPlant {
+  Eigen::MatrixXcd vectors, triangle;  // A = V T V^H, Schur's form
+  Eigen::MatrixXcd input;              // V^H B, 2n x n_u
+  Eigen::MatrixXcd output;             // C V, n_y x 2n
+
+  // C (z I - A)^-1 V, n_y x 2n. At a pole: entries that are not finite.
+  [[nodiscard]] Eigen::MatrixXcd sight(std::complex<double> z) const;
+  // G(z), n_y x n_u.
+  [[nodiscard]] Eigen::MatrixXcd response(std::complex<double> z) const;
+  // (z I - A)^-1 V g: the state of V g = B u + z d.
+  [[nodiscard]] Eigen::VectorXcd state(std::complex<double> z, const Eigen::VectorXcd& g) const;
+};
+[[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
+
+// The line of the period that a bin of P periods is nearest to.
+[[nodiscard]] inline Eigen::Index nearest_line(Eigen::Index bin, Eigen::Index periods) {
+  return (bin + (periods - 1) / 2) / periods;
+}
+// Whether a bin is no line itself and lies beside one that counts.
+[[nodiscard]] inline bool counts_between_lines(const PeriodicData& data, Eigen::Index bin,
+                                               Eigen::Index periods) {
+  const Eigen::Index line = nearest_line(bin, periods);
+  return bin % periods != 0 && line >= data.first_line && line <= data.last_line;
+}
+
+// Takes free motion and feedback out of the lines of all records, states what error that leaves
+// (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the
+// lines. Records of a single period stay as they are. Results do not depend on the threads.
+void clear_transients(const PlantFamily& family, const ModelState& model,
+                      const PeriodicDataOptions& options, PeriodicData& data);
+
+}  // namespace graybox

@@ -1,0 +1,22 @@
+#include "diagnosis/signal_faults/finding.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace graybox {
+
+Finding data_fault(const char* check, const std::string& channel, const std::string& what,
+                   double strength, std::string otherwise, std::string mend) {
+  Finding finding{.severity = Severity::kWarning,
+                  .check = check,
+                  .message = fmt::format("{} {:.2g} times the threshold; could also be {}; {}",
+                                         what, strength, otherwise, mend)};
+  finding.channel = channel;
+  finding.strength = strength;
+  finding.otherwise = std::move(otherwise);
+  finding.mend = std::move(mend);
+  return finding;
+}
+
+}  // namespace graybox

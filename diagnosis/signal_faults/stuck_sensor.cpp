@@ -1,0 +1,53 @@
+#include "diagnosis/signal_faults/stuck_sensor.hpp"
+
+#include <algorithm>
+
+#include "diagnosis/signal_faults/sample_statistics.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr Index kFewest = 100;
+constexpr Index kShortest = 20;
+constexpr Index kBefore = 5;  // steps
+constexpr double kJump = 5.0;
+constexpr double kMotion = 0.5;
+
+// The evidence of the run that begins at `first` and ends before `end`; 0 if nothing is odd about
+// it.
+double strength_of(const Eigen::VectorXd& steps, Index first, Index end, double jump,
+                   double motion) {
+  const double after = std::abs(steps(end - 1)) / jump;
+  if (after > 1.0) return after;
+  if (first < kBefore) return 0.0;
+  const double before = steps.segment(first - kBefore, kBefore).cwiseAbs().minCoeff() / motion;
+  return before > 1.0 ? before : 0.0;
+}
+
+}  // namespace
+
+std::optional<StuckRun> find_stuck_run(const Eigen::Ref<const Eigen::VectorXd>& values,
+                                       Index shortest) {
+  if (values.size() < kFewest || has_few_levels(values)) return {};
+  const Eigen::VectorXd steps = steps_of(values);
+  const double jump = kJump * quantile(steps.cwiseAbs(), 0.99);
+  const double motion = kMotion * quantile(steps.cwiseAbs(), 0.9);
+  if (!(jump > 0.0) || !(motion > 0.0)) return {};
+  const double lowest = values.minCoeff(), highest = values.maxCoeff();
+  std::optional<StuckRun> longest;
+  for (Index first = 0, end = 0; first < values.size(); first = end) {
+    for (end = first + 1; end < values.size() && values(end) == values(first);) ++end;
+    const Index count = end - first;
+    const bool inside = first > 0 && end < values.size();
+    if (!inside || count < std::max(shortest, kShortest)) continue;
+    if (values(first) == lowest || values(first) == highest) continue;
+    if (longest && count <= longest->last - longest->first + 1) continue;
+    const double strength = strength_of(steps, first, end, jump, motion);
+    if (strength > 0.0) longest = StuckRun{first, end - 1, strength};
+  }
+  return longest;
+}
+
+}  // namespace graybox
