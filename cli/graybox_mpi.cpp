@@ -10,11 +10,11 @@
 #include <string>
 #include <utility>
 
-#include "cli/commands.hpp"
-#include "cli/interrupt.hpp"
-#include "cli/set_arguments.hpp"
-#include "cli/start_up.hpp"
-#include "cli/trace_file.hpp"
+#include "cli/arguments/set_arguments.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/output/trace_file.hpp"
+#include "cli/process/interrupt.hpp"
+#include "cli/process/start_up.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"

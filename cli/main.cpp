@@ -4,9 +4,9 @@
 #include <new>
 #include <string>
 
-#include "cli/commands.hpp"
-#include "cli/option_checks.hpp"
-#include "cli/start_up.hpp"
+#include "cli/arguments/option_checks.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/process/start_up.hpp"
 #include "diagnosis/estimation/quiet_ceres.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"

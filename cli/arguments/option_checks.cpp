@@ -1,0 +1,43 @@
+#include "cli/arguments/option_checks.hpp"
+
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+namespace graybox::cli {
+namespace {
+
+std::string check_gap(const std::string& text) {
+  const double gap = std::strtod(text.c_str(), nullptr);
+  if (gap > 0.0 && std::isfinite(gap)) return {};
+  return text + " must be a positive number, as in 1e-6";
+}
+
+std::string check_seed(const std::string& text) {
+  if (text.find('-') != 0) return {};
+  return text + " must be a whole number from 0 on";
+}
+
+std::string check_threads(const std::string& text) {
+  const double threads = std::strtod(text.c_str(), nullptr);
+  if (threads >= 1.0 && threads <= 1024.0 && threads == std::floor(threads)) return {};
+  return text + " must be a whole number from 1 to 1024";
+}
+
+}  // namespace
+
+void check_common_options(CLI::App& app) {
+  const auto hold = [&](const char* name, std::string (*rule)(const std::string&)) {
+    if (CLI::Option* option = app.get_option_no_throw(name); option != nullptr) {
+      option->check(CLI::Validator([rule](std::string& text) { return rule(text); }, ""));
+    }
+  };
+  hold("--gap", check_gap);
+  hold("--seed", check_seed);
+  hold("--threads", check_threads);
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    check_common_options(*command);
+  }
+}
+
+}  // namespace graybox::cli

@@ -1,0 +1,152 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/set_arguments.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/output/console.hpp"
+#include "cli/output/exact_report_text.hpp"
+#include "solvers/exact/exact_design_file.hpp"
+#include "solvers/exact_bounds/exact_screening.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct CheckArguments {
+  SetArguments set;
+  std::string design;
+  CriterionArguments criterion;
+  std::optional<double> gap;
+  bool json = false;
+};
+
+// What the file's author claimed; a file that claims nothing is only measured against the gap.
+SolveStatus claimed_status(const std::string& status) {
+  for (const SolveStatus known : {SolveStatus::kSolved, SolveStatus::kIterationLimit,
+                                  SolveStatus::kTimeLimit, SolveStatus::kNumericalFailure}) {
+    if (status == to_string(known)) return known;
+  }
+  return SolveStatus::kSolved;
+}
+
+// An exact design is measured against all exact designs, by the relaxation's bound; a tree's bound
+// can't be checked without growing the tree again, so it is only quoted.
+int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
+                const ExactClaim& claim) {
+  const InformationSet& set = read.set;
+  ExactOptions options{.experiments = claim.experiments};
+  options.gap = arguments.gap.value_or(file.asked_gap.value_or(options.gap));
+  const Relaxation relaxation = solve_relaxation(set);
+  ExactSolution solution{.design = claim.design};
+  solution.seconds = file.counters.seconds;
+  solution.iterations = file.counters.iterations;
+  solution.survivors =
+      screen_counts(relaxation, claim.experiments,
+                    certify_exact(set, claim.design, claim.experiments, relaxation).log_det)
+          .candidates.size();
+  judge_exact(set, relaxation, options, solution);
+  ExactReport report = report_exact(set, relaxation, file.solver, options, solution);
+  report.share.problem_hash = set.content_hash();
+  const double stated =
+      claim.log_det_bound.has_value()
+          ? certify_exact(set, claim.design, claim.experiments, relaxation, *claim.log_det_bound)
+                .proven_efficiency
+          : report.certificate.proven_efficiency;
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    line["stated_efficiency"] = stated;
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_exact(report));
+    fmt::print("  by {:<10} at least {:.8f}, as the file states; proven here by the relaxation\n",
+               claim.method, stated);
+    fmt::print("{}", describe_counts(set, claim.design));
+  }
+  const bool held = !arguments.gap.has_value() || solution.status == ExactStatus::kOptimal;
+  return held && solution.status != ExactStatus::kSingular ? kDone : kShort;
+}
+
+int check(const CheckArguments& arguments) {
+  arguments.criterion.require_consistent();
+  const ProjectedSet read = read_set(arguments.set);
+  const InformationSet& set = read.set;
+  const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
+  const bool other_criterion = arguments.criterion.read(set).has_value();
+  const auto exact = read_exact_claim(arguments.design, set, file.design);
+  if (exact.has_value() && !other_criterion) return check_exact(arguments, read, file, *exact);
+  SolveOptions options;
+  const Criterion made_for = file.criterion.value_or(Criterion());
+  options.criterion = arguments.criterion.read(set).value_or(made_for);
+  options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
+  const Solution claim{.design = file.design,
+                       .status = claimed_status(file.status),
+                       .trace = {},
+                       .counters = file.counters,
+                       .message = {}};
+  SolveReport report = judge(set, file.solver, options, claim);
+  report.problem_hash = set.content_hash();
+  const bool limited = file.limits.any() && options.criterion.kind() == CriterionKind::kD;
+  if (limited) {
+    report.certificate = certify_limited(set, file.design, file.limits);
+    report.status = judge(claim.status, options.duality_gap, report.certificate);
+    report.message = report.certificate.message;
+  }
+  if (!(options.criterion == made_for) && report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
+    report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
+  }
+  if (!limited && !file.objective.empty() && report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;
+    report.message = fmt::format("made for the objective {}", file.objective);
+  }
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    if (limited) line["limits"] = to_json(file.limits);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe(report));
+    if (limited) fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
+    fmt::print("{}", describe_support(set, file.design));
+    if (file.problem_hash.empty())
+      fmt::print("note: the design does not say which set it is for\n");
+  }
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("check", "Certify a design, whoever made it");
+  auto arguments = std::make_shared<CheckArguments>();
+  add_set_options(*command, arguments->set);
+  command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
+  add_criterion_options(*command, arguments->criterion);
+  command->add_option("--gap", arguments->gap,
+                      "duality gap to hold it to (default: the one the design was asked for)");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Exit code 0 if the duality gap is proven to be at most the gap asked, rounding included,\n"
+      "else 1. Seconds, passes and iterations are those the design states. An exact design (of "
+      "'graybox exact') is "
+      "compared\n"
+      "with the best of its number of experiments, and only held to a gap that is given. A design\n"
+      "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"
+      "--position-limit') is held to them and compared with the best that obeys them.\n"
+      "Examples:\n"
+      "  graybox check set.h5 design.json\n"
+      "  graybox check set.h5 design.json --gap 1e-6 --json\n"
+      "  graybox check set.h5 design.json --criterion A      (whatever it was made for)");
+  command->callback([arguments, &invocation] { invocation.exit_code = check(*arguments); });
+}
+
+}  // namespace graybox::cli

@@ -1,0 +1,189 @@
+// `graybox exact`: how often to run each experiment, with proof.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bench/pin_threads.hpp"
+#include "cli/arguments/set_arguments.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/output/console.hpp"
+#include "cli/output/exact_report_text.hpp"
+#include "cli/output/exact_table.hpp"
+#include "cli/process/interrupt.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "solvers/exact/exact_design_file.hpp"
+#include "solvers/exact/exact_method.hpp"
+
+namespace graybox::cli {
+namespace {
+
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+
+struct ExactArguments {
+  SetArguments set;
+  std::string method = "branch_and_bound";
+  std::string experiments;
+  ExactOptions options;
+  std::string output;
+  std::string table;
+  bool json = false;
+};
+
+// One line on stderr, rewritten a few times a second; silent unless stderr is a terminal.
+class ExactLine : public ExactObserver {
+ public:
+  explicit ExactLine(std::string method)
+      : method_(std::move(method)), terminal_(isatty(STDERR_FILENO) == 1) {}
+  ExactLine(const ExactLine&) = delete;
+  ExactLine& operator=(const ExactLine&) = delete;
+  ~ExactLine() override {
+    if (written_) std::fputs("\r\033[K", stderr);
+  }
+
+  bool on_progress(const ExactProgress& progress) override {
+    const auto now = std::chrono::steady_clock::now();
+    if (terminal_ && now >= next_) {
+      next_ = now + std::chrono::milliseconds(200);
+      written_ = true;
+      fmt::print(stderr,
+                 "\r\033[K{}: {:.0f} s, {} nodes, {} open, {} candidates left, log det {:.6f}, "
+                 "bound {:.6f}, efficiency at least {:.6f}",
+                 method_, progress.seconds, progress.nodes, progress.open, progress.survivors,
+                 progress.log_det, progress.log_det_bound, progress.proven_efficiency);
+      std::fflush(stderr);
+    }
+    return !interrupted();
+  }
+
+ private:
+  std::string method_;
+  bool terminal_;
+  bool written_ = false;
+  std::chrono::steady_clock::time_point next_{};
+};
+
+ExactReport run(const ExactArguments& arguments, const InformationSet& set) {
+  const ExactMethod& method = exact_method(arguments.method);
+  const ExactOptions& options = arguments.options;
+  require_exact_options(options);
+  catch_interrupts();
+  const Relaxation relaxation = solve_relaxation(
+      set, {.time_limit = options.time_limit, .seed = options.seed, .threads = options.threads});
+  ExactLine line{arguments.method};
+  ExactSolution solution = method.solve(set, relaxation, options, &line);
+  if (interrupted() && solution.status == ExactStatus::kTimeLimit) {
+    solution.message = "interrupted; this is the best design so far";
+  }
+  return report_exact(set, relaxation, method.name(), options, std::move(solution));
+}
+
+int exit_code(ExactStatus status) {
+  return status == ExactStatus::kOptimal || status == ExactStatus::kFeasible ? kDone : kShort;
+}
+
+int table(const ExactArguments& arguments, const InformationSet& set) {
+  ExactLine line{arguments.method};
+  catch_interrupts();
+  const bool complete = write_exact_table(
+      arguments.table, set, parse_experiments(arguments.experiments), arguments.options, line);
+  if (!arguments.json) fmt::print("wrote {}\n", arguments.table);
+  return complete ? kDone : kShort;
+}
+
+// Throws InputError for what does not go together.
+void require_one_run(const ExactArguments& arguments, std::size_t runs) {
+  if (arguments.table.empty() && runs > 1) {
+    throw InputError(fmt::format("experiments: {} values need --table FILE", runs));
+  }
+  if (!arguments.table.empty() &&
+      !(arguments.output.empty() && arguments.options.checkpoint.empty())) {
+    throw InputError("--table takes neither --output nor --checkpoint");
+  }
+}
+
+int exact(ExactArguments& arguments, Invocation& invocation) {
+  const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
+  require_one_run(arguments, runs.size());
+  arguments.options.experiments = runs.front();
+  bench::pin_threads(arguments.options.threads, invocation.arguments);
+  const bool one_run = arguments.table.empty();  // else the limit is each run's
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(one_run ? arguments.options.time_limit : kNoLimit, arguments.set.path);
+    return read_set(arguments.set);
+  }();
+  const InformationSet& set = read.set;
+  for (const std::string& file : {arguments.output, arguments.table}) {
+    if (!file.empty()) require_writable(file);
+  }
+  if (!arguments.table.empty()) return table(arguments, set);
+  ExactReport report = run(arguments, set);
+  report.share.problem_hash = set.content_hash();
+  const bool regular = report.solution.status != ExactStatus::kSingular;
+  if (!arguments.output.empty() && regular) write_exact_design(arguments.output, set, report);
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_exact(report), describe_counts(set, report.solution.design));
+    if (!arguments.output.empty() && regular) fmt::print("wrote {}\n", arguments.output);
+  }
+  return exit_code(report.solution.status);
+}
+
+}  // namespace
+
+void add_exact_command(CLI::App& app, Invocation& invocation) {
+  auto* command =
+      app.add_subcommand("exact", "Whole numbers of experiments, with a proven efficiency");
+  auto arguments = std::make_shared<ExactArguments>();
+  ExactOptions& options = arguments->options;
+  add_set_options(*command, arguments->set);
+  command
+      ->add_option("-M,--experiments", arguments->experiments,
+                   "experiments to run, M; with --table a list as 1:20,25,30")
+      ->required();
+  command
+      ->add_option("--method", arguments->method,
+                   "rounding, efficient_rounding, exchange or branch_and_bound")
+      ->capture_default_str();
+  command->add_option("--gap", options.gap, "proven loss of D-efficiency to stop at")
+      ->capture_default_str();
+  command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
+  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  command->add_option("--seed", options.seed, "of the exchange's random starts")
+      ->capture_default_str();
+  command->add_option("--checkpoint", options.checkpoint,
+                      "keep the state of branch_and_bound in this file");
+  command->add_flag("--resume", options.resume, "go on from the checkpoint");
+  command->add_option("-o,--output", arguments->output, "write the design as JSON, with counts");
+  command->add_option("--table", arguments->table,
+                      "run every method for each M and write a CSV table");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Covariance is (det sum_i m_i H_i)^(-1/d). The proven efficiency compares with the best "
+      "design\n"
+      "of M experiments that exists. Exit code 1: time was up first (the bound reached is stated), "
+      "or\n"
+      "no regular design was found. Ctrl-C stops and keeps the best design.\n"
+      "Examples:\n"
+      "  graybox exact set.h5 --experiments 20 --time-limit 300 --threads 2 -o design.json\n"
+      "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --time-limit 60\n"
+      "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --resume\n"
+      "  graybox exact set.h5 --experiments 20 --method rounding --json\n"
+      "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });
+}
+
+}  // namespace graybox::cli

@@ -1,0 +1,45 @@
+// `graybox help [command ...]`: what --help prints, the way that git and others have it, too.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/commands/commands.hpp"
+#include "problems/base/error.hpp"
+
+namespace graybox::cli {
+namespace {
+
+const CLI::App& find_command(const CLI::App& app, const std::vector<std::string>& words) {
+  const CLI::App* level = &app;
+  for (const std::string& word : words) {
+    const auto found = level->get_subcommands(
+        [&](const CLI::App* command) { return command->get_name() == word; });
+    if (found.empty()) {
+      throw InputError(
+          fmt::format("help: no command '{}'; see graybox help", fmt::join(words, " ")));
+    }
+    level = found.front();
+  }
+  return *level;
+}
+
+}  // namespace
+
+void add_help_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("help", "Print the help of a command");
+  auto words = std::make_shared<std::vector<std::string>>();
+  command->add_option("command", *words, "such as 'solve' or 'design robust' (default: all)");
+  command->footer("Examples:\n  graybox help\n  graybox help design robust");
+  command->callback([&app, words, &invocation] {
+    const CLI::App& asked = find_command(app, *words);
+    const std::string before =
+        words->empty() ? std::string() : fmt::format("graybox {}", fmt::join(*words, " "));
+    // Not asked.help(): CLI11 would print the help of the command that is being run.
+    fmt::print("{}", asked.get_formatter()->make_help(&asked, before, CLI::AppFormatMode::Normal));
+    invocation.exit_code = kDone;
+  });
+}
+
+}  // namespace graybox::cli

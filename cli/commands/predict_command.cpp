@@ -1,0 +1,149 @@
+// `graybox predict`: how well a model predicts recordings as it stands.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "cli/commands/commands.hpp"
+#include "cli/process/interrupt.hpp"
+#include "diagnosis/prediction/model_prediction.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+
+namespace graybox::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string model, campaign, output;
+  std::vector<std::string> physics;
+  int threads = 1;
+  bool json = false;
+};
+
+Json json_of(const ModelPrediction& prediction, const Arguments& arguments) {
+  Json rows = Json::array();
+  for (const RecordingPrediction& recording : prediction.recordings) {
+    for (const PredictedChannel& channel : recording.channels) {
+      Json row{{"recording", recording.recording}, {"role", name_of(recording.role)},
+               {"channel", channel.name},          {"unit", channel.unit},
+               {"seconds_ahead", nullptr},         {"error", nullptr},
+               {"deviation", channel.signal},      {"nrmse", nullptr}};
+      if (recording.ahead > 0.0) row["seconds_ahead"] = recording.ahead;
+      if (std::isfinite(channel.error)) {
+        row["error"] = channel.error;
+        if (channel.signal > 0.0) row["nrmse"] = channel.nrmse();
+      }
+      rows.push_back(std::move(row));
+    }
+  }
+  return {{"format", "graybox-prediction/1"},
+          {"model", arguments.model},
+          {"campaign", arguments.campaign},
+          {"predicted", prediction.of},
+          {"rows", rows}};
+}
+
+std::string cell(const PredictedChannel& channel) {
+  if (std::isnan(channel.error)) return "too short";
+  if (!std::isfinite(channel.error)) return "unbounded";
+  if (!(channel.signal > 0.0)) return "constant";
+  return fmt::format("{:.3g}", channel.nrmse());
+}
+
+// A line for each channel of each recording, a column for each horizon.
+std::string table_of(const ModelPrediction& prediction) {
+  std::vector<double> horizons;
+  std::size_t widest = 9, widest_channel = 7;
+  for (const RecordingPrediction& recording : prediction.recordings) {
+    if (std::ranges::find(horizons, recording.ahead) == horizons.end()) {
+      horizons.push_back(recording.ahead);
+    }
+    widest = std::max(widest, recording.recording.size());
+    for (const PredictedChannel& channel : recording.channels) {
+      widest_channel = std::max(widest_channel, channel.name.size());
+    }
+  }
+  std::string text =
+      fmt::format("{:<{}}  role        {:<{}}", "recording", widest, "channel", widest_channel);
+  std::vector<std::size_t> widths;
+  for (const double ahead : horizons) {
+    const std::string words = prediction_words(prediction, ahead);
+    widths.push_back(std::max<std::size_t>(9, words.size()));
+    text += fmt::format("  {:>{}}", words, widths.back());
+  }
+  text += '\n';
+  // Every horizon has the same recordings, in the same order.
+  const std::size_t count =
+      prediction.recordings.size() / std::max<std::size_t>(1, horizons.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const RecordingPrediction& first = prediction.recordings[i];
+    for (std::size_t c = 0; c < first.channels.size(); ++c) {
+      text += fmt::format("{:<{}}  {:<10}  {:<{}}", first.recording, widest, name_of(first.role),
+                          first.channels[c].name, widest_channel);
+      for (std::size_t h = 0; h < horizons.size(); ++h) {
+        const PredictedChannel& channel = prediction.recordings[h * count + i].channels[c];
+        text += fmt::format("  {:>{}}", cell(channel), widths[h]);
+      }
+      text += '\n';
+    }
+  }
+  return text;
+}
+
+int execute(const Arguments& arguments) {
+  const Campaign campaign = read_campaign(arguments.campaign);
+  if (!arguments.output.empty()) require_writable(arguments.output);
+  catch_interrupts();
+  const ModelPrediction prediction =
+      predict_recordings(arguments.model, campaign,
+                         {arguments.physics.begin(), arguments.physics.end()}, arguments.threads);
+  if (!arguments.output.empty()) {
+    write_text_file(arguments.output,
+                    prediction_page(prediction, arguments.model, campaign.file.string()));
+  }
+  if (arguments.json) {
+    fmt::print("{}\n", json_of(prediction, arguments).dump());
+  } else {
+    fmt::print(
+        "{} as the model stands, nothing fitted: error (rms) over the standard deviation "
+        "of what was measured, in %\n{}",
+        prediction.of, table_of(prediction));
+    if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_predict_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand(
+      "predict", "How well does a model predict recordings, as it stands? Nothing is fitted");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("model", arguments->model, "graybox-lumped/1 or graybox-rigid-robot/1 (YAML)")
+      ->required();
+  command
+      ->add_option("campaign", arguments->campaign,
+                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
+      ->required();
+  command->add_option("-o,--output", arguments->output, "write one page with curves (HTML)");
+  command->add_option("--physics", arguments->physics,
+                      "graybox-physics/1 files with further elements");
+  command->add_option("--threads", arguments->threads, "threads")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Exit codes: 0 predicted; 2 bad input.\n"
+      "Examples:\n"
+      "  graybox predict docs/examples/fit/drive/motor.yaml docs/examples/fit/drive\n"
+      "  graybox predict report/model_extended.yaml campaign/ -o prediction.html");
+  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+}
+
+}  // namespace graybox::cli

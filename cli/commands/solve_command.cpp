@@ -1,0 +1,138 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "bench/pin_threads.hpp"
+#include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/set_arguments.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/output/console.hpp"
+#include "cli/output/trace_file.hpp"
+#include "cli/process/interrupt.hpp"
+#include "problems/base/error.hpp"
+#include "problems/files/atomic_file.hpp"
+#include "solvers/registry.hpp"
+#include "solvers/report/design_file.hpp"
+#include "solvers/report/solve_report.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct SolveArguments {
+  SetArguments set;
+  std::string solver = "column_generation";
+  SolveOptions options;
+  CriterionArguments criterion;
+  std::string trace;
+  std::string output;
+  bool json = false;
+};
+
+Solution run(const Solver& solver, const InformationSet& set, const SolveOptions& options) {
+  Progress progress{std::string(solver.name())};
+  catch_interrupts();
+  Solution solution = solver.solve(set, options, &progress);
+  if (interrupted() && solution.status == SolveStatus::kTimeLimit) {
+    solution.message = "interrupted; this is the best design so far";
+  }
+  return solution;
+}
+
+// Without a gap on the way the design is the solver's start: no answer.
+bool has_answer(const Solution& solution) {
+  if (solution.status == SolveStatus::kUnsupported) return false;
+  return solution.status == SolveStatus::kSolved ||
+         std::ranges::any_of(solution.trace, [](const TracePoint& point) {
+           return std::isfinite(point.duality_gap);
+         });
+}
+
+void print(const SolveArguments& arguments, const ProjectedSet& read, const Solution& solution,
+           const SolveReport& report) {
+  const InformationSet& set = read.set;
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+    return;
+  }
+  fmt::print("{}: {}\n{}", set.name(), describe(set), change_note(read.changed));
+  if (!has_answer(solution)) {
+    fmt::print("{}: {} ({}); there is no design{}\n", report.solver, to_string(report.status),
+               report.message.empty() ? "no reason given" : report.message,
+               arguments.output.empty() ? "" : ", and nothing is written");
+    return;
+  }
+  fmt::print("{}", describe(report));
+  if (!solution.design.weights.empty()) fmt::print("{}", describe_support(set, solution.design));
+  if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+}
+
+int solve(const SolveArguments& arguments, Invocation& invocation) {
+  arguments.criterion.require_consistent();
+  const SolverRegistry registry = make_registry();
+  const Solver& solver = registry.at(arguments.solver);
+  bench::pin_threads(arguments.options.threads, invocation.arguments);
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
+    return read_set(arguments.set);
+  }();
+  const InformationSet& set = read.set;
+  for (const std::string& file : {arguments.output, arguments.trace}) {
+    if (!file.empty()) require_writable(file);
+  }
+  SolveOptions options = arguments.options;
+  options.criterion = arguments.criterion.read(set).value_or(Criterion());
+  const Solution solution = run(solver, set, options);
+  SolveReport report = judge(set, solver.name(), options, solution);
+  report.problem_hash = set.content_hash();
+  if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
+  if (!arguments.output.empty() && has_answer(solution)) {
+    write_design(arguments.output, set, solution.design, report);
+  }
+  print(arguments, read, solution, report);
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+}  // namespace
+
+void add_solve_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand("solve", "Find an optimal design and certify it");
+  auto arguments = std::make_shared<SolveArguments>();
+  SolveOptions& options = arguments->options;
+  add_set_options(*command, arguments->set);
+  command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
+      ->capture_default_str();
+  add_criterion_options(*command, arguments->criterion);
+  command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
+  command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
+  command->add_option("--iteration-limit", options.iteration_limit,
+                      "iterations (default: the solver's own)");
+  command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
+  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  command->add_option("--trace", arguments->trace, "write the history of the run as JSON lines");
+  command->add_option("-o,--output", arguments->output, "write the design as JSON");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "The checker decides: status solved (exit code 0) means that it proved the gap to be at "
+      "most\n"
+      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
+      "code 1).\n"
+      "Examples:\n"
+      "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
+      "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
+      "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"
+      "  graybox solve covdata.mat --variable Hi --solver dual_interior_point --json\n"
+      "  graybox solve set.h5 --solver multiplicative --time-limit 10 --trace trace.jsonl");
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });
+}
+
+}  // namespace graybox::cli

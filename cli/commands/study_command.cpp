@@ -1,0 +1,161 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "bench/study/environment.hpp"
+#include "bench/study/progress.hpp"
+#include "bench/study/row_file.hpp"
+#include "bench/study/study.hpp"
+#include "bench/study/study_sets.hpp"
+#include "bench/study/summary.hpp"
+#include "bench/study/tables.hpp"
+#include "bench/study/worker.hpp"
+#include "cli/commands/commands.hpp"
+#include "cli/process/interrupt.hpp"
+
+namespace graybox::cli {
+namespace {
+
+constexpr const char* kWorkerCommand = "study-run";
+
+struct StudyArguments {
+  bench::StudyOptions options;
+  std::string output = "results/latest";
+  double time_limit = 0.0;
+  std::size_t memory_limit = 0;
+  bool quick = false;
+  bool full = false;
+  bool json = false;
+};
+
+bench::StudyOptions options_of(const StudyArguments& arguments) {
+  bench::StudyOptions options = arguments.options;
+  options.output = arguments.output;
+  if (arguments.quick) options.mode = bench::StudyMode::kQuick;
+  if (arguments.full) options.mode = bench::StudyMode::kFull;
+  if (arguments.time_limit > 0.0) options.time_limit = arguments.time_limit;
+  if (arguments.memory_limit > 0) options.memory_limit = arguments.memory_limit;
+  return options;
+}
+
+bench::StudySetup setup() {
+  return {.make_set = bench::make_study_set,
+          .families = bench::study_families(),
+          .worker = {std::filesystem::read_symlink("/proc/self/exe").string(), kWorkerCommand},
+          .binary = bench::program_hash(),
+          .interrupted = interrupted};
+}
+
+bool agree(const bench::StudyRows& rows) {
+  return std::ranges::all_of(bench::check_agreement(rows.runs),
+                             [](const bench::Agreement& each) { return each.agrees(); });
+}
+
+void print_json(const StudyArguments& arguments, const bench::StudyOutcome& outcome,
+                const bench::StudyRows& rows) {
+  const auto solved = std::ranges::count_if(
+      rows.runs, [](const bench::RunRow& run) { return run.status == ReportStatus::kSolved; });
+  nlohmann::ordered_json headlines = nlohmann::ordered_json::object();
+  for (const bench::Headline& line : bench::headlines(bench::summarise_points(rows.runs))) {
+    headlines[line.name] = line.value;
+  }
+  const nlohmann::ordered_json out{{"output", arguments.output},
+                                   {"runs", rows.runs.size()},
+                                   {"runs_made", outcome.runs_made},
+                                   {"runs_found", outcome.runs_found},
+                                   {"solved", solved},
+                                   {"skipped", rows.skips.size()},
+                                   {"interrupted", outcome.interrupted},
+                                   {"agree", agree(rows)},
+                                   {"headlines", headlines}};
+  fmt::print("{}\n", out.dump());
+}
+
+int study(const StudyArguments& arguments) {
+  const bench::StudyOptions options = options_of(arguments);
+  const SolverRegistry registry = make_registry();
+  bench::Progress progress;
+  catch_interrupts();
+  const bench::StudyOutcome outcome = run_study(options, registry, setup(), progress);
+  const bench::StudyRows rows = bench::read_rows(options.output / "rows.jsonl");
+  const std::string summary = bench::write_tables(rows, options.output);
+  if (arguments.json) {
+    print_json(arguments, outcome, rows);
+  } else {
+    fmt::print("{}\n", summary);
+  }
+  if (outcome.interrupted) {
+    progress.say(
+        fmt::format("interrupted after {} runs; the same command with --resume goes on "
+                    "from here",
+                    outcome.runs_made));
+    return kShort;
+  }
+  progress.say(fmt::format("{} runs made, {} found done, {}; rows, tables and summary.md in {}",
+                           outcome.runs_made, outcome.runs_found,
+                           bench::readable_duration(progress.seconds()), arguments.output));
+  return agree(rows) ? kDone : kShort;
+}
+
+void add_worker_command(CLI::App& app, Invocation& invocation) {
+  auto* command = app.add_subcommand(kWorkerCommand, "One run of the study");
+  command->group("");  // not listed: the study starts it
+  auto arguments = std::make_shared<std::vector<std::string>>();
+  command->add_option("arguments", *arguments, "SET SOLVER GAP SECONDS SEED THREADS")->required();
+  command->callback([arguments, &invocation] {
+    invocation.exit_code =
+        bench::run_worker(bench::parse_worker_arguments(*arguments), make_registry());
+  });
+}
+
+}  // namespace
+
+void add_study_command(CLI::App& app, Invocation& invocation) {
+  add_worker_command(app, invocation);
+  auto* command =
+      app.add_subcommand("study", "Run every back-end against Q and on every family, fairly");
+  auto arguments = std::make_shared<StudyArguments>();
+  bench::StudyOptions& options = arguments->options;
+  command->add_option("-o,--output", arguments->output, "folder of the results")
+      ->capture_default_str();
+  auto* quick = command->add_flag("--quick", arguments->quick, "about 2 minutes: low limits");
+  command->add_flag("--full", arguments->full, "everything to its end: 15 minutes to hours")
+      ->excludes(quick);
+  auto* resume = command->add_flag("--resume", options.resume, "go on with what the folder holds");
+  command->add_flag("--fresh", options.fresh, "delete the rows that the folder holds")
+      ->excludes(resume);
+  command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")
+      ->delimiter(',');
+  command
+      ->add_option("--max-candidates", options.max_candidates,
+                   "largest set: of 50, 100, 200, 500, 1000, 2000, 4000, 7920 those below")
+      ->capture_default_str();
+  command->add_option("--gap", options.duality_gap, "duality gap of the runs against Q")
+      ->capture_default_str();
+  command->add_option("--time-limit", arguments->time_limit,
+                      "wall seconds a run (default: 10, quick 2, full 1800)");
+  command
+      ->add_option("--memory-limit", arguments->memory_limit,
+                   "resident memory a run, such as 4GB (default: 4GB, full 8GB)")
+      ->transform(CLI::AsSizeValue(true));
+  command->add_option("--threads", options.threads, "threads a run")->capture_default_str();
+  command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
+  command->add_flag("!--no-families", options.families, "the robot's subsets alone");
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "Every run is a process of its own with hard limits; the checker's gap decides what counts\n"
+      "as solved. Exit code 1 if certified answers disagree, or after Ctrl-C.\n"
+      "Examples:\n"
+      "  graybox study --quick -o results/quick\n"
+      "  graybox study --solvers column_generation,dual_interior_point --max-candidates 2000\n"
+      "  graybox study --full --resume -o results/reference\n"
+      "Figures: scripts/figures results/quick");
+  command->callback([arguments, &invocation] { invocation.exit_code = study(*arguments); });
+}
+
+}  // namespace graybox::cli

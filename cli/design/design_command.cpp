@@ -1,0 +1,20 @@
+// `graybox design ...`: designs beyond one solve of one information set. One file each
+// (design_x_command.cpp), added here.
+#include "cli/commands/commands.hpp"
+
+namespace graybox::cli {
+
+void add_design_command(CLI::App& app, Invocation& invocation) {
+  auto* command =
+      app.add_subcommand("design", "Designs beyond one criterion and one information set");
+  command->require_subcommand(1);
+  add_design_criteria_command(*command, invocation);
+  add_design_continuous_command(*command, invocation);
+  add_design_sequential_command(*command, invocation);
+  add_design_spectrum_command(*command, invocation);
+  add_design_robust_command(*command, invocation);
+  add_design_efficiency_command(*command, invocation);
+  add_design_verify_command(*command, invocation);
+}
+
+}  // namespace graybox::cli

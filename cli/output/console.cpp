@@ -1,0 +1,150 @@
+#include "cli/output/console.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+#include "cli/process/interrupt.hpp"
+
+namespace graybox::cli {
+namespace {
+
+constexpr std::size_t kShownSupport = 10;
+
+std::string bytes_text(double bytes) {
+  if (bytes < 1e6) return fmt::format("{:.1f} kB", bytes / 1e3);
+  if (bytes < 1e9) return fmt::format("{:.1f} MB", bytes / 1e6);
+  return fmt::format("{:.2f} GB", bytes / 1e9);
+}
+
+std::string seconds_text(double seconds) {
+  return seconds < 1.0 ? fmt::format("{:.3g} ms", 1e3 * seconds) : fmt::format("{:.3g} s", seconds);
+}
+
+// The criterion's value, and how far from the best it can be.
+std::string value_text(const SolveReport& report) {
+  const Certificate& certificate = report.certificate;
+  const double gap = largest_gap(certificate);
+  switch (report.options.criterion.kind()) {
+    case CriterionKind::kA:
+    case CriterionKind::kL:
+      return fmt::format(
+          "  {:<12}  {:.10g}, at most a factor {:.2e} above the optimum\n",
+          report.options.criterion.kind() == CriterionKind::kA ? "tr M^-1" : "tr W M^-1",
+          certificate.criterion_value, gap);
+    case CriterionKind::kE:
+      return fmt::format("  lambda_min M  {:.10g}, at most a factor {:.2e} below the optimum\n",
+                         certificate.criterion_value, gap);
+    case CriterionKind::kD:
+    case CriterionKind::kDs:
+      break;
+  }
+  return fmt::format(
+      "  {:<12}  {:.10g}, at most {:.2e} below the optimum\n",
+      report.options.criterion.kind() == CriterionKind::kD ? "log det M" : "log det S",
+      certificate.criterion_value, certificate.log_det_gap);
+}
+
+std::string counted(std::size_t count, const char* noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+}  // namespace
+
+std::string describe(const InformationSet& set) {
+  return fmt::format("{}, {}, {}", counted(set.candidate_count(), "candidate"),
+                     counted(set.dimension(), "parameter"),
+                     bytes_text(static_cast<double>(set.bytes())));
+}
+
+std::string describe(const SolveReport& report) {
+  const Certificate& certificate = report.certificate;
+  std::string text = fmt::format("{}: {}", report.solver.empty() ? "design" : report.solver,
+                                 to_string(report.status));
+  if (!report.message.empty()) text += fmt::format(" ({})", report.message);
+  text += '\n';
+  if (certificate.status == CertificateStatus::kCertified) {
+    text += fmt::format(
+        "  duality gap   {:.3e}  (asked {:.3g}; rounding at most {:.1e})\n"
+        "{}"
+        "  {:<12}  at least {:.10f}\n",
+        certificate.duality_gap, report.options.duality_gap, certificate.rounding_bound,
+        value_text(report),
+        fmt::format("{}-efficiency", to_string(report.options.criterion.kind())),
+        certificate.efficiency);
+  }
+  text += fmt::format("  work          {} iterations, {:.1f} passes, {}; peak memory {}\n",
+                      report.counters.iterations, report.counters.passes,
+                      seconds_text(report.counters.seconds),
+                      bytes_text(static_cast<double>(report.peak_memory_bytes)));
+  return text;
+}
+
+std::string describe_support(const InformationSet& set, const Design& design) {
+  std::vector<std::size_t> support;
+  for (std::size_t i = 0; i < design.weights.size(); ++i) {
+    if (design.weights[i] > 0.0) support.push_back(i);
+  }
+  std::ranges::stable_sort(
+      support, [&](std::size_t a, std::size_t b) { return design.weights[a] > design.weights[b]; });
+  const CandidateTable& table = set.candidates();
+  std::string text = fmt::format(
+      "  support       {}, heaviest first\n"
+      "  {:>10} {:>12}",
+      counted(support.size(), "candidate"), "weight", "candidate");
+  for (std::size_t k = 0; k < table.names.size(); ++k) {
+    const std::string unit = table.units[k].empty() ? "" : " [" + table.units[k] + "]";
+    text += fmt::format(" {:>12}", table.names[k] + unit);
+  }
+  text += '\n';
+  for (std::size_t rank = 0; rank < std::min(support.size(), kShownSupport); ++rank) {
+    const std::size_t i = support[rank];
+    text += fmt::format("  {:>10.6f} {:>12}", design.weights[i], i);
+    for (const double value : set.coordinates(i)) text += fmt::format(" {:>12.6g}", value);
+    text += '\n';
+  }
+  if (support.size() > kShownSupport) {
+    text += fmt::format("  {:>10} and {} more\n", "...", support.size() - kShownSupport);
+  }
+  return text;
+}
+
+Progress::Progress(std::string solver)
+    : solver_(std::move(solver)), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+Progress::~Progress() {
+  if (written_) std::fputs("\r\033[K", stderr);
+}
+
+bool Progress::on_progress(const TracePoint& point) {
+  const auto now = std::chrono::steady_clock::now();
+  if (terminal_ && now >= next_) {
+    next_ = now + std::chrono::milliseconds(100);
+    written_ = true;
+    fmt::print(stderr, "\r\033[K{}: iteration {}, gap {:.2e}, {:.1f} passes, {}", solver_,
+               point.iteration, point.duality_gap, point.passes, seconds_text(point.seconds));
+    std::fflush(stderr);
+  }
+  return !interrupted();
+}
+
+CountProgress::CountProgress(std::string noun, std::size_t total)
+    : noun_(std::move(noun)), total_(total), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+CountProgress::~CountProgress() {
+  if (terminal_) std::fputs("\r\033[K", stderr);
+}
+
+bool CountProgress::update(std::size_t done) {
+  if (terminal_) {
+    fmt::print(stderr, "\r\033[K{} {} of {}", noun_, done, total_);
+    std::fflush(stderr);
+  }
+  return !interrupted();
+}
+
+}  // namespace graybox::cli

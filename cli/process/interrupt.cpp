@@ -1,0 +1,95 @@
+#include "cli/process/interrupt.hpp"
+
+#include <fmt/format.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
+#include <utility>
+
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
+
+namespace graybox::cli {
+namespace {
+
+constexpr int kPatienceMicroseconds = 700'000;
+constexpr double kReadingPatience = 0.5;  // s
+
+void say(std::string_view line) {
+  [[maybe_unused]] const auto written = write(STDERR_FILENO, line.data(), line.size());
+}
+
+extern "C" void on_interrupt(int /*signal*/) {
+  request_stop();
+  const itimerval patience{.it_interval = {0, 0}, .it_value = {0, kPatienceMicroseconds}};
+  setitimer(ITIMER_REAL, &patience, nullptr);
+}
+
+// Where the work has not ended by then.
+extern "C" void on_patience_end_hands_over(int /*signal*/) {
+  say("graybox: stopping; once more to end at once\n");
+}
+
+extern "C" void on_patience_end_loses_nothing(int /*signal*/) {
+  say("graybox: interrupted\n");
+  std::_Exit(kShort);
+}
+
+void handle(int signal, void (*handler)(int), int flags) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  action.sa_flags = flags;
+  sigemptyset(&action.sa_mask);
+  sigaction(signal, &action, nullptr);
+}
+
+}  // namespace
+
+void catch_interrupts(OnStop on_stop) {
+  handle(
+      SIGALRM,
+      on_stop == OnStop::kHandsOver ? &on_patience_end_hands_over : &on_patience_end_loses_nothing,
+      SA_RESTART);
+  handle(SIGINT, &on_interrupt, static_cast<int>(SA_RESETHAND));
+  handle(SIGTERM, &on_interrupt, static_cast<int>(SA_RESETHAND));
+}
+
+bool interrupted() { return stop_was_asked_for(); }
+
+ReadingLimit::ReadingLimit(double seconds, std::string what)
+    : seconds_(seconds), what_(std::move(what)) {
+  if (!(seconds > 0.0)) {
+    throw InputError(fmt::format("time limit {} s must be positive", seconds));
+  }
+  if (!std::isfinite(seconds)) return;
+  limit_process(seconds);
+  thread_ = std::thread([this] { watch(); });
+}
+
+void ReadingLimit::watch() {
+  constexpr double kLongest = 1e8;  // s: steady_clock counts nanoseconds
+  const std::chrono::duration<double> wait(std::fmin(seconds_ + kReadingPatience, kLongest));
+  std::unique_lock lock(guard_);
+  if (end_.wait_for(lock, wait, [&] { return done_; })) return;
+  say(fmt::format("graybox: the time limit of {} s passed while {} was read; nothing was done\n",
+                  seconds_, what_));
+  std::_Exit(kShort);
+}
+
+ReadingLimit::~ReadingLimit() {
+  if (!thread_.joinable()) return;
+  {
+    const std::lock_guard lock(guard_);
+    done_ = true;
+  }
+  end_.notify_all();
+  thread_.join();
+}
+
+}  // namespace graybox::cli
