@@ -1,0 +1,116 @@
+// The listings that README and docs quote are what the program prints.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdlib>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/command_runner.hpp"
+
+namespace graybox {
+namespace {
+
+using testing::read_text;
+
+std::string source_file(const std::string& name) {
+  return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/" + name);
+}
+
+// A line without its numbers, and these.
+struct Line {
+  std::string words;
+  std::vector<double> numbers;
+};
+
+Line taken_apart(const std::string& text) {
+  Line line;
+  for (std::size_t i = 0; i < text.size();) {
+    const bool is_number = std::isdigit(static_cast<unsigned char>(text[i])) != 0;
+    if (!is_number) {
+      line.words += text[i++];
+      continue;
+    }
+    std::size_t length = 0;
+    line.numbers.push_back(std::stod(text.substr(i), &length));
+    line.words += '#';
+    i += length;
+  }
+  return line;
+}
+
+// The last places of what a fit prints may differ from machine to machine.
+bool is_same(const Line& quoted, const Line& printed, bool is_beginning) {
+  constexpr double kRelative = 0.05;
+  const bool same_words =
+      is_beginning ? printed.words.starts_with(quoted.words) : printed.words == quoted.words;
+  if (!same_words) return false;
+  for (std::size_t i = 0; i < quoted.numbers.size(); ++i) {
+    const double size = std::max(std::abs(quoted.numbers[i]), std::abs(printed.numbers[i]));
+    if (std::abs(quoted.numbers[i] - printed.numbers[i]) > kRelative * size) return false;
+  }
+  return true;
+}
+
+// Lines of the code block that begins with "verdict:".
+std::vector<std::string> quoted_listing(const std::string& page) {
+  const std::string text = source_file(page);
+  const std::size_t first = text.find("\nverdict: ");
+  EXPECT_NE(first, std::string::npos) << page;
+  std::istringstream block(text.substr(first + 1, text.find("\n```", first) - first - 1));
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(block, line);) lines.push_back(line);
+  return lines;
+}
+
+// Every line of the page's listing is one of those printed, or begins one that is cut short.
+void expect_quoted(const std::string& page, const std::string& output) {
+  std::vector<Line> printed;
+  std::istringstream text(output);
+  for (std::string line; std::getline(text, line);) printed.push_back(taken_apart(line));
+  const std::string left_out = "[...]";
+  for (std::string line : quoted_listing(page)) {
+    if (line == left_out) continue;
+    const bool is_beginning = line.ends_with(left_out);
+    if (is_beginning) line.resize(line.size() - left_out.size());
+    const Line quoted = taken_apart(line);
+    EXPECT_TRUE(std::ranges::any_of(
+        printed, [&](const Line& each) { return is_same(quoted, each, is_beginning); }))
+        << page << " quotes: " << line << "\nprinted:\n"
+        << output;
+  }
+}
+
+using Listings = testing::CommandRunner;
+
+TEST_F(Listings, OfTheReadmesDiagnosisAreWhatTheProgramPrints) {
+  const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive";
+  const testing::Outcome outcome = graybox("diagnose " + drive + "/motor.yaml " + drive);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  expect_quoted("README.md", outcome.out);
+}
+
+TEST_F(Listings, OfADiagnosisAreWhatTheProgramPrints) {
+  const std::string docs = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/";
+  ASSERT_EQ(graybox("simulate " + docs + "simulate/drive.yaml " + docs +
+                    "simulate/drive_plan.yaml -o drive")
+                .exit_code,
+            0);
+  const testing::Outcome outcome = graybox("diagnose " + docs + "diagnose/drive.yaml drive");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  expect_quoted("docs/diagnose.md", outcome.out);
+  // "64 hypotheses" of the docs.
+  const std::string page = source_file("docs/diagnose.md");
+  const std::size_t at = page.find(" hypotheses.)");
+  ASSERT_NE(at, std::string::npos);
+  const std::size_t begin = page.rfind(' ', at - 1) + 1;
+  EXPECT_NE(outcome.out.find(page.substr(begin, at - begin) + " hypotheses were tested"),
+            std::string::npos)
+      << outcome.out;
+}
+
+}  // namespace
+}  // namespace graybox

@@ -1,0 +1,426 @@
+// Logs as they come: steps that mend and derive channels, JSON records and gzip, and channels of
+// one motion that are late, reversed or scaled.
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <functional>
+#include <numbers>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/late_signal.hpp"
+#include "diagnosis/recordings/motion_pairs.hpp"
+#include "diagnosis/recordings/sample_interpolation.hpp"
+#include "tests/support/recorded_channels.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// ---- preprocessing ------------------------------------------------------------------------------
+
+const std::string kHead = R"(format: graybox-campaign/1
+sample_time: 0.001
+channels:
+  - {name: q, unit: deg, is: output}
+  - {name: v, unit: rad/s, is: output}
+  - {name: u, unit: V, is: input}
+  - {name: state, unit: counts, is: other}
+)";
+
+class LogReading : public ::testing::Test {
+ protected:
+  LogReading() {
+    write(400, [](Index) { return 3; });
+  }
+
+  // Columns t, q (degrees within one turn), v, u, state.
+  void write(Index count, const std::function<int(Index)>& state, double jitter = 0.0) {
+    std::string text = "time,q,v,u,state\n";
+    for (Index k = 0; k < count; ++k) {
+      const double t = 0.001 * (static_cast<double>(k) + jitter * std::sin(2.3 * double(k)));
+      const double angle = angle_at(t) * 180.0 / std::numbers::pi;
+      const double within = angle - 360.0 * std::floor(angle / 360.0);
+      for (const double value : {t, within, rate_at(t), 12.0 + std::sin(31.0 * t)}) {
+        text += std::to_string(value) + ",";
+      }
+      text += std::to_string(state(k)) + "\n";
+    }
+    testing::write_text(folder_.file("a.csv"), text);
+  }
+  static double angle_at(double t) { return 20.0 * t + std::sin(9.0 * t); }
+  static double rate_at(double t) { return 20.0 + 9.0 * std::cos(9.0 * t); }
+
+  ExperimentRecording read(const std::string& steps, const std::string& sample_time = "0.001") {
+    std::string text = kHead;
+    text.replace(text.find("0.001"), 5, sample_time);
+    testing::write_text(folder_.file("campaign.yaml"),
+                        text + "preprocess: " + steps + "\nexperiments: [{file: a.csv}]\n");
+    return load_experiment(read_campaign(folder_.file("campaign.yaml")), 0);
+  }
+  void refused(const std::string& steps, const std::string& message) {
+    testing::expect_refused([&] { (void)read(steps); }, message);
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+TEST_F(LogReading, UnwrapsAngles) {
+  const ExperimentRecording run = read("[{kind: unwrap, of: [q]}]");
+  const SignalPiece& piece = run.data.pieces.at(0);
+  for (Index k = 0; k < piece.time.size(); ++k) {
+    EXPECT_NEAR(piece.values(k, 0), angle_at(piece.time(k)), 1e-6);
+  }
+  EXPECT_TRUE(std::ranges::any_of(run.findings, [](const Finding& finding) {
+    return finding.message.find("q: 1 jumps") != std::string::npos;
+  }));
+  EXPECT_TRUE(std::ranges::none_of(run.findings,
+                                   [](const Finding& finding) { return finding.check == "wrap"; }));
+  const ExperimentRecording raw = read("[]");
+  EXPECT_TRUE(std::ranges::any_of(raw.findings, [](const Finding& finding) {
+    return finding.check == "wrap" && finding.mend == "preprocess: [{kind: unwrap, of: [q]}]" &&
+           finding.channel == "q";
+  }));
+}
+
+TEST_F(LogReading, SamplesThatAreNotValidCutPieces) {
+  const auto by_state = [&](const std::string& step, Index first, Index second) {
+    const ExperimentRecording run = read(step);
+    ASSERT_EQ(run.data.pieces.size(), 2U);
+    EXPECT_EQ(run.data.pieces[0].time.size(), first);
+    EXPECT_EQ(run.data.pieces[1].time.size(), second);
+    EXPECT_EQ(run.data.pieces[1].first_sample, 250U);
+  };
+  write(400, [](Index k) { return k >= 100 && k < 250 ? 0 : 3; });
+  by_state("[{kind: rows, by: state, equals: 3}]", 100, 150);
+  by_state("[{kind: valid, of: [state], range: [1, 5]}]", 100, 150);
+  refused("[{kind: rows, by: state, equals: 9}]", "no 20 samples in a row");
+}
+
+TEST_F(LogReading, MissingNumbersAreMissing) {
+  std::string text = "time,q,v,u,state\n";
+  for (int k = 0; k < 100; ++k) {
+    text +=
+        std::to_string(0.001 * k) + "," + (k == 40 ? "" : std::to_string(0.1 * k)) + ",1.5,2,3\n";
+  }
+  testing::write_text(folder_.file("a.csv"), text);
+  refused("[]", "1 of 100 samples are not finite");
+  const ExperimentRecording run = read("[{kind: valid, of: [q]}]");
+  ASSERT_EQ(run.data.pieces.size(), 2U);
+  EXPECT_EQ(run.data.pieces[1].first_sample, 41U);
+}
+
+TEST_F(LogReading, DerivesChannels) {
+  const ExperimentRecording run = read(
+      "[{kind: sign, of: [v]}, {kind: scale, of: [u], factor: 2},\n"
+      "  {kind: integral, of: [v], name: [angle]},\n"
+      "  {kind: product, of: [u, v], name: power, unit: '1', is: other},\n"
+      "  {kind: sum, of: [q, angle], weights: [1, -2], name: both},\n"
+      "  {kind: motor_torque, voltage: u, speed: v, torque_constant: 0.1, back_emf: 0.2,\n"
+      "   resistance: 4, name: torque}]");
+  const SignalPiece& piece = run.data.pieces.at(0);
+  const auto value = [&](Index k, const std::string& name) {
+    return piece.values(k, run.index_of(name));
+  };
+  for (const Index k : {0, 17, 399}) {
+    const double t = piece.time(k), u = 2.0 * (12.0 + std::sin(31.0 * t)), v = -rate_at(t);
+    EXPECT_NEAR(value(k, "v"), v, 1e-5);
+    EXPECT_NEAR(value(k, "angle"), -(angle_at(t) - angle_at(0.0)), 1e-4);
+    EXPECT_NEAR(value(k, "power"), u * v, 1e-3);
+    EXPECT_NEAR(value(k, "both"), value(k, "q") - 2.0 * value(k, "angle"), 1e-9);
+    EXPECT_NEAR(value(k, "torque"), 0.1 / 4.0 * (u - 0.2 * v), 1e-5);
+  }
+  EXPECT_EQ(run.data.signals.at(static_cast<std::size_t>(run.index_of("angle"))).unit, "rad");
+  EXPECT_EQ(run.data.signals.at(static_cast<std::size_t>(run.index_of("torque"))).unit, "N m");
+  EXPECT_EQ(run.data.signals.at(static_cast<std::size_t>(run.index_of("torque"))).role,
+            ChannelRole::kInput);
+}
+
+TEST_F(LogReading, ResamplesUnevenTimesAndStatesTheError) {
+  write(
+      2000, [](Index) { return 3; }, 0.3);
+  const ExperimentRecording run =
+      read("[{kind: unwrap, of: [q]}, {kind: resample, sample_time: 0.001}]", "irregular");
+  ASSERT_TRUE(run.data.sample_time);
+  const SignalPiece& piece = run.data.pieces.at(0);
+  double worst = 0.0;
+  for (Index k = 0; k < piece.time.size(); ++k) {
+    EXPECT_NEAR(piece.time(k), piece.time(0) + 0.001 * static_cast<double>(k), 1e-9);
+    worst = std::max(worst, std::abs(piece.values(k, 1) - rate_at(piece.time(k))));
+  }
+  EXPECT_LT(worst, 1e-4);
+  EXPECT_TRUE(std::ranges::any_of(run.findings, [](const Finding& finding) {
+    return finding.message.find("was resampled: what interpolation is wrong by") !=
+               std::string::npos &&
+           finding.message.find(", v ") != std::string::npos;
+  }));
+  testing::expect_refused([&] { (void)read("[{kind: resample, sample_time: 0.01}]", "irregular"); },
+                          "would fold");
+  write(400, [](Index) { return 3; });
+  refused("[{kind: resample, sample_time: 0.001}]", "is for irregular samples");
+}
+
+// The stated error is that of a signal whose values between samples are known, within a factor.
+TEST(SampleInterpolation, StatesItsError) {
+  for (const double frequency : {0.3, 0.6, 1.0}) {  // rad a sample
+    const VectorXd time = VectorXd::LinSpaced(500, 0.0, 499.0);
+    const VectorXd values = (frequency * time.array()).sin();
+    const VectorXd at = VectorXd::LinSpaced(4900, 5.0, 494.0);
+    const VectorXd error = interpolated(time, values, at).array() - (frequency * at.array()).sin();
+    const double rms = std::sqrt(error.squaredNorm() / 4900.0);
+    const double stated = interpolation_error(time, values);
+    EXPECT_GT(stated, 0.7 * rms) << frequency;
+    EXPECT_LT(stated, 2.0 * rms) << frequency;
+  }
+}
+
+TEST_F(LogReading, WrongStepsAreRefusedInOneLine) {
+  refused("[{kind: low_pass, frequency: 10}, {kind: unwrap, of: [q]}]", "put it before all other");
+  refused("[{kind: unwrap, of: [u]}]", "which has no turns");
+  refused("[{kind: unwrap, of: [q], bits: 12}]", "must be 8, 16 or 32");
+  refused("[{kind: unwrap, of: [q], bits: 8, period: 360}]", "either bits or period");
+  refused("[{kind: rows, by: state}]", "needs either equals");
+  refused("[{kind: rows, by: mode, equals: 1}]", "no such channel");
+  refused("[{kind: valid, of: [q], range: [2, 1]}]", "[lowest, highest]");
+  refused("[{kind: scale, of: [q], factor: 0}]", "must not be zero");
+  refused("[{kind: integral, of: [u], name: [x]}]", "u is in V");
+  refused("[{kind: sum, of: [q, v], name: x}]", "v is in rad/s, but must be in rad");
+  refused("[{kind: sum, of: [q], name: x}]", "at least two channels");
+  refused("[{kind: product, of: [q, v], name: x, unit: deg}]", "a unit without a factor");
+  refused(
+      "[{kind: motor_torque, voltage: q, speed: v, torque_constant: 1, back_emf: 1,\n"
+      "  resistance: 1, name: x}]",
+      "q is in rad, but must be in V");
+  refused(
+      "[{kind: motor_torque, voltage: u, speed: v, torque_constant: 1, back_emf: 1,\n"
+      "  resistance: 0, name: x}]",
+      "resistance: must be positive");
+  refused("[{kind: advance, of: [q], time: 100}]", "longer than a piece");
+}
+
+// ---- JSON records and gzip ----------------------------------------------------------------------
+
+void write_gzip(const std::string& path, const std::string& text) {
+  gzFile file = gzopen(path.c_str(), "wb");
+  ASSERT_NE(file, nullptr);
+  ASSERT_EQ(gzwrite(file, text.data(), static_cast<unsigned>(text.size())),
+            static_cast<int>(text.size()));
+  ASSERT_EQ(gzclose(file), Z_OK);
+}
+
+const std::string kLines =
+    "{\"t\": 0, \"joint\": {\"q\": [1, 2]}, \"on\": true, \"mode\": \"run\"}\n\n"
+    "{\"t\": 0.1, \"joint\": {\"q\": [3, null]}, \"on\": false, \"mode\": \"run\"}\n"
+    "{\"t\": 0.2, \"on\": false, \"late\": 7}\n";
+
+void expect_records(const RecordingFile& file) {
+  ASSERT_EQ(file.columns.size(), 5U);
+  EXPECT_EQ(file.at("t").values, Eigen::Vector3d(0.0, 0.1, 0.2));
+  EXPECT_EQ(file.at("joint.q[1]").values.head(2), Eigen::Vector2d(1.0, 3.0));
+  EXPECT_TRUE(std::isnan(file.at("joint.q[1]").values(2)));
+  EXPECT_TRUE(std::isnan(file.at("joint.q[2]").values(1)));
+  EXPECT_EQ(file.at("on").values, Eigen::Vector3d(1.0, 0.0, 0.0));
+  EXPECT_TRUE(std::isnan(file.at("late").values(0)));
+  EXPECT_EQ(file.at("late").values(2), 7.0);
+}
+
+TEST_F(LogReading, JsonRecordsAreColumns) {
+  testing::write_text(folder_.file("a.jsonl"), kLines);
+  expect_records(read_recording_file(folder_.file("a.jsonl")));
+  std::string array = "[" + kLines + "]";
+  for (std::size_t at = 0; (at = array.find("}\n", at)) != std::string::npos; at += 2) {
+    if (array.find('{', at) != std::string::npos) array.replace(at, 2, "},");
+  }
+  testing::write_text(folder_.file("a.json"), array);
+  expect_records(read_recording_file(folder_.file("a.json")));
+  const auto fails = [&](const std::string& text, const std::string& message) {
+    testing::write_text(folder_.file("b.jsonl"), text);
+    testing::expect_refused([&] { (void)read_recording_file(folder_.file("b.jsonl")); }, message);
+  };
+  fails("{\"a\": 1}\n{\"a\": 2\n", "line 2: not valid JSON");
+  fails("{\"a\": 1}\n[2]\n", "record 2: is no object");
+  fails("{\"a\": 1}\n{\"a\": \"x\"}\n", "record 2: 'a' holds text");
+  fails("{\"mode\": \"run\"}\n", "no columns of numbers");
+  std::string deep;
+  for (int k = 0; k < 40; ++k) deep += "{\"a\":";
+  fails(deep + "1" + std::string(40, '}') + "\n", "nested too deep");
+}
+
+TEST_F(LogReading, GzippedTextsAreReadAsTheyAre) {
+  const std::string table = "a,b [deg]\n1,2\n3,4\n";
+  write_gzip(folder_.file("t.csv.gz"), table);
+  const RecordingFile file = read_recording_file(folder_.file("t.csv.gz"));
+  EXPECT_EQ(file.at("b").values, Eigen::Vector2d(2.0, 4.0));
+  EXPECT_EQ(file.at("b").unit, "deg");
+  write_gzip(folder_.file("t.jsonl.gz"), kLines);
+  expect_records(read_recording_file(folder_.file("t.jsonl.gz")));
+  // Two members are one text.
+  const std::string packed = testing::read_text(folder_.file("t.csv.gz"));
+  write_gzip(folder_.file("more.gz"), "5,6\n");
+  testing::write_text(folder_.file("two.csv.gz"),
+                      packed + testing::read_text(folder_.file("more.gz")));
+  EXPECT_EQ(read_recording_file(folder_.file("two.csv.gz")).at("a").values,
+            Eigen::Vector3d(1.0, 3.0, 5.0));
+  const auto fails = [&](const std::string& name, const std::string& bytes,
+                         const std::string& message) {
+    testing::write_text(folder_.file(name), bytes);
+    testing::expect_refused([&] { (void)read_recording_file(folder_.file(name)); }, message);
+  };
+  fails("cut.csv.gz", packed.substr(0, packed.size() - 9), "ends early");
+  fails("no.csv.gz", table, "is no gzip file");
+  fails("x.mat.gz", packed, "unknown ending '.mat.gz'");
+}
+
+// ---- pairs of one motion ------------------------------------------------------------------------
+
+struct Motion {
+  VectorXd time, position, velocity;
+};
+
+double smooth(double t) {
+  return std::sin(7.0 * t) + 0.5 * std::sin(31.0 * t + 1.0) + 0.2 * std::sin(90.0 * t);
+}
+double smooth_rate(double t) {
+  return 7.0 * std::cos(7.0 * t) + 15.5 * std::cos(31.0 * t + 1.0) + 18.0 * std::cos(90.0 * t);
+}
+
+// The velocity late by a delay; noise of a thousandth.
+Motion motion(Index count, double delay, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  Motion result{VectorXd(count), VectorXd(count), VectorXd(count)};
+  for (Index k = 0; k < count; ++k) {
+    const double t = 0.001 * static_cast<double>(k);
+    result.time(k) = t;
+    result.position(k) = smooth(t) + 1e-5 * noise(random);
+    result.velocity(k) = smooth_rate(t - delay) + 0.02 * noise(random);
+  }
+  return result;
+}
+
+VectorXd lagged(const VectorXd& values, double lag) {
+  VectorXd result = values;
+  for (Index k = 1; k < values.size(); ++k) {
+    const double decay = std::exp(-1.0 / lag);
+    result(k) = decay * result(k - 1) + (1.0 - decay) * 0.5 * (values(k) + values(k - 1));
+  }
+  return result;
+}
+
+TEST(LateSignals, DelayAndLagAreToldApartWithTheirErrors) {
+  const Motion late = motion(5000, 0.0034, 1);
+  const VectorXd rate = time_derivative(late.time, late.position);
+  const LateComparison delay = compare_late(rate, -2.0 * late.velocity, 0.001);
+  EXPECT_NEAR(delay.best().late, 0.0034, 5e-5);
+  EXPECT_LT(delay.best().late_error, 5e-5);
+  EXPECT_NEAR(delay.best().gain, -2.0, 0.01);
+  EXPECT_TRUE(delay.tells_delay_from_lag());
+  EXPECT_LT(delay.delayed.misfit, delay.lagged.misfit);
+  const Motion now = motion(5000, 0.0, 2);
+  const LateComparison lag =
+      compare_late(time_derivative(now.time, now.position), lagged(now.velocity, 6.0), 0.001);
+  EXPECT_NEAR(lag.best().late, 0.006, 2e-4);
+  EXPECT_LT(lag.lagged.misfit, 0.5 * lag.delayed.misfit);
+  EXPECT_LE(lag.both.misfit, 1.0001 * lag.lagged.misfit);
+}
+
+// In 95 of 100 draws and more the true delay lies within three of the stated errors.
+TEST(LateSignals, ErrorsAreThoseOfRepetitions) {
+  int inside = 0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    const Motion late = motion(2000, 0.0012, 100 + seed);
+    const LateComparison fit =
+        compare_late(time_derivative(late.time, late.position), late.velocity, 0.001);
+    if (std::abs(fit.delayed.late - 0.0012) < 3.0 * fit.delayed.late_error) ++inside;
+  }
+  EXPECT_GE(inside, 36);
+}
+
+std::vector<Finding> findings_of(const Motion& motion, const VectorXd& velocity) {
+  Signals data;
+  data.sample_time = 0.001;
+  data.signals = {{"q", "rad", ChannelRole::kOutput}, {"v", "rad/s", ChannelRole::kOutput}};
+  Eigen::MatrixXd values(motion.time.size(), 2);
+  values << motion.position, velocity;
+  data.pieces.push_back({0, motion.time, values});
+  std::vector<Finding> findings;
+  find_late_channels("run.csv", data, findings);
+  return findings;
+}
+
+TEST(MotionPairs, FaultsOfAVelocityAreNamedAndASoundOneIsNot) {
+  const Motion sound = motion(4000, 0.0, 3), late = motion(4000, 0.005, 4);
+  EXPECT_TRUE(findings_of(sound, sound.velocity).empty());
+  const auto found = findings_of(late, late.velocity);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].check, "late channel");
+  EXPECT_NE(found[0].message.find("v is late by 5"), std::string::npos) << found[0].message;
+  EXPECT_NE(found[0].message.find("a delay rather than a lag"), std::string::npos);
+  EXPECT_NE(found[0].mend.find("{kind: advance, of: [v], time: 0.00"), std::string::npos);
+  const auto reversed = findings_of(sound, -sound.velocity);
+  ASSERT_EQ(reversed.size(), 1U);
+  EXPECT_EQ(reversed[0].check, "sign");
+  const auto scaled = findings_of(sound, 1.1 * sound.velocity);
+  ASSERT_EQ(scaled.size(), 1U);
+  EXPECT_EQ(scaled[0].check, "gain");
+  EXPECT_NE(scaled[0].mend.find("factor: 0.90"), std::string::npos) << scaled[0].mend;
+  const VectorXd another =
+      9.0 * (13.0 * sound.time).array().sin() + (47.0 * sound.time).array().sin();
+  const auto other = findings_of(sound, another);
+  ASSERT_EQ(other.size(), 1U);
+  EXPECT_EQ(other[0].check, "rate");
+}
+
+// Joints that move in step are no encoders of one axis.
+TEST(MotionPairs, JointsThatMoveInStepAreNotCompared) {
+  Motion joints = motion(4000, 0.0, 6);
+  Signals data;
+  data.sample_time = 0.001;
+  data.signals = {{"q_1", "rad", ChannelRole::kOutput}, {"q_2", "rad", ChannelRole::kOutput}};
+  Eigen::MatrixXd values(4000, 2);
+  values << joints.position, -0.6 * joints.position;
+  data.pieces.push_back({0, joints.time, values});
+  std::vector<Finding> findings;
+  find_late_channels("run.csv", data, findings);
+  EXPECT_TRUE(findings.empty());
+}
+
+const testing::RecordedChannel* recorded(const std::string& file, const std::string& column) {
+  const auto& channels = testing::recorded_channels();
+  const auto found = std::ranges::find_if(channels, [&](const testing::RecordedChannel& channel) {
+    return channel.file == file && channel.column == column;
+  });
+  return found == channels.end() ? nullptr : &*found;
+}
+
+// The encoders behind the gears of KR300 are 3 ms later than those of the motors.
+TEST(MotionPairs, SkewOfRealEncodersIsMeasured) {
+  if (testing::recorded_channels().empty()) GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set";
+  for (const char* file : {"rec_A.mat", "rec_B.mat", "rec_C.mat"}) {
+    for (const char* axis : {"1", "2", "3"}) {
+      const auto* motor = recorded(file, std::string("rec.act_pos_mot_deg[") + axis + "]");
+      const auto* arm = recorded(file, std::string("rec.act_pos_se_deg[") + axis + "]");
+      ASSERT_TRUE(motor != nullptr && arm != nullptr);
+      const LateFit fit = compare_late(motor->values, arm->values, 0.004).best();
+      EXPECT_NEAR(fit.late, 0.003, 0.0002) << file << " " << axis;
+      EXPECT_LT(fit.late_error, 0.0002);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace graybox

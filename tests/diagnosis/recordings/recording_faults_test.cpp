@@ -1,0 +1,370 @@
+// Faults that data show by themselves: each detector on signals made here, and on all channels of
+// the real recordings (GRAYBOX_RECORDINGS): as they are for false alarms, with a fault put in at
+// random for hits. The rates in docs/recordings.md are those of the calibration below.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <functional>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/lost_samples.hpp"
+#include "diagnosis/signal_faults/quantisation.hpp"
+#include "diagnosis/signal_faults/recording_copies.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "diagnosis/signal_faults/spike.hpp"
+#include "diagnosis/signal_faults/stuck_sensor.hpp"
+#include "tests/support/recorded_channels.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using testing::RecordedChannel;
+
+constexpr double kSampleTime = 0.001;
+
+// A smooth motion with some noise.
+VectorXd motion(Index count, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, 1e-3);
+  VectorXd values(count);
+  for (Index k = 0; k < count; ++k) {
+    const double t = kSampleTime * static_cast<double>(k);
+    values(k) = std::sin(5.0 * t) + 0.3 * std::sin(23.0 * t + 1.0) + noise(random);
+  }
+  return values;
+}
+
+VectorXd times(Index count) {
+  return VectorXd::LinSpaced(count, 0.0, kSampleTime * static_cast<double>(count - 1));
+}
+
+double deviation_of(const VectorXd& values) {
+  return std::sqrt((values.array() - values.mean()).square().mean());
+}
+
+// ---- each by itself -----------------------------------------------------------------------------
+
+TEST(SampleStatistics, MediansAndQuantilesAreThoseOfTheSortedValues) {
+  const std::vector<double> numbers = {3, 1, 2, 9, 5, 4, 8};
+  const Eigen::Map<const VectorXd> values(numbers.data(), 7);
+  EXPECT_EQ(quantile(values, 0.5), 4.0);
+  EXPECT_EQ(quantile(values, 1.0), 9.0);
+  const VectorXd medians = running_median(values);
+  EXPECT_EQ(medians(2), 3.0);
+  EXPECT_EQ(medians(0), medians(2));
+  EXPECT_EQ(medians(4), 5.0);
+}
+
+TEST(Spikes, AreFoundWhereTheyAreAndNowhereElse) {
+  VectorXd values = motion(4000, 1);
+  EXPECT_TRUE(find_spikes(values).empty());
+  values(1234) += 0.2;
+  values(2500) -= 5.0;
+  const std::vector<Spike> spikes = find_spikes(values);
+  ASSERT_EQ(spikes.size(), 2U);
+  EXPECT_EQ(spikes[0].sample, 1234);
+  EXPECT_EQ(spikes[1].sample, 2500);
+  EXPECT_GT(spikes[1].strength, 10.0 * spikes[0].strength);
+}
+
+TEST(StuckSensors, HoldInFullMotion) {
+  VectorXd values = motion(4000, 2);
+  EXPECT_FALSE(find_stuck_run(values, 50));
+  values.segment(1500, 200).setConstant(values(1499));
+  const auto run = find_stuck_run(values, 50);
+  ASSERT_TRUE(run);
+  EXPECT_EQ(run->first, 1499);
+  EXPECT_EQ(run->last, 1699);
+  EXPECT_FALSE(find_stuck_run(values, 300));
+}
+
+// A drive that slows down, stands and starts again stands for good.
+TEST(StuckSensors, AreNotAxesThatStand) {
+  VectorXd values(4000);
+  for (Index k = 0; k < 4000; ++k) {
+    const double t = std::clamp(static_cast<double>(k), 0.0, 4000.0) / 4000.0;
+    const double phase = 6.0 * std::numbers::pi * t;
+    values(k) = std::round(1e4 * (phase - std::sin(phase)));  // rests at whole turns
+  }
+  EXPECT_FALSE(find_stuck_run(values, 50));
+}
+
+TEST(CounterWraps, OfCountersAndOfAnglesAreTold) {
+  const VectorXd turns = 3.0 * motion(4000, 3).array() * 8192.0;
+  VectorXd counts = turns.array().round();
+  EXPECT_FALSE(find_wrap(counts, 0.0));
+  for (double& value : counts) value -= 65536.0 * std::floor(value / 65536.0);
+  const auto wrap = find_wrap(counts, 0.0);
+  ASSERT_TRUE(wrap);
+  EXPECT_EQ(wrap->period, 65536.0);
+  const VectorXd mended = unwrapped(counts, 65536.0);
+  EXPECT_LT(((mended - turns).array() - (mended - turns).mean()).abs().maxCoeff(), 1.0);
+  VectorXd degrees = turns / 8192.0 * 360.0;
+  for (double& value : degrees) value -= 360.0 * std::floor(value / 360.0);
+  EXPECT_FALSE(find_wrap(degrees, 0.0));
+  const auto turn = find_wrap(degrees, 360.0);
+  ASSERT_TRUE(turn);
+  EXPECT_EQ(turn->period, 360.0);
+}
+
+// Steps of a command are large, and whole numbers, too.
+TEST(CounterWraps, AreNotSteps) {
+  VectorXd command(2000);
+  for (Index k = 0; k < 2000; ++k) command(k) = (k / 100) % 2 == 0 ? 20.0 : 220.0 + double(k % 7);
+  EXPECT_FALSE(find_wrap(command, 0.0));
+}
+
+TEST(LostSamples, LeaveAJumpInThePosition) {
+  const VectorXd whole = motion(4000, 4);
+  EXPECT_FALSE(find_lost_samples(times(4000), whole));
+  VectorXd cut(3800);
+  cut << whole.head(2000), whole.tail(1800);
+  const auto lost = find_lost_samples(times(3800), cut);
+  ASSERT_TRUE(lost);
+  EXPECT_EQ(lost->first, 2000);
+  EXPECT_EQ(lost->places, 1U);
+  // With the times cut, too, nothing is hidden: the rate goes on.
+  VectorXd cut_times(3800);
+  cut_times << times(4000).head(2000), times(4000).tail(1800);
+  EXPECT_FALSE(find_lost_samples(cut_times, cut));
+  VectorXd spiked = whole;
+  spiked(1000) += 1.0;
+  EXPECT_FALSE(find_lost_samples(times(4000), spiked));
+}
+
+TEST(Quantisation, IsCoarseBesideTheSignalItMeasures) {
+  const VectorXd values = motion(4000, 5);
+  const double deviation = deviation_of(values);
+  const auto rounded = [&](double step) {
+    return VectorXd((values / step).array().round().matrix() * step);
+  };
+  EXPECT_FALSE(find_coarse_quantisation(values));
+  EXPECT_FALSE(find_coarse_quantisation(rounded(0.01 * deviation)));
+  const auto coarse = find_coarse_quantisation(rounded(0.2 * deviation));
+  ASSERT_TRUE(coarse);
+  EXPECT_NEAR(coarse->step, 0.2 * deviation, 1e-12);
+  EXPECT_NEAR(coarse->error, 0.2 / std::sqrt(12.0), 0.005);
+}
+
+TEST(RecordingCopies, AreFoundShiftedAndCutButRepetitionsAreNot) {
+  const VectorXd first = motion(6000, 6), repeated = motion(6000, 7);
+  EXPECT_FALSE(SampleFingerprint(first).shared_with(SampleFingerprint(repeated)));
+  const auto copy =
+      SampleFingerprint(first.segment(1500, 2000)).shared_with(SampleFingerprint(first));
+  ASSERT_TRUE(copy);
+  EXPECT_EQ(copy->first + 1500, copy->first_there);
+  EXPECT_FALSE(
+      SampleFingerprint(VectorXd::Zero(5000)).shared_with(SampleFingerprint(VectorXd::Zero(5000))));
+}
+
+TEST(DataFaults, SayWhereHowSureWhatElseAndWhatMendsThem) {
+  const Channel speed{.name = "speed",
+                      .role = ChannelRole::kOutput,
+                      .recorded_unit = "rad/s",
+                      .unit = "rad/s",
+                      .column = "speed",
+                      .file = {},
+                      .range = {}};
+  VectorXd values = motion(2000, 8);
+  values(700) = 50.0;
+  std::vector<Finding> findings;
+  find_data_faults({{"run.csv", &speed, values, times(2000), 100}}, findings);
+  ASSERT_EQ(findings.size(), 1U);
+  const Finding& finding = findings.front();
+  EXPECT_EQ(finding.check, "spike");
+  EXPECT_EQ(finding.channel, "speed");
+  EXPECT_NEAR(*finding.time, 0.7, 1e-9);
+  EXPECT_GT(finding.strength, 1.0);
+  EXPECT_NE(finding.message.find("run.csv: speed: row 801 (0.7 s)"), std::string::npos)
+      << finding.message;
+  EXPECT_NE(finding.message.find("could also be"), std::string::npos);
+  EXPECT_NE(finding.mend.find("{kind: valid, of: [speed], range: [-1."), std::string::npos)
+      << finding.mend;
+}
+
+// ---- all channels of the real recordings --------------------------------------------------------
+
+class RecordingFaultRates : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (testing::recorded_channels().empty()) {
+      GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: the rates are not measured";
+    }
+  }
+
+  using Detector = std::function<bool(const RecordedChannel&, const VectorXd&)>;
+  using Fault = std::function<VectorXd(const RecordedChannel&)>;
+  using Selection = std::function<bool(const RecordedChannel&)>;
+
+  static bool everything(const RecordedChannel&) { return true; }
+  static bool is_position(const RecordedChannel& channel) { return channel.is_position; }
+  // The drive's wanted currents and torques of UR10e.
+  static bool is_no_command(const RecordedChannel& channel) {
+    return channel.set != "UR10e" || std::stoi(channel.column) < 20;
+  }
+
+  // Share of channels where the detector speaks.
+  static double rate(const Detector& detects, const Fault& fault,
+                     const Selection& counts = everything) {
+    std::size_t count = 0, found = 0;
+    for (const RecordedChannel& channel : testing::recorded_channels()) {
+      if (!counts(channel)) continue;
+      ++count;
+      if (!detects(channel, fault(channel))) continue;
+      if (++found <= 3) std::printf("  %s %s\n", channel.file.c_str(), channel.column.c_str());
+    }
+    const double share = static_cast<double>(found) / static_cast<double>(count);
+    std::printf("  %zu of %zu channels\n", found, count);
+    return share;
+  }
+  static VectorXd as_it_is(const RecordedChannel& channel) { return channel.values; }
+
+  Index somewhere(Index size, Index margin) {
+    return std::uniform_int_distribution<Index>(margin, size - 1 - margin)(random_);
+  }
+  static Index samples_in(const RecordedChannel& channel, double seconds) {
+    return static_cast<Index>(std::ceil(seconds / channel.sample_time));
+  }
+
+  std::mt19937_64 random_{20};
+};
+
+TEST_F(RecordingFaultRates, Spikes) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return !find_spikes(values).empty();
+  };
+  const auto spiked = [&](double size) {
+    return [this, size](const RecordedChannel& channel) {
+      VectorXd values = channel.values;
+      values(somewhere(values.size(), 20)) += size * deviation_of(values);
+      return values;
+    };
+  };
+  EXPECT_EQ(rate(detects, as_it_is), 0.0);
+  EXPECT_GT(rate(detects, spiked(10.0)), 0.9);
+  EXPECT_GT(rate(detects, spiked(1.0)), 0.6);
+}
+
+// Commands that are held are no sensors.
+TEST_F(RecordingFaultRates, StuckSensors) {
+  const Detector detects = [](const RecordedChannel& channel, const VectorXd& values) {
+    return find_stuck_run(values, samples_in(channel, 0.05)).has_value();
+  };
+  const auto stuck = [this](const RecordedChannel& channel) {
+    VectorXd values = channel.values;
+    const Index length = std::min(samples_in(channel, 0.5), values.size() / 3);
+    const Index first = somewhere(values.size() - length, 20);
+    values.segment(first, length).setConstant(values(first - 1));
+    return values;
+  };
+  EXPECT_LT(rate(detects, as_it_is, is_no_command), 0.01);
+  EXPECT_GT(rate(detects, stuck, is_no_command), 0.45);
+}
+
+TEST_F(RecordingFaultRates, CounterWraps) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return find_wrap(values, 0.0).has_value();
+  };
+  const auto wrapped = [](double period) {
+    return [period](const RecordedChannel& channel) {
+      VectorXd values = channel.values.array() - channel.values.mean();
+      values *= 0.25 * period / values.cwiseAbs().maxCoeff();
+      values = values.array().round();
+      for (double& value : values) value += value < 0.0 ? period : 0.0;
+      return values;
+    };
+  };
+  EXPECT_EQ(rate(detects, as_it_is), 0.0);
+  EXPECT_GT(rate(detects, wrapped(65536.0)), 0.7);
+  EXPECT_GT(rate(detects, wrapped(256.0)), 0.7);
+}
+
+TEST_F(RecordingFaultRates, LostSamples) {
+  const Detector detects = [](const RecordedChannel& channel, const VectorXd& values) {
+    const VectorXd time =
+        channel.sample_time * VectorXd::LinSpaced(values.size(), 0.0, double(values.size() - 1));
+    return find_lost_samples(time, values).has_value();
+  };
+  const auto cut = [this](const RecordedChannel& channel) {
+    const Index size = channel.values.size(), length = samples_in(channel, 0.2);
+    const Index first = somewhere(size - length, 20);
+    VectorXd values(size - length);
+    values << channel.values.head(first), channel.values.tail(size - length - first);
+    return values;
+  };
+  EXPECT_EQ(rate(detects, as_it_is, is_position), 0.0);
+  EXPECT_GT(rate(detects, cut, is_position), 0.6);
+}
+
+// What is found on the recordings as they are is so: efforts in steps of 0.001, a bus voltage.
+TEST_F(RecordingFaultRates, Quantisation) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return find_coarse_quantisation(values).has_value();
+  };
+  const auto coarse = [](const RecordedChannel& channel) {
+    const double step = 0.2 * deviation_of(channel.values);
+    return VectorXd((channel.values / step).array().round().matrix() * step);
+  };
+  EXPECT_LT(rate(detects, as_it_is), 0.02);
+  EXPECT_GT(rate(detects, coarse), 0.8);
+}
+
+TEST_F(RecordingFaultRates, Saturation) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return clipped_samples(values) > 0;
+  };
+  const auto clipped = [](const RecordedChannel& channel) {
+    const double limit = 0.7 * channel.values.cwiseAbs().maxCoeff();
+    return VectorXd(channel.values.cwiseMin(limit).cwiseMax(-limit));
+  };
+  EXPECT_LT(rate(detects, as_it_is), 0.01);
+  EXPECT_GT(rate(detects, clipped), 0.5);
+}
+
+// Two files of one set are two recordings; a third of a file, shifted, is a copy of it.
+TEST_F(RecordingFaultRates, Copies) {
+  const auto& channels = testing::recorded_channels();
+  std::vector<SampleFingerprint> prints;
+  for (const RecordedChannel& channel : channels) prints.emplace_back(channel.values);
+  std::size_t pairs = 0, false_alarms = 0, copies = 0;
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    const Index third = channels[i].values.size() / 3;
+    const SampleFingerprint part(channels[i].values.segment(third, third));
+    if (part.shared_with(prints[i])) ++copies;
+    for (std::size_t j = 0; j < i; ++j) {
+      const bool same = channels[i].set == channels[j].set &&
+                        channels[i].file != channels[j].file &&
+                        channels[i].column == channels[j].column;
+      const std::string& column = channels[i].column;
+      const bool is_command = column.find("ref") != std::string::npos || column == "qg" ||
+                              column.find("time") != std::string::npos;
+      if (!same || is_command) continue;
+      ++pairs;
+      if (prints[i].shared_with(prints[j])) {
+        ++false_alarms;
+        std::printf("  %s %s %s\n", channels[i].file.c_str(), channels[j].file.c_str(),
+                    channels[i].column.c_str());
+      }
+    }
+  }
+  std::printf("  %zu of %zu pairs, %zu of %zu copies\n", false_alarms, pairs, copies,
+              channels.size());
+  EXPECT_EQ(false_alarms, 0U);
+  EXPECT_GT(copies, 9 * channels.size() / 10);
+}
+
+}  // namespace
+}  // namespace graybox
