@@ -1,5 +1,5 @@
 // graybox_reader TASK FILE ...: reads one HDF5 or MAT file for the process that started it and
-// sends what it holds to standard output (graybox/problems/files/reading_process.hpp). Not for
+// sends what it holds to standard output (problems/files/reading_process.hpp). Not for
 // users.
 #include <unistd.h>
 

@@ -2,7 +2,9 @@
 // by Linux's Landlock; needs no privileges and can't be undone. Processes inside also can't look
 // into those outside (no tracing).
 //
-//   std::jthread([] { const bool confined = confine_thread({{"/usr"}, {"answers/case_001"}}); ... });
+//   std::jthread([] {
+//     const bool confined = confine_thread({{"/usr"}, {"answers/case_001"}}); ...
+//   });
 #pragma once
 
 #include <filesystem>

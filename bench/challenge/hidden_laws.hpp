@@ -1,5 +1,5 @@
 // The laws that a challenge hides in its simulated recordings. They share no code with the
-// catalogue of graybox/problems/elements and are finer physics where they can be, so that a
+// catalogue of problems/laws and are finer physics where they can be, so that a
 // diagnosis is not asked to recover its own formulas:
 //
 //   play, dead zones, saturations   corners rounded as by elastic contact: |x| is sqrt(x^2 + c^2)

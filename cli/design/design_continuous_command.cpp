@@ -1,4 +1,5 @@
-// `graybox design continuous`: robot positions off the grid (solvers/column_generation/continuous_design.hpp).
+// `graybox design continuous`: robot positions off the grid
+// (solvers/column_generation/continuous_design.hpp).
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -14,7 +14,8 @@
 //     "starts": [{"chi_square": 53311.2, "best": true, "start": [...], "parameters": [...]}, ...],
 //     "fit": {"estimation": {"recordings": 90, "chi_square_per_dof": 0.987, "nrmse": 0.8,
 //                            "variance_accounted_for": 99.99}, "validation": null},
-//     "plausibility": [{"rule": "sign", "quantity": "load.inertia", "value": -0.02, "standard_errors": 9.1,
+//     "plausibility": [{"rule": "sign", "quantity": "load.inertia", "value": -0.02,
+//       "standard_errors": 9.1,
 //                       "excludes": true, "words": "...", "remedy": "..."}],
 //     "notes": ["..."], "details": {...}
 //   }

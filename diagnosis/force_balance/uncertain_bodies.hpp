@@ -34,9 +34,9 @@ namespace graybox {
 [[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
                                                                     double worth);
 
-// The bodies as a fit of such data has them, and by how many of their standard errors the parameters
-// must change towards what is stated until the body can exist (plausibility.hpp). Empty where no
-// body is free.
+// The bodies as a fit of such data has them, and by how many of their standard errors the
+// parameters must change towards what is stated until the body can exist (plausibility.hpp). Empty
+// where no body is free.
 [[nodiscard]] std::vector<PhysicalBody> fitted_bodies(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 

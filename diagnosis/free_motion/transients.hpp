@@ -7,13 +7,13 @@
 //   Y = G(z) U + C (z I - A)^-1 z d + V,   G = C (z I - A)^-1 B,   z = e^(2 pi j b / (P N)),
 //
 // with one real vector d, (x_0 - x_PN) in the spectra's scale (Pintelon and Schoukens 2012, Section
-// 6.3.2). Between the lines of the period, b not a multiple of P, there is nothing periodic: these bins
-// give d by weighted least squares (with a ridge: a departure of the size of the periodic motion is
-// expected, so that what no output sees stays small), and what is left there is noise. A polynomial
-// over a few bins (line_spectra.hpp) needs no model but does not follow a mode that is sharper than
-// the bins, nor G between them; where the model is known well enough this is exact, leaves
-// neighbouring lines independent and costs 2 n real numbers a record instead of a third of the
-// noise's.
+// 6.3.2). Between the lines of the period, b not a multiple of P, there is nothing periodic: these
+// bins give d by weighted least squares (with a ridge: a departure of the size of the periodic
+// motion is expected, so that what no output sees stays small), and what is left there is noise. A
+// polynomial over a few bins (line_spectra.hpp) needs no model but does not follow a mode that is
+// sharper than the bins, nor G between them; where the model is known well enough this is exact,
+// leaves neighbouring lines independent and costs 2 n real numbers a record instead of a third of
+// the noise's.
 //
 // Laws of the model that are forces act on these motions as they are if they are linear (a mode is
 // a coordinate more), else by their mean slopes. The model's own forces (PlantFamily::own_force),

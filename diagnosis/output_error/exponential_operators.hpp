@@ -4,7 +4,8 @@
 //   a = e^(Ah/2) y + (h/2) phi_1(Ah/2) N(y)         b = e^(Ah/2) y + (h/2) phi_1(Ah/2) N(a)
 //   c = e^(Ah/2) a + (h/2) phi_1(Ah/2) (2 N(b) - N(y))
 //   y+ = e^(Ah) y + F1 N(y) + F2 (N(a) + N(b)) + F3 N(c)
-//   F1 = h (phi_1 - 3 phi_2 + 4 phi_3),  F2 = h (2 phi_2 - 4 phi_3),  F3 = h (4 phi_3 - phi_2),  at Ah.
+//   F1 = h (phi_1 - 3 phi_2 + 4 phi_3),  F2 = h (2 phi_2 - 4 phi_3),
+//   F3 = h (4 phi_3 - phi_2),  at Ah.
 //
 // For A = 0 it is the classical Runge-Kutta method; for N linear in t and free of y it is exact.
 //

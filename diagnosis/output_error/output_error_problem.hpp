@@ -1,12 +1,14 @@
 // OutputErrorProblem: a lumped model and recordings of it, to be compared by simulation.
 //
-//   y(t_k; theta, y_0) - measured y_k,   its derivatives by the free parameters and the initial state,
+//   y(t_k; theta, y_0) - measured y_k,   its derivatives by the free parameters and the initial
+//   state,
 //
 // for stretches of samples: whole recordings, or the windows of a first search. Simulated outputs
 // and derivatives come together, in one pass (trajectory.hpp).
 //
 //   const OutputErrorProblem problem(model, load_output_error_data(model, campaign));
-//   std::vector<Simulated> runs = problem.simulate(problem.start(), problem.whole_recordings(), {});
+//   std::vector<Simulated> runs =
+//       problem.simulate(problem.start(), problem.whole_recordings(), {});
 //
 // Derivatives are exact for the steps taken. How many steps a sample takes is the problem's
 // `steps_per_sample`; step_error() compares with twice as many.

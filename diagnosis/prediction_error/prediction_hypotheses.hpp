@@ -22,7 +22,7 @@ class PredictionHypotheses {
   [[nodiscard]] const Location& location(std::size_t hypothesis) const {
     return locations_[hypothesis];
   }
-  // Friction, constant forces, weights, late channels: what many machines have. All others must gain
+  // Friction, constant forces, weights, late channels: what many machines have. Others must gain
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
   // Every law in every start that the motion suggests. `motion`: q and q' of all coordinates

@@ -1,7 +1,8 @@
 // The maximum-likelihood estimate of the parameters of a gray-box model from frequency responses
 // measured in several positions: formula (7) of the paper,
 //
-//   theta_hat = arg min_theta  sum_i m_i vec(E_i)^H Lambda_i^-1 vec(E_i),   E_i = G_hat_i - G_i(theta),
+//   theta_hat = arg min_theta  sum_i m_i vec(E_i)^H Lambda_i^-1 vec(E_i),
+//   E_i = G_hat_i - G_i(theta),
 //
 // by Ceres (Levenberg and Marquardt) with exact derivatives. G_hat_i is the mean of the m_i
 // experiments of position i.
@@ -10,8 +11,9 @@
 // and imaginary parts of sqrt(2 m) left E right, so that
 //
 //   half their squared sum       = -log likelihood + const,
-//   J^T J                        = H = sum_i m_i 2 Re{Psi_i* Lambda_i^-1 Psi_i^T}    formulas (4), (5),
-//   their squared sum chi_square ~ chi-square with 2 (channels x frequencies) - d degrees of freedom
+//   J^T J                      = H = sum_i m_i 2 Re{Psi_i* Lambda_i^-1 Psi_i^T}  formulas (4), (5),
+//   their squared sum chi_square ~ chi-square with 2 (channels x frequencies) - d degrees of
+//   freedom
 //
 // where the model is true: a fit brings along its covariance H^-1 (the Cramer-Rao bound (3)) and a
 // test of itself.
@@ -21,7 +23,7 @@
 // E W^-1 = I / (q - p) and E W^-2 = q I / ((q - p)^3 - (q - p)) (Maiwald and Kraus 2000), so the
 // covariance of the gradient is not H but
 //
-//   S = sum kappa J^T J,   kappa = q (q - p) / ((q - p)^2 - 1),     and   Cov theta_hat = H^-1 S H^-1
+//   S = sum kappa J^T J,   kappa = q (q - p) / ((q - p)^2 - 1),   and   Cov theta_hat = H^-1 S H^-1
 //
 // to first order: kappa = 1.34 for q = 24 and six outputs, 1 where Lambda is known.
 //

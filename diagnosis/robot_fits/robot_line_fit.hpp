@@ -4,7 +4,7 @@
 // Responses are freed of leakage by local polynomials, which cost noise (half as much again and
 // more) and do not follow modes that are sharper than the bins; and Y U^-1 takes what noise makes
 // of the inputs, by way of the controller, for excitation. Here the model itself takes out free
-// motion and feedback (periodic_mismatch/cleared_fit.hpp); what is left is
+// motion and feedback (periodic/cleared_fit.hpp); what is left is
 //
 //   chi_square = sum over recordings and lines |Phi^-1/2 (Y - y(U; theta))|^2,
 //

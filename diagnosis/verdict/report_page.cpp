@@ -26,7 +26,8 @@ constexpr const char* kHead = R"(<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Diagnosis</title>
 <style>
-body { font-family: sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #202020;
+body { font-family: sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
+  color: #202020;
        line-height: 1.45; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
 table { border-collapse: collapse; margin: 0.6rem 0; }

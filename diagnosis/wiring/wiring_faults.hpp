@@ -27,10 +27,10 @@
 // can't be found: a unit of all forces, or the mirror image of an upright axis. With one joint the
 // first and third question are all, but for angles in degrees.
 //
-// Calibration (tests/diagnosis/force_balance/wiring_faults_test.cpp has a part of it): no alarm in 1400 draws of a
-// simulated arm with springs, ripples, friction and couplings missing that are as large as gravity,
-// masses known and unknown, motions large and small. Without the condition on friction 1.2 % of
-// them raised one.
+// Calibration (tests/diagnosis/force_balance/wiring_faults_test.cpp has a part of it): no alarm in
+// 1400 draws of a simulated arm with springs, ripples, friction and couplings missing that are as
+// large as gravity, masses known and unknown, motions large and small. Without the condition on
+// friction 1.2 % of them raised one.
 //
 // Cost: some 10 n + 2 n^2 fits, and sums for n^2 / 2 + 4 n motions.
 #pragma once

@@ -9,7 +9,7 @@
 // these matrices, and so is its content hash. Computed in extended precision without vector
 // instructions, so that every build of graybox finds the same bits.
 //
-//   const graybox::ProjectedSet accepted = graybox::project_semidefinite(read_information_set(file));
+//   const ProjectedSet accepted = project_semidefinite(read_information_set(file));
 //   if (accepted.changed.candidates > 0) print(describe(accepted.changed));
 //
 // Cost as InformationSet::validate().

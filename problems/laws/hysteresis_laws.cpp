@@ -23,7 +23,8 @@ struct Dahl {
 };
 
 // Canudas de Wit, Olsson, Astrom and Lischinsky 1995: bristles of deflection x,
-//   x' = z' - s_0 |z'| x / g,  g = F_c + (F_s - F_c) exp(-(z'/v_s)^2),  f = s_0 x + s_1 x' + s_2 z'.
+//   x' = z' - s_0 |z'| x / g,  g = F_c + (F_s - F_c) exp(-(z'/v_s)^2),
+//   f = s_0 x + s_1 x' + s_2 z'.
 // p: s_0, s_1, s_2, F_c, F_s, v_s.
 struct LuGre {
   static constexpr int kParameters = 6, kStates = 1;

@@ -23,7 +23,7 @@
 //   outputs:
 //     - {name: speed, mass: motor, quantity: velocity}          # velocity | position
 //   noise: {speed: 0.002}                    # standard deviation, white; none if absent
-//   controller: {kind: pi, proportional: [0.2], integral_time: [0.05]}    # u from r - y; if absent,
+//   controller: {kind: pi, proportional: [0.2], integral_time: [0.05]}  # u from r - y; if absent,
 //                                            # the excitation is the input itself
 // Further places: {kind: element, deflection: {motor: 1, load: -50}} for z = motor - 50 load, a
 // `driven_by` with one of these three ways, {kind: actuator, input: torque}, {kind: sensor, output:

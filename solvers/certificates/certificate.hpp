@@ -17,12 +17,14 @@
 // so that with duality_gap = max_i tr(G H_i) - 1 the efficiency Phi(M) / Phi(M*) is at least
 // 1/(1 + duality_gap). This one gap, which for D is the one above, is what "gap" means throughout:
 //
-//        Phi(M)                      G                                 w_i          optimum
-//   D    (det M)^(1/d)               M^-1 / d                          tr(M^-1 H_i)     max = d
-//   A,L  1 / phi, phi = tr(W M^-1)   M^-1 W M^-1 / phi                 tr(M^-1 W M^-1 H_i)  max = phi
-//   Ds   (det S)^(1/s)               (M^-1 - [M_nn^-1 in n, else 0])/s tr(M^-1 H_i)
-//                                                          - tr(M_nn^-1 H_i,nn)         max = s
-//   E    lambda_min(M)               E / lambda_min(M)                 tr(E H_i)    max = lambda_min
+//        Phi(M)                     G                                  w_i
+//   D    (det M)^(1/d)              M^-1 / d                           tr(M^-1 H_i)
+//   A,L  1 / phi, phi = tr(W M^-1)  M^-1 W M^-1 / phi                  tr(M^-1 W M^-1 H_i)
+//   Ds   (det S)^(1/s)              (M^-1 - [M_nn^-1 in n, else 0])/s  tr(M^-1 H_i)
+//                                                                      - tr(M_nn^-1 H_i,nn)
+//   E    lambda_min(M)              E / lambda_min(M)                  tr(E H_i)
+//
+// At the optimum max_i w_i is d, phi, s and lambda_min.
 //
 //   A, L   1/phi is concave: phi(M) = tr(K^T M^-1 K), W = K K^T, is the sum over the columns k of K
 //          of 1/g_k with g_k(M) = 1/(k^T M^-1 k) = min {x^T M x : k^T x = 1}, a minimum of linear

@@ -4,7 +4,8 @@
 //   "experiments": 20, "counts": [{"index": 41, "count": 3}, ...],
 //   "method": "branch_and_bound", "proven_efficiency": ...,
 //   "log_det": ..., of sum_i m_i H_i, "log_det_bound": ... of all designs of M experiments,
-//   "covariance": ..., "covariance_bound": ..., "nodes": ..., "open_nodes": ..., "survivors": ..., "eliminated": ...,
+//   "covariance": ..., "covariance_bound": ..., "nodes": ..., "open_nodes": ...,
+//   "survivors": ..., "eliminated": ...,
 //   "time_to_efficiency": seconds until 99.5 % was proven, or null
 //
 // `certificate` is that of the weights. `status` is that of the method: optimal, feasible,

@@ -1,5 +1,5 @@
-// What solvers/report/design_file.cpp refers to when it writes, so that the fuzzer, which only reads,
-// needs no solvers. The check whether limits fit a set is theirs, too.
+// What solvers/report/design_file.cpp refers to when it writes, so that the fuzzer, which only
+// reads, needs no solvers. The check whether limits fit a set is theirs, too.
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string_view>

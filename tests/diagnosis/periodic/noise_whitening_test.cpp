@@ -203,8 +203,8 @@ TEST(NoiseDraws, ScatterAsScoresUnderEstimatedNoiseDo) {
   }
   std::ranges::sort(found);
   std::ranges::sort(expected);
-  double largest =
-      0.0;  // distance of the two distributions, of which 1.95 sqrt(2 / n) is exceeded by one in 1000
+  // Distance of the two distributions, of which 1.95 sqrt(2 / n) is exceeded by one in 1000.
+  double largest = 0.0;
   for (std::size_t i = 0; i < found.size(); ++i) {
     const auto below = std::ranges::lower_bound(expected, found[i]) - expected.begin();
     largest = std::max(largest, std::abs(static_cast<double>(below) - static_cast<double>(i)));

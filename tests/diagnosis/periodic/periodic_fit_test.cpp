@@ -124,7 +124,8 @@ noise: {position_first: 4.5e-5, position_third: 2.7e-5}
 constexpr const char* kRubbing =
     R"(  - {name: rubbing, location: {kind: element, mass: second}, law: stribeck,
      parameters: {level: {value: 0.0045, unit: N}, static_level: {value: 0.0094, unit: N},
-                  stribeck_velocity: {value: 0.063, unit: m/s}, transition_velocity: {value: 1e-3, unit: m/s}}}
+                  stribeck_velocity: {value: 0.063, unit: m/s},
+                  transition_velocity: {value: 1e-3, unit: m/s}}}
 )";
 
 // Recordings of a chain that `hidden` elements are part of, which its model does not have.

@@ -467,8 +467,10 @@ outputs: [{name: speed, mass: motor, quantity: velocity}]
 TEST_F(ExtendedModel, TakesTheEstimatesOfItsOwnLaws) {
   const std::string elements = R"(
 elements:
-  - {name: error, location: {kind: sensor, joint: joint_2}, law: gain, parameters: {error: {value: 0.02, unit: 1}}}
-  - {name: limit, location: {kind: actuator, joint: joint_1}, law: saturation, parameters: {limit: {value: 3, unit: N m}}}
+  - {name: error, location: {kind: sensor, joint: joint_2}, law: gain,
+     parameters: {error: {value: 0.02, unit: 1}}}
+  - {name: limit, location: {kind: actuator, joint: joint_1}, law: saturation,
+     parameters: {limit: {value: 3, unit: N m}}}
 )";
   const std::filesystem::path robot = default_robot_file();
   std::ifstream stream(robot);

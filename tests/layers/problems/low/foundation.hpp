@@ -1,0 +1,3 @@
+#pragma once
+#include "problems/high/roof.hpp"
+#include "problems/low/missing.hpp"
