@@ -267,7 +267,9 @@ BalanceRegression::System BalanceRegression::system(std::span<const BalanceColum
         part.matrix.bottomRightCorner(m, m).noalias() += own.transpose() * own;
         part.right.tail(m).noalias() += own.transpose() * scaled_force_.segment(first, rows.count);
       }
-      part.matrix.topRightCorner(p, m) = part.matrix.bottomLeftCorner(m, p).transpose();
+      if (p > 0 && m > 0) {  // Eigen takes empty blocks for one another
+        part.matrix.topRightCorner(p, m) = part.matrix.bottomLeftCorner(m, p).transpose();
+      }
     }
   }
   result.length = result.length.cwiseSqrt();

@@ -172,8 +172,12 @@ class ShapeProblem {
     for (const std::size_t l : moving_) {
       const Index count = laws_[l].columns().cols();
       const auto own = columns_.middleCols(first_[l], count);
-      gram_.middleCols(first_[l], count).noalias() = columns_.transpose() * own;
-      gram_.middleRows(first_[l], count) = gram_.middleCols(first_[l], count).transpose();
+      auto products = gram_.middleCols(first_[l], count);
+      products.noalias() = columns_.transpose() * own;
+      // The law's own products with each other are in their place already.
+      const Index before = first_[l], after = gram_.rows() - before - count;
+      gram_.middleRows(before, count).leftCols(before) = products.topRows(before).transpose();
+      gram_.middleRows(before, count).rightCols(after) = products.bottomRows(after).transpose();
       right_.segment(first_[l], count).noalias() = own.transpose() * force_;
     }
   }
