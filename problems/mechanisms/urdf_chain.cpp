@@ -134,6 +134,14 @@ class UrdfReader {
   }
 
  private:
+  // Links that form a loop hold each other in memory.
+  void let_go_of_each_other() const {
+    for (const auto& [name, link] : model_->links_) {
+      link->child_links.clear();
+      link->child_joints.clear();
+    }
+  }
+
   // Every link is moved by one joint at most, and a way down from it comes to an end: urdfdom takes
   // joints that form a loop.
   void require_tree() const {
@@ -141,6 +149,7 @@ class UrdfReader {
     std::set<std::string> moved_links;
     for (const auto& [name, joint] : model_->joints_) {
       if (!moved_links.insert(joint->child_link_name).second) {
+        let_go_of_each_other();
         fail(fmt::format("link '{}' is the child of two joints", joint->child_link_name));
       }
     }
@@ -149,6 +158,7 @@ class UrdfReader {
       for (urdf::LinkConstSharedPtr link = tip; link->parent_joint != nullptr;
            link = link->getParent()) {
         if (++depth > kDeepest) {
+          let_go_of_each_other();
           fail(fmt::format("link '{}': the joints form a loop, or a chain of more than {}", name,
                            kDeepest));
         }
