@@ -1,8 +1,15 @@
-# Installs the libraries, headers and the find_package(graybox) configuration.
-get_property(graybox_libraries GLOBAL PROPERTY GRAYBOX_LIBRARIES)
-install(TARGETS ${graybox_libraries} EXPORT graybox-targets
-  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
-  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+# Installs the libraries, headers and the find_package(graybox) configuration: one export for each
+# component, so that who asks for solvers needs no packages of the diagnosis.
+foreach(component problems solvers distributed diagnosis)
+  get_property(libraries GLOBAL PROPERTY GRAYBOX_LIBRARIES_${component})
+  if(libraries)
+    install(TARGETS ${libraries} EXPORT graybox-${component}-targets
+      ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+      LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+    install(EXPORT graybox-${component}-targets NAMESPACE graybox::
+      DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)
+  endif()
+endforeach()
 foreach(folder problems solvers diagnosis)
   install(CODE "
     set(source \"${CMAKE_SOURCE_DIR}\")
@@ -12,8 +19,6 @@ foreach(folder problems solvers diagnosis)
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/problems/robot/
   DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot OPTIONAL)
-install(EXPORT graybox-targets NAMESPACE graybox::
-  DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)
 configure_package_config_file(${CMAKE_SOURCE_DIR}/cmake/graybox-config.cmake.in
   ${CMAKE_BINARY_DIR}/graybox-config.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)

@@ -108,10 +108,15 @@ function(graybox_compile_options target)
   endif()
 endfunction()
 
-# graybox_library(name SOURCES a.cpp b.cpp PUBLIC libs... PRIVATE libs...)
-# makes the target graybox_<name> with the alias graybox::<name>.
+# graybox_library(name SOURCES a.cpp b.cpp PUBLIC libs... PRIVATE libs... [COMPONENT name])
+# makes the target graybox_<name> with the alias graybox::<name>. It is installed with COMPONENT, by
+# default the folder at the top that it lies in.
 function(graybox_library name)
-  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "" "COMPONENT" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  if(NOT arg_COMPONENT)
+    file(RELATIVE_PATH arg_COMPONENT ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+    string(REGEX REPLACE "/.*" "" arg_COMPONENT ${arg_COMPONENT})
+  endif()
   set(target graybox_${name})
   add_library(${target} STATIC ${arg_SOURCES})
   add_library(graybox::${name} ALIAS ${target})
@@ -123,7 +128,7 @@ function(graybox_library name)
   target_link_libraries(${target} PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
   graybox_compile_options(${target})
   graybox_unity(${target})
-  set_property(GLOBAL APPEND PROPERTY GRAYBOX_LIBRARIES ${target})
+  set_property(GLOBAL APPEND PROPERTY GRAYBOX_LIBRARIES_${arg_COMPONENT} ${target})
 endfunction()
 
 # graybox_executable(name [UNSANITIZED] SOURCES ... LINK ...)
