@@ -12,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "cli/process/exit_code.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "cli/process/build_commit.hpp"
+#include "cli/process/exit_code.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/input_guard.hpp"
 #include "problems/formats/quiet_hdf5.hpp"
