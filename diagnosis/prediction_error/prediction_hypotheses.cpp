@@ -191,6 +191,7 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
     add(place, yaml, "dead_zone");
   } else {
     add(place, yaml, "offset");
+    add(place, yaml, "rectifier");
   }
   const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
   if (is_told) add(place, yaml, "gain");

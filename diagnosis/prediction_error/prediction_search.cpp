@@ -8,6 +8,7 @@
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_error/unsigned_outputs.hpp"
 
 namespace graybox {
 namespace {
@@ -310,9 +311,9 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
   findings_.sample_time = data_->sample_time();
   const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
-  findings_.found =
-      moves ? scaled_to_predict(with_zeros(model, *data_, *hypotheses_), *data_, options_.threads)
-            : as_given(model, kSearchFactor);
+  findings_.found = moves ? with_unsigned_outputs(with_zeros(model, *data_, *hypotheses_), *data_,
+                                                  *hypotheses_, options_.threads)
+                          : as_given(model, kSearchFactor);
   for (const PlacedFinding& zero : findings_.found.laws) {
     findings_.laws.push_back(
         {zero.hypothesis, kFirstHorizon, options_.errors_of_gain, options_.least_gain, {}, {}});

@@ -161,6 +161,7 @@ void Predictor::place_sensors(const LumpedModel& model) {
       sensor.state = states_++;
     } else {
       sensor.law = part.law;
+      if (part.law_name == "rectifier") sensor.turned_below_zero = 1.0 - 2.0 * part.parameters[0];
     }
     sensors_[output].push_back(std::move(sensor));
   }
@@ -179,6 +180,7 @@ void Predictor::allocate() {
   v_ = a_ = force_ = q_;
   y_.setZero(output_count());
   kept_y_ = y_;
+  turned_.setOnes(output_count());
   std::size_t lags = 0;
   for (const auto& list : sensors_) {
     lags += static_cast<std::size_t>(
@@ -391,7 +393,9 @@ void Predictor::sense(const double* inputs, std::vector<double>& followed) {
   followed.clear();
   for (std::size_t j = 0; j < outputs_.size(); ++j) {
     double y = output_of(j);
+    double& turned = turned_(static_cast<Index>(j)) = 1.0;
     for (const Sensor& sensor : sensors_[j]) {
+      if (y < 0.0 && sensor.turned_below_zero < 0.0) turned = -turned;
       if (!sensor.law) {
         followed.push_back(y);
         y = x_(sensor.state);
@@ -473,7 +477,7 @@ void Predictor::start(const VectorXd& initial, const double* inputs) {
 
 void Predictor::correct(const Eigen::MatrixXd& gain, Index sample, const Eigen::MatrixXd& errors) {
   for (Index j = 0; j < errors.cols(); ++j) {
-    const double error = errors(sample, j);
+    const double error = turned_(j) * errors(sample, j);
     for (Index i = 0; i < states_; ++i) x_(i) += gain(i, j) * error;
   }
 }

@@ -13,7 +13,8 @@
 // passes zero, or the level. So predictions depend on parameters without jumps, and no transition
 // velocity makes the equations stiff. A transition that is wide enough to be seen, h F b' M^-1 b /
 // v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v is not the
-// model's to change. A lag of a sensor is exact for outputs that are straight between samples; a
+// model's to change. Where a rectifying sensor reads a negative signal, more of the reading is less
+// of the signal, and e_k is taken with the other sign. A lag of a sensor is exact for outputs that are straight between samples; a
 // late sensor reads what the state was then, and is corrected there, since earlier outputs are part
 // of the state.
 //
@@ -78,6 +79,7 @@ class Predictor {
     Eigen::Index driver = -1;
     double time_constant = 0.0;
     Eigen::Index state = 0;
+    double turned_below_zero = 1.0;  // slope of a rectifier there
   };
   struct Late {
     double samples = 0.0;
@@ -131,6 +133,7 @@ class Predictor {
   Eigen::VectorXd x_, k1_, k2_, k3_, k4_, trial_;
   Eigen::VectorXd q_, v_, a_, force_;  // of all coordinates
   Eigen::VectorXd y_, kept_y_;
+  Eigen::VectorXd turned_;  // -1 where a sensor reads less when its signal grows, else 1
   std::vector<double> followed_before_, followed_;
   std::vector<double> no_inputs_;
 };

@@ -54,6 +54,14 @@ struct Feedthrough {
   }
 };
 
+struct Rectifier {
+  static constexpr int kParameters = 1, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    return signal < 0.0 ? T(-2.0 * p[0] * signal) : T(0.0);
+  }
+};
+
 // s is replaced by x, x' = (s - x)/T.
 struct Lag {
   static constexpr int kParameters = 1, kStates = 1;
@@ -102,7 +110,12 @@ std::vector<LawEntry> supplementary_signal_laws() {
            "s becomes s + gain d, d an input that drives it (driven_by)",
            LawUse::kSignal,
            {{"gain", "F/x", ParameterRange::kAny}},
-           make_law<Feedthrough>}};
+           make_law<Feedthrough>},
+          {"rectifier",
+           "s becomes s + share (|s| - s): a sensor that reads no sign where share is 1",
+           LawUse::kSignal,
+           {{"share", "1", ParameterRange::kAny}},
+           make_law<Rectifier>}};
 }
 
 }  // namespace graybox

@@ -79,6 +79,8 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 1e-4), 3.0, 1e-7);
   EXPECT_NEAR(static_force("stribeck", {2.0, 3.0, 1.0, 1e-6}, 0.0, 10.0), 2.0, 1e-12);
   EXPECT_DOUBLE_EQ(static_force("gain", {0.1}, 20.0, 0.0, true), 2.0);
+  EXPECT_DOUBLE_EQ(static_force("rectifier", {1.0}, -3.0, 0.0, true), 6.0);
+  EXPECT_DOUBLE_EQ(static_force("rectifier", {1.0}, 3.0, 0.0, true), 0.0);
   EXPECT_DOUBLE_EQ(static_force("saturation", {5.0, 0.0}, -8.0, 0.0, true), 3.0);
   EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
 }

@@ -310,6 +310,71 @@ TEST(PredictionDiagnosis, FindsTheZeroOfAnEncoderBesideAFriction) {
   EXPECT_NEAR(zero->law.parameters[0].value, 5.0, 0.001);
 }
 
+// A motor of 2e-3 kg m^2 with 0.01 N m s/rad and `dry` N m of dry friction, driven by steps in both
+// directions; its tachometer reads |speed| where `unsigned_speed`.
+void write_tachometer(const testing::TemporaryFolder& folder, bool unsigned_speed, double dry,
+                      unsigned seed) {
+  std::ofstream(folder.file("motor.yaml"))
+      << "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {motor: 0.0023}\n"
+         "elements:\n  - {name: bearing, location: {kind: element, mass: motor}, law: viscous, "
+         "parameters: {damping: {value: 0.009, unit: N m s/rad}}}\ninputs:\n"
+         "  - {name: torque, mass: motor}\noutputs:\n"
+         "  - {name: speed, mass: motor, quantity: velocity}\n";
+  std::ofstream(folder.file("campaign.yaml"))
+      << "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+         "hold: zero\nexperiments:\n  - {file: run_1.csv}\n  - {file: run_2.csv, role: "
+         "validation}\n";
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> torque(-0.3, 0.3);
+  std::normal_distribution<double> noise(0.0, 0.1);
+  double speed = 0.0;
+  for (const auto& [name, samples] : {std::pair{"run_1.csv", 2000}, {"run_2.csv", 1000}}) {
+    std::ofstream out(folder.file(name));
+    out << "torque,speed\n";
+    double applied = 0.0;
+    for (int k = 0; k < samples; ++k) {
+      if (k % 40 == 0) applied = torque(random);
+      out << applied << ',' << (unsigned_speed ? std::abs(speed) : speed) + noise(random) << '\n';
+      constexpr int kSteps = 100;
+      for (int s = 0; s < kSteps; ++s) {
+        const double pull = applied - 0.01 * speed, step = 0.01 / kSteps / 0.002;
+        const double slid = speed + step * (pull - std::copysign(dry, speed));
+        const bool holds = speed == 0.0 && std::abs(pull) <= dry;
+        const bool stops = speed != 0.0 && slid * speed < 0.0;
+        if (holds || stops) {
+          speed = 0.0;
+        } else {
+          speed = speed == 0.0 ? step * (pull - std::copysign(dry, pull)) : slid;
+        }
+      }
+    }
+  }
+}
+
+TEST(PredictionDiagnosis, TellsATachometerThatReadsNoSign) {
+  for (const double dry : {0.0, 0.05}) {
+    for (const bool unsigned_speed : {true, false}) {
+      const testing::TemporaryFolder folder;
+      write_tachometer(folder, unsigned_speed, dry, 5);
+      const PredictionDiagnosis result = diagnose_by_prediction(
+          folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 2);
+      std::vector<std::string> expected;
+      if (unsigned_speed) expected.emplace_back("rectifier at sensor speed");
+      if (dry > 0.0) expected.emplace_back("coulomb at motor");
+      std::vector<std::string> found = names_of(result);
+      std::ranges::sort(found);
+      std::ranges::sort(expected);
+      EXPECT_EQ(found, expected) << dry << ' ' << unsigned_speed;
+      for (const FoundEffect& effect : result.diagnosis.effects) {
+        const LawParameterEstimate& size = effect.law.parameters[0];
+        const bool is_sensor = size.name == "share";
+        EXPECT_NEAR(size.value, is_sensor ? 1.0 : dry, std::max(4.0 * size.standard_error, 1e-3));
+      }
+    }
+  }
+}
+
 TEST(PredictionDiagnosis, RefusesRobots) {
   const testing::TemporaryFolder folder;
   SimulatedDrive({"nothing", true, 4}).write(std::filesystem::path(folder.file("")));
