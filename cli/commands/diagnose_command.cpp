@@ -34,6 +34,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/yaml_field.hpp"
+#include "problems/laws/law_catalogue.hpp"
 #include "problems/laws/law_file.hpp"
 
 namespace graybox::cli {
@@ -66,16 +67,23 @@ class StepProgress {
   bool terminal_;
 };
 
+[[noreturn]] void refuse_law(const std::string& law) {
+  throw InputError(fmt::format(
+      "--without {}: no hypothesis has such a law; 'graybox simulate --laws' lists the laws", law));
+}
+
 void require_known_laws(const std::vector<std::string>& laws,
                         std::span<const Hypothesis> hypotheses) {
   for (const std::string& law : laws) {
     const auto names_it = [&](const Hypothesis& hypothesis) { return hypothesis.law == law; };
-    if (std::none_of(hypotheses.begin(), hypotheses.end(), names_it)) {
-      throw InputError(
-          fmt::format("--without {}: no hypothesis has such a law; 'graybox simulate --laws' lists "
-                      "the laws",
-                      law));
-    }
+    if (std::none_of(hypotheses.begin(), hypotheses.end(), names_it)) refuse_law(law);
+  }
+}
+
+// For a drive, whose two methods try different laws.
+void require_laws_of_the_catalogue(const std::vector<std::string>& laws) {
+  for (const std::string& law : laws) {
+    if (find_law(law, false) == nullptr && find_law(law, true) == nullptr) refuse_law(law);
   }
 }
 
@@ -263,6 +271,9 @@ std::optional<Answer> found_by_balance(const RigidRobotModel& drive, Arguments& 
 Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign) {
   if (method.is_lumped && method.name != "periodic" && !arguments.place_files.empty()) {
     throw InputError("--places: a lumped model in any motion is diagnosed at its own places alone");
+  }
+  if (method.is_lumped && method.name != "periodic") {
+    require_laws_of_the_catalogue(arguments.search.excluded_laws);
   }
   if (method.name != "prediction_error") {
     return answer_by_problem(

@@ -412,9 +412,13 @@ class DiagnosisBuilder {
   Diagnosis result_;
 };
 
-// Tests that leave little of an answer where they fail.
-std::string doubt_about(const Diagnosis& diagnosis) {
+// Tests that leave little of an answer where they fail. Where a sensor reads no sign, no other method
+// knows the motion.
+std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
   if (diagnosis.interrupted || diagnosis.verdict != Verdict::kUnknown) return "";
+  for (const FoundEffect& effect : diagnosis.effects) {
+    if (hypotheses[effect.law.hypothesis].law == "rectifier") return "";
+  }
   for (const VerdictReason& reason : diagnosis.reasons) {
     if (!has_failed(reason)) continue;
     const bool is_decisive = reason.test.starts_with(kAbsurdTest) ||
@@ -476,7 +480,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
       const FinalFit final(data, hypotheses, findings, threads);
       if (final.found().fit.usable) {
         result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
-        result.doubt = doubt_about(result.diagnosis);
+        result.doubt = doubt_about(result.diagnosis, result.hypotheses);
         return result;
       }
     }

@@ -362,6 +362,7 @@ experiments:
   // Both methods read the extended model.
   EXPECT_NE(graybox("diagnose report/model_extended.yaml axis_campaign.yaml").exit_code, 2);
   EXPECT_NE(graybox("fit report/model_extended.yaml axis_campaign.yaml").exit_code, 2);
+  expect_refused("diagnose axis.yaml axis_campaign.yaml --without colomb", "colomb");
   const Outcome several = graybox("diagnose model.yaml axis_campaign.yaml --method force_balance");
   EXPECT_EQ(several.exit_code, 2);
 }
