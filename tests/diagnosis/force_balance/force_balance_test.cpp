@@ -631,9 +631,9 @@ TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
 TEST_F(ForceBalance, TellsBodiesThatCanNotExist) {
   record_arm(folder_, kLiftingArm, kLiftingArm + "body_uncertainty: 0.1\n");
   const auto stated = problem();
-  const auto freed = stated->with_uncertain_model(stated->fit({}));
+  const auto freed = stated->with_uncertain_model(stated->fit({}, nullptr));
   ASSERT_NE(freed, nullptr);
-  ExtendedFit fit = freed->fit({});
+  ExtendedFit fit = freed->fit({}, nullptr);
   const auto flaws = [&] { return implausibilities(fit_physics(*freed, fit)); };
   EXPECT_TRUE(flaws().empty());
   for (LawParameterEstimate& each : fit.model_parameters) {
