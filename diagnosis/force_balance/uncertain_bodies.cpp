@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string_view>
 #include <utility>
@@ -46,17 +47,39 @@ PhysicalBody body_of(const StandardParameters& p, std::string name) {
   return body;
 }
 
-// The share of the way from the fitted to the stated parameters at which the body begins to exist.
-// Bodies that can exist are a convex set.
-double share_to_possible(const StandardParameters& fitted, const StandardParameters& stated) {
+// The share of the way from one to the other at which the body begins to exist: bodies that can
+// exist are a convex set. Infinite where the other one can't exist.
+double share_to_possible(const StandardParameters& from, const StandardParameters& to) {
+  if (can_exist(body_of(from, {}))) return 0.0;
+  if (!can_exist(body_of(to, {}))) return std::numeric_limits<double>::infinity();
   double impossible = 0.0, possible = 1.0;
-  if (can_exist(body_of(fitted, {}))) return 0.0;
   for (int halving = 0; halving < kHalvings; ++halving) {
     const double share = 0.5 * (impossible + possible);
-    const StandardParameters between = (1.0 - share) * fitted + share * stated;
+    const StandardParameters between = (1.0 - share) * from + share * to;
     (can_exist(body_of(between, {})) ? possible : impossible) = share;
   }
   return possible;
+}
+
+// How far a fitted body is from one that can exist, in standard errors of the parameter that must
+// change most: on the way to what is stated, or by larger moments of inertia, whichever is nearer.
+// Parameters that the motion does not show (error zero) may be anything.
+double errors_from_possible(const StandardParameters& fitted, const StandardParameters& stated,
+                            const StandardParameters& errors) {
+  const auto along = [&](const StandardParameters& way) {
+    double most = 0.0;
+    for (Index k = 0; k < way.size(); ++k) {
+      if (errors(k) > 0.0) most = std::max(most, std::abs(way(k)) / errors(k));
+    }
+    const double share = share_to_possible(fitted, fitted + way);
+    return share == 0.0 ? 0.0 : share * most;
+  };
+  const double size = fitted.segment<3>(6).squaredNorm() / std::max(fitted(9), 1e-300);
+  StandardParameters inertia = StandardParameters::Zero();
+  for (const Index moment : {0, 3, 5}) {
+    inertia(moment) = 10.0 * (fitted.head<6>().cwiseAbs().maxCoeff() + size);
+  }
+  return std::min(along(stated - fitted), along(inertia));
 }
 
 Eigen::VectorXd lengths_of(const BalanceColumns& columns) {
@@ -137,15 +160,14 @@ std::vector<PhysicalBody> fitted_bodies(const ForceBalanceData& data,
     const Index link = data.uncertain[k].link;
     const RobotJoint& joint = data.robot.joints[static_cast<std::size_t>(link)];
     const StandardParameters stated = standard_parameters(*joint.body);
-    StandardParameters fitted = stated;
-    double errors = 0.0;  // of the parameter that departs by most of its own
+    StandardParameters fitted = stated, errors = StandardParameters::Zero();
     for (; k < data.uncertain.size() && data.uncertain[k].link == link; ++k) {
       const LawParameterEstimate& departure = model_parameters[first + k];
       fitted(data.uncertain[k].parameter) += departure.value;
-      errors = std::max(errors, std::abs(departure.value) / departure.standard_error);
+      errors(data.uncertain[k].parameter) = departure.standard_error;
     }
     bodies.push_back(body_of(fitted, joint.name + "'s link"));
-    bodies.back().errors_from_possible = share_to_possible(fitted, stated) * errors;
+    bodies.back().errors_from_possible = errors_from_possible(fitted, stated, errors);
   }
   return bodies;
 }

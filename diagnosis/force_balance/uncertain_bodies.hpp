@@ -35,8 +35,8 @@ namespace graybox {
                                                                     double worth);
 
 // The bodies as a fit of such data has them, and by how many of their standard errors the
-// parameters must change towards what is stated until the body can exist (plausibility.hpp). Empty
-// where no body is free.
+// parameters must change, at most, until the body can exist (plausibility.hpp). Empty where no body
+// is free.
 [[nodiscard]] std::vector<PhysicalBody> fitted_bodies(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 

@@ -71,7 +71,7 @@ struct PhysicalBody {
   Eigen::Vector3d first_moment = Eigen::Vector3d::Zero();
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
   // By how many of their standard errors its parameters must change until it can exist; infinite:
-  // not known.
+  // they have none.
   double errors_from_possible = std::numeric_limits<double>::infinity();
 };
 

@@ -387,11 +387,10 @@ class Examination {
   }
 
   void examine_body(const PhysicalBody& body) {
-    if (can_exist(body)) return;
+    if (can_exist(body) || !(body.errors_from_possible > limits_.sign_errors)) return;
     flaws_.push_back({PlausibilityRule::kBody, body.name, body.mass, body.errors_from_possible,
                       fmt::format("no body has the inertia and centre of mass of {}", body.name),
-                      remedy_for(PlausibilityRule::kBody, QuantityKind::kOther),
-                      body.errors_from_possible > limits_.sign_errors});
+                      remedy_for(PlausibilityRule::kBody, QuantityKind::kOther), true});
   }
 
   const FittedPhysics& physics_;
