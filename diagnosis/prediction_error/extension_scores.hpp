@@ -15,7 +15,7 @@
 
 #include <vector>
 
-#include "diagnosis/prediction_error/prediction_fit.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
 

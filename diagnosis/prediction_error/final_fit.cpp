@@ -7,7 +7,7 @@
 #include <limits>
 #include <optional>
 
-#include "diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/predictor/left_out_blocks.hpp"
 
 namespace graybox {
 namespace {

@@ -14,9 +14,9 @@
 #include <optional>
 #include <vector>
 
-#include "diagnosis/prediction_error/prediction_fit.hpp"
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
 

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "diagnosis/prediction_error/extended_lumped_model.hpp"
+#include "diagnosis/predictor/extended_lumped_model.hpp"
 
 namespace graybox {
 

@@ -414,8 +414,8 @@ class DiagnosisBuilder {
   Diagnosis result_;
 };
 
-// Tests that leave little of an answer where they fail. Where a sensor reads no sign, no other method
-// knows the motion.
+// Tests that leave little of an answer where they fail. Where a sensor reads no sign, no other
+// method knows the motion.
 std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
   if (diagnosis.interrupted || diagnosis.verdict != Verdict::kUnknown) return "";
   for (const FoundEffect& effect : diagnosis.effects) {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
-#include "diagnosis/prediction_error/extended_lumped_model.hpp"
-#include "diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/predictor/extended_lumped_model.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 
 namespace graybox {
 

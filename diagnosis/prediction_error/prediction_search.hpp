@@ -24,8 +24,8 @@
 #include <vector>
 
 #include "diagnosis/prediction_error/extension_scores.hpp"
-#include "diagnosis/prediction_error/prediction_fit.hpp"
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
 

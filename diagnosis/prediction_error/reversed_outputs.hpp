@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/channel_faults.hpp"
-#include "diagnosis/prediction_error/prediction_data.hpp"
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 
 namespace graybox {
 

@@ -9,10 +9,10 @@
 // with a guessed gain: the one in 0.001 ... 1000 that predicts best, ten samples ahead.
 #pragma once
 
-#include "diagnosis/prediction_error/extended_lumped_model.hpp"
-#include "diagnosis/prediction_error/prediction_data.hpp"
-#include "diagnosis/prediction_error/prediction_fit.hpp"
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
+#include "diagnosis/predictor/extended_lumped_model.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
 

@@ -11,10 +11,10 @@
 #include <sstream>
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
-#include "diagnosis/prediction_error/left_out_blocks.hpp"
 #include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
-#include "diagnosis/prediction_error/stationary_gain.hpp"
+#include "diagnosis/predictor/left_out_blocks.hpp"
+#include "diagnosis/predictor/stationary_gain.hpp"
 #include "problems/base/error.hpp"
 #include "tests/support/simulated_drives.hpp"
 #include "tests/support/temporary_folder.hpp"

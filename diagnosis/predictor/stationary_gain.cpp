@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/stationary_gain.hpp"
+#include "diagnosis/predictor/stationary_gain.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>

@@ -14,9 +14,9 @@
 // velocity makes the equations stiff. A transition that is wide enough to be seen, h F b' M^-1 b /
 // v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v is not the
 // model's to change. Where a rectifying sensor reads a negative signal, more of the reading is less
-// of the signal, and e_k is taken with the other sign. A lag of a sensor is exact for outputs that are straight between samples; a
-// late sensor reads what the state was then, and is corrected there, since earlier outputs are part
-// of the state.
+// of the signal, and e_k is taken with the other sign. A lag of a sensor is exact for outputs that
+// are straight between samples; a late sensor reads what the state was then, and is corrected
+// there, since earlier outputs are part of the state.
 //
 //   Predictor predictor(model, sample_time, steps);
 //   predictor.run(drive, outputs, seen, gain, initial, errors);   // false: out of all bounds

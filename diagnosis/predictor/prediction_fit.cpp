@@ -1,12 +1,12 @@
-#include "diagnosis/prediction_error/prediction_fit.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/prediction_error/left_out_blocks.hpp"
-#include "diagnosis/prediction_error/predictor.hpp"
-#include "diagnosis/prediction_error/stationary_gain.hpp"
+#include "diagnosis/predictor/left_out_blocks.hpp"
+#include "diagnosis/predictor/predictor.hpp"
+#include "diagnosis/predictor/stationary_gain.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {

@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/drive_signals.hpp"
+#include "diagnosis/predictor/drive_signals.hpp"
 
 #include <algorithm>
 #include <array>

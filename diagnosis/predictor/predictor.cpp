@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/predictor.hpp"
+#include "diagnosis/predictor/predictor.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "diagnosis/prediction_error/predictor.hpp"
+#include "diagnosis/predictor/predictor.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 
 #include <fmt/format.h>
 

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "diagnosis/output_error/output_error_problem.hpp"
-#include "diagnosis/prediction_error/drive_signals.hpp"
-#include "diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/predictor/drive_signals.hpp"
+#include "diagnosis/predictor/left_out_blocks.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/extended_lumped_model.hpp"
+#include "diagnosis/predictor/extended_lumped_model.hpp"
 
 #include <fmt/format.h>
 

@@ -20,8 +20,8 @@
 #include <optional>
 #include <vector>
 
-#include "diagnosis/prediction_error/extended_lumped_model.hpp"
-#include "diagnosis/prediction_error/prediction_data.hpp"
+#include "diagnosis/predictor/extended_lumped_model.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 
 namespace graybox {
 

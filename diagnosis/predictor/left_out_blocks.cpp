@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/left_out_blocks.hpp"
+#include "diagnosis/predictor/left_out_blocks.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
