@@ -61,8 +61,8 @@ function(graybox_unity target)
     set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
   endforeach()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  # A class may hold what is private to its source file; in a group the compiler can't see that.
-  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+  # A class may hold what is private to its source file; in a group gcc can't see that.
+  target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   # Groups are made when CMake runs. Where a new name meets another of its group the compiler says
   # so: run cmake again.
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${grouping})
