@@ -93,6 +93,12 @@ std::string value_words(const PhysicalQuantity& quantity) {
   return words + unit_words(quantity.unit);
 }
 
+double largest_size(const std::vector<double>& values) {
+  double largest = 0.0;
+  for (const double value : values) largest = std::max(largest, std::abs(value));
+  return largest;
+}
+
 bool must_not_be_negative(QuantityKind kind) {
   switch (kind) {
     case QuantityKind::kMass:
@@ -217,9 +223,7 @@ class Examination {
   // Friction is told by its level, however little of it the motion shows.
   static double share_reached(const PhysicalQuantity& quantity, const LawTrace& trace) {
     if (quantity.kind == QuantityKind::kFriction || trace.force.empty()) return 1.0;
-    const double largest = std::abs(
-        *std::ranges::max_element(trace.force, {}, [](double force) { return std::abs(force); }));
-    return std::min(1.0, largest / std::abs(quantity.value));
+    return std::min(1.0, largest_size(trace.force) / std::abs(quantity.value));
   }
 
   void examine_threshold(const PhysicalQuantity& quantity) {
@@ -230,8 +234,7 @@ class Examination {
                                         : quantity.kind == QuantityKind::kRate ? &trace->rate
                                                                                : nullptr;
     if (motion == nullptr || motion->empty()) return;
-    double largest = 0.0;
-    for (const double value : *motion) largest = std::max(largest, std::abs(value));
+    const double largest = largest_size(*motion);
     const double beyond = quantity.value - largest;
     if (!(beyond > 0.0)) return;
     // The curve of a friction bends below the velocity that it is named by: a small error is

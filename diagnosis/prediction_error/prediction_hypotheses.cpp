@@ -197,6 +197,18 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   if (is_told) add(place, yaml, "gain");
 }
 
+std::optional<std::size_t> PredictionHypotheses::at_sensor(std::size_t output,
+                                                           std::string_view law) const {
+  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+    const Location& place = locations_[h];
+    if (place.kind == LocationKind::kSensor && hypotheses_[h].law == law &&
+        static_cast<std::size_t>(place.channel) == output) {
+      return h;
+    }
+  }
+  return {};
+}
+
 bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
   return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
 }

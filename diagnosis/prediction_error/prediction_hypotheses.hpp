@@ -3,7 +3,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
@@ -22,6 +24,9 @@ class PredictionHypotheses {
   [[nodiscard]] const Location& location(std::size_t hypothesis) const {
     return locations_[hypothesis];
   }
+  // This law at the sensor of this output; none: it is not tried.
+  [[nodiscard]] std::optional<std::size_t> at_sensor(std::size_t output,
+                                                     std::string_view law) const;
   // Friction, constant forces, weights, late channels: what many machines have. Others must gain
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;

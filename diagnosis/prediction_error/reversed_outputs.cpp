@@ -14,9 +14,6 @@ namespace {
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostOutputs = 4;
-constexpr int kIterations = 15;
-constexpr double kClearlyBetter = 0.5;  // of the cost
-constexpr double kErrors = 3.0;         // z
 
 // Whether several masses that move by themselves are measured, and nothing else is.
 bool has_coupled_sensors(const LumpedModel& model) {
@@ -33,10 +30,8 @@ bool has_coupled_sensors(const LumpedModel& model) {
 // The best short fit under a pattern of signs.
 PredictionFit fitted(const LumpedModel& model, const PredictionData& data,
                      const PredictionHypotheses& hypotheses, int threads) {
-  const PredictionTask task = data.windows(kFirstHorizon);
-  const ExtendedLumpedModel start =
-      scaled_to_predict(with_zeros(model, data, hypotheses), data, threads);
-  return best_intensity(start, data, task, kIterations, threads).fit;
+  return short_fit(scaled_to_predict(with_zeros(model, data, hypotheses), data, threads), data,
+                   threads);
 }
 
 std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
@@ -91,9 +86,7 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
     reversed = pattern;
   }
   if (reversed.empty() || !stated.usable) return {};
-  if (!(best.cost < kClearlyBetter * stated.cost) || !(z_between(stated, best) > kErrors)) {
-    return {};
-  }
+  if (!is_clearly_better(best, stated)) return {};
   return {fault_of(model, reversed, stated, best, data)};
 }
 

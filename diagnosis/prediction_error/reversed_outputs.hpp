@@ -3,9 +3,9 @@
 // Every pattern of signs of the outputs is tried: the model at its best start (search_start.hpp),
 // fitted ten samples ahead. Coupled masses move together below their resonance and against each
 // other above, so that no wrong pattern predicts. A fault is claimed where another pattern leaves
-// less than half of the cost that the stated one leaves (kClearlyBetter) and its blocks are better
-// predicted by z > 3. Whether all outputs are reversed together, that is, the input, is not asked:
-// a spring that the model lacks looks the same at low frequency.
+// less than half of the cost that the stated one leaves and its blocks are better predicted by
+// z > 3 (is_clearly_better). Whether all outputs are reversed together, that is, the input, is not
+// asked: a spring that the model lacks looks the same at low frequency.
 //
 // Cost: 2^outputs short fits; at most four outputs.
 #pragma once

@@ -13,6 +13,9 @@ using Eigen::VectorXd;
 constexpr double kConstant = 10.0;  // mean of a spring's deflection over its deviation
 constexpr int kDecades = 3, kPerDecade = 2;
 constexpr double kMargin = 0.5;  // of the cost, for another factor than one
+constexpr int kShortIterations = 15;
+constexpr double kClearlyBetter = 0.5;  // of the cost
+constexpr double kErrors = 3.0;         // z
 
 ExtendedLumpedModel scaled_by(const ExtendedLumpedModel& model, double factor) {
   ExtendedLumpedModel scaled = model;
@@ -60,25 +63,6 @@ Deflection measured_deflection(const VectorXd& b,
   return {mean, std::sqrt(std::max(0.0, squares / samples - mean * mean))};
 }
 
-bool has_zero(const LumpedModel& model, std::size_t output) {
-  return std::ranges::any_of(model.parts, [output](const Element& part) {
-    return part.location.kind == LocationKind::kSensor && part.law_name == "offset" &&
-           static_cast<std::size_t>(part.location.channel) == output;
-  });
-}
-
-// The hypothesis that this output reads too much by a constant.
-std::optional<std::size_t> offset_of(std::size_t output, const PredictionHypotheses& hypotheses) {
-  for (std::size_t h = 0; h < hypotheses.hypotheses().size(); ++h) {
-    const Location& place = hypotheses.location(h);
-    if (place.kind == LocationKind::kSensor && hypotheses.hypotheses()[h].law == "offset" &&
-        static_cast<std::size_t>(place.channel) == output) {
-      return h;
-    }
-  }
-  return {};
-}
-
 // The last measured mass of a spring between several.
 std::optional<Index> last_mass(const Element& spring,
                                const std::vector<std::optional<std::size_t>>& outputs) {
@@ -115,6 +99,34 @@ IntensityFit best_intensity(const ExtendedLumpedModel& model, const PredictionDa
   return best;
 }
 
+std::optional<LawExtension> missing_at_sensor(const LumpedModel& model, std::size_t output,
+                                              const std::string& law,
+                                              const PredictionHypotheses& hypotheses) {
+  const bool is_there = std::ranges::any_of(model.parts, [&](const Element& part) {
+    return part.location.kind == LocationKind::kSensor && part.law_name == law &&
+           static_cast<std::size_t>(part.location.channel) == output;
+  });
+  const std::optional<std::size_t> hypothesis = hypotheses.at_sensor(output, law);
+  if (is_there || !hypothesis) return {};
+  LawExtension extension;
+  extension.hypothesis = *hypothesis;
+  extension.location = hypotheses.location(*hypothesis);
+  extension.law = law;
+  extension.base = {0.0};
+  extension.direction = {1.0};
+  extension.fixed = {false};
+  return extension;
+}
+
+PredictionFit short_fit(const ExtendedLumpedModel& start, const PredictionData& data, int threads) {
+  return best_intensity(start, data, data.windows(kFirstHorizon), kShortIterations, threads).fit;
+}
+
+bool is_clearly_better(const PredictionFit& other, const PredictionFit& stated) {
+  return other.usable && other.cost < kClearlyBetter * stated.cost &&
+         z_between(stated, other) > kErrors;
+}
+
 ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& data,
                                const PredictionHypotheses& hypotheses) {
   ExtendedLumpedModel result = as_given(model, kSearchFactor);
@@ -123,19 +135,13 @@ ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& d
     const std::optional<Index> mass = last_mass(part, outputs);
     if (!mass) continue;
     const std::size_t output = *outputs[static_cast<std::size_t>(*mass)];
-    const std::optional<std::size_t> hypothesis = offset_of(output, hypotheses);
-    if (!hypothesis || has_zero(result.model, output)) continue;
+    std::optional<LawExtension> zero =
+        missing_at_sensor(result.model, output, "offset", hypotheses);
+    if (!zero) continue;
     const Deflection deflection = measured_deflection(part.location.output, outputs, data);
     if (std::abs(deflection.mean) < kConstant * deflection.deviation) continue;
-    LawExtension zero;
-    zero.hypothesis = *hypothesis;
-    zero.location = hypotheses.location(*hypothesis);
-    zero.law = "offset";
-    zero.base = {0.0};
-    zero.direction = {1.0};
-    zero.fixed = {false};
-    zero.unit = data.output_scale()(static_cast<Index>(output));
-    result = extended(result, zero, deflection.mean / part.location.output(*mass));
+    zero->unit = data.output_scale()(static_cast<Index>(output));
+    result = extended(result, *zero, deflection.mean / part.location.output(*mass));
   }
   return result;
 }

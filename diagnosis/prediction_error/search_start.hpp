@@ -9,6 +9,10 @@
 // with a guessed gain: the one in 0.001 ... 1000 that predicts best, ten samples ahead.
 #pragma once
 
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "diagnosis/predictor/extended_lumped_model.hpp"
 #include "diagnosis/predictor/prediction_data.hpp"
@@ -32,6 +36,20 @@ struct IntensityFit {
 [[nodiscard]] IntensityFit best_intensity(const ExtendedLumpedModel& model,
                                           const PredictionData& data, const PredictionTask& task,
                                           int iterations, int threads);
+
+// A few iterations, kFirstHorizon samples ahead.
+[[nodiscard]] PredictionFit short_fit(const ExtendedLumpedModel& start, const PredictionData& data,
+                                      int threads);
+// How a fault of a channel must show in short fits: less than half of the cost is left, and the
+// blocks are better predicted by z > 3.
+[[nodiscard]] bool is_clearly_better(const PredictionFit& other, const PredictionFit& stated);
+
+// A law of one parameter at the sensor of an output, for extended(); none where the model has it,
+// or it is not tried.
+[[nodiscard]] std::optional<LawExtension> missing_at_sensor(const LumpedModel& model,
+                                                            std::size_t output,
+                                                            const std::string& law,
+                                                            const PredictionHypotheses& hypotheses);
 
 // The model with the encoders' zeros that it needs, as laws found.
 [[nodiscard]] ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& data,

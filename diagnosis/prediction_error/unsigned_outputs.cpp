@@ -11,11 +11,8 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double kBelow = 0.03;         // of the largest value: noise about zero
-constexpr double kDown = 0.05;          // likewise, how near to zero it comes
-constexpr double kClearlyBetter = 0.5;  // of the cost
-constexpr double kErrors = 3.0;         // z
-constexpr int kIterations = 15;
+constexpr double kBelow = 0.03;  // of the largest value: noise about zero
+constexpr double kDown = 0.05;   // likewise, how near to zero it comes
 
 bool never_negative(Index output, const PredictionData& data) {
   double least = std::numeric_limits<double>::infinity(), largest = -least;
@@ -27,51 +24,23 @@ bool never_negative(Index output, const PredictionData& data) {
   return largest > 0.0 && least > -kBelow * largest && least < kDown * largest;
 }
 
-bool has_rectifier(const LumpedModel& model, Index output) {
-  return std::ranges::any_of(model.parts, [output](const Element& part) {
-    return part.location.kind == LocationKind::kSensor && part.law_name == "rectifier" &&
-           part.location.channel == output;
-  });
-}
-
-std::optional<LawExtension> rectifier_at(Index output, const PredictionHypotheses& hypotheses) {
-  for (std::size_t h = 0; h < hypotheses.hypotheses().size(); ++h) {
-    const Location& place = hypotheses.location(h);
-    if (place.kind != LocationKind::kSensor || place.channel != output ||
-        hypotheses.hypotheses()[h].law != "rectifier") {
-      continue;
-    }
-    LawExtension law;
-    law.hypothesis = h;
-    law.location = place;
-    law.law = "rectifier";
-    law.base = {0.0};
-    law.direction = {1.0};
-    law.fixed = {false};
-    return law;
-  }
-  return {};
-}
-
 }  // namespace
 
 ExtendedLumpedModel with_unsigned_outputs(const ExtendedLumpedModel& start,
                                           const PredictionData& data,
                                           const PredictionHypotheses& hypotheses, int threads) {
   ExtendedLumpedModel best = scaled_to_predict(start, data, threads);
-  const PredictionTask task = data.windows(kFirstHorizon);
   std::optional<PredictionFit> stated;
   for (Index output = 0; output < data.output_count(); ++output) {
-    const std::optional<LawExtension> law = rectifier_at(output, hypotheses);
-    if (!law || has_rectifier(start.model, output) || !never_negative(output, data)) continue;
-    if (!stated) stated = best_intensity(best, data, task, kIterations, threads).fit;
+    if (!never_negative(output, data)) continue;
+    const std::optional<LawExtension> rectifier =
+        missing_at_sensor(best.model, static_cast<std::size_t>(output), "rectifier", hypotheses);
+    if (!rectifier) continue;
+    if (!stated) stated = short_fit(best, data, threads);
     ExtendedLumpedModel unsigned_start =
-        scaled_to_predict(extended(best, *law, 1.0), data, threads);
-    PredictionFit fit = best_intensity(unsigned_start, data, task, kIterations, threads).fit;
-    const bool is_better =
-        fit.usable && (!stated->usable || (fit.cost < kClearlyBetter * stated->cost &&
-                                           z_between(*stated, fit) > kErrors));
-    if (!is_better) continue;
+        scaled_to_predict(extended(best, *rectifier, 1.0), data, threads);
+    PredictionFit fit = short_fit(unsigned_start, data, threads);
+    if (!(stated->usable ? is_clearly_better(fit, *stated) : fit.usable)) continue;
     best = std::move(unsigned_start);
     stated = std::move(fit);
   }

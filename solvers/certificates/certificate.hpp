@@ -41,7 +41,7 @@
 //          E can only loosen the bound.
 //
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
-// to it are regular and have gaps arbitrarily close to zero (criterion_working_set.hpp).
+// to it are regular and have gaps arbitrarily close to zero (smooth_restricted_problem.hpp).
 //
 // Arithmetic. Sums in extended precision (64-bit significand), and `rounding_bound`, an
 // a-posteriori bound on the error of duality_gap (extended_information.hpp). With it the true gap
