@@ -208,6 +208,13 @@ Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
 
 void read_time(const YamlField& root, Campaign& campaign) {
   const YamlField sample_time = root.at("sample_time");
+  if (sample_time.text() == "unknown") {
+    if (root.has("time")) root.at("time").fail("an unknown sample_time leaves no use for times");
+    campaign.sample_time = 1.0;
+    campaign.sample_time_known = false;
+    campaign.time.column.clear();
+    return;
+  }
   if (sample_time.text() != "irregular") campaign.sample_time = sample_time.positive();
   if (!root.has("time")) {
     campaign.time.required = !campaign.sample_time.has_value();

@@ -3,7 +3,7 @@
 // every field):
 //
 //   format: graybox-campaign/1
-//   sample_time: 0.001                       # s, or irregular
+//   sample_time: 0.001                       # s, or irregular, or unknown
 //   channels:
 //     - {name: torque, unit: A, gain: {value: 0.12, unit: N m/A}, is: input}
 //     - {name: speed, unit: rpm, is: output}
@@ -170,6 +170,7 @@ struct Campaign {
   std::filesystem::path file;
   std::string model;                  // empty if none is named
   std::optional<double> sample_time;  // s; none: irregular, the times are in the files
+  bool sample_time_known = true;      // false: it counts as 1 s, so that "s" stands for a sample
   std::vector<Channel> channels;
   TimeColumn time;
   InputHold hold = InputHold::kZero;

@@ -408,6 +408,11 @@ std::vector<Finding> examine_campaign(const Campaign& campaign) {
   std::vector<Finding> findings;
   find_doubtful_channels(campaign, findings);
   find_shared_samples(campaign, findings);
+  if (!campaign.sample_time_known) {
+    findings.push_back({Severity::kWarning, "time",
+                        "the sample time is unknown and counts as 1 s: read every s as a sample, "
+                        "in results as in the model"});
+  }
   return findings;
 }
 

@@ -435,7 +435,8 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
       rotates ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
   LumpedModel model;
   model.name = file.stem().string();
-  model.sample_time = root.at("sample_time").positive();
+  const YamlField sample_time = root.at("sample_time");
+  model.sample_time = sample_time.text() == "unknown" ? 1.0 : sample_time.positive();
   read_masses(root.at("masses"), units, model);
   read_inputs(root.at("inputs"), units, model);
   check_imposed(root.at("inputs"), model);

@@ -6,7 +6,7 @@
 // Read from a graybox-lumped/1 file:
 //
 //   format: graybox-lumped/1
-//   sample_time: 0.001                       # s
+//   sample_time: 0.001                       # s; unknown: a sample counts as 1 s
 //   motion: rotation                         # rad, N m, kg m^2 | translation: m, N, kg
 //   masses: {motor: 0.0021, load: 0.035}
 //   elements:                                # laws and fields: element.hpp

@@ -198,6 +198,19 @@ TEST_F(Recordings, PeriodsMustFit) {
   expect_finding(Severity::kWarning, "period", "100 samples beyond");
 }
 
+TEST_F(Recordings, AnUnknownSampleTimeCountsInSamplesAndSaysSo) {
+  write_campaign("sample_time: 0.001", "sample_time: unknown");
+  const Campaign campaign = read_campaign(folder_.file(""));
+  const std::vector<Finding> findings = examine_campaign(campaign);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_NE(findings[0].message.find("counts as 1 s"), std::string::npos);
+  const ExperimentRecording recording = examined();
+  EXPECT_TRUE(recording.sound());
+  EXPECT_DOUBLE_EQ(recording.duration, 200.0);
+  write_campaign("sample_time: 0.001", "sample_time: unknown\ntime: {column: time, unit: s}");
+  testing::expect_refused([&] { (void)read_campaign(folder_.file("")); }, "leaves no use for times");
+}
+
 TEST_F(Recordings, UnitsInTheFileMustBeThoseOfTheCampaign) {
   write_text(folder_.file("a.csv"), "u [A],y (rad/s)\n1,2\n1.5,3\n");
   expect_finding(Severity::kError, "unit", "y is in rad/s, but the campaign says rpm");
