@@ -57,12 +57,12 @@
 // noise that a law takes from recordings kept out. The field `nonlinear` says that a law that is
 // not linear was found; it is null where none was. Numbers that are not known are null. The flag
 // `predicts_kept_out` is false where recordings kept out are predicted within the errors of the
-// fitted parameters only. These flags tell of excluded laws: `on_few_recordings` is true where few
-// of many recordings excluded a law. In the same way `contradicted` is true where recordings kept
-// out excluded it. The flag `with_free_motion` is true where it was so far behind that it was not
-// fitted again to recordings freed of free motion. The flag `rivals_weighed` is false where as many
-// laws as the search takes leave more than noise. The field `time_variation` is null where nothing
-// was seen to change while it is recorded (time_variation.hpp). Whether that could be told says
+// fitted parameters only. Of an alternative, `on_few_recordings` is true where few of many
+// recordings excluded the law. The flag `contradicted` is true where recordings kept out excluded
+// it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
+// to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the
+// search takes leave more than noise. The field `time_variation` is null where nothing was seen to
+// change while it is recorded (time_variation.hpp). Whether that could be told says
 // `time_variation_tested`. The list `departures` (law_departure.hpp) has places where the laws
 // found only resemble what is there, and the law that would explain most of the rest. Whether that
 // could be asked says `shapes_compared` (noise known, the rest no more than that, another law to
