@@ -4,8 +4,8 @@
 //
 // A jump that went through a low-pass is a ramp as long as its filter's step response; changes are
 // taken over that time. A wrap is claimed where some changes are larger than kJump of the signal's
-// range, of one size within kSameSize, all others less than kSmooth of it, and the signal moves
-// beside them.
+// range and of one size within kSameSize. All others must be less than kSmooth of it, and the
+// signal must move beside them.
 #pragma once
 
 #include <span>
