@@ -12,8 +12,8 @@
 //
 // The stop test is the gap of a pass over all candidates of all slices; what it is worth is decided
 // by the checker (distributed_certificate.hpp), which ends every run. Where the checker finds less
-// than was asked for, the slices are whitened by the mean of all candidates in extended precision,
-// and the run is repeated there; that costs a second copy of each slice. The answer depends on the
+// than was asked for, the slices are whitened by the mean of all candidates in extended precision.
+// The run is repeated there; that costs a second copy of each slice. The answer depends on the
 // number of processes only through the path taken, and not on the number of threads.
 #pragma once
 
