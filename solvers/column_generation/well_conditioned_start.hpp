@@ -19,7 +19,7 @@
 //   3. where that fails: both again with 2 m, until the whole pool is taken.
 //
 // Where the pool's own P is singular (candidates that inform about one parameter each), the whole
-// set takes its place, and last the whole set with weights that give each candidate's matrix the
+// set takes its place. Last comes the whole set with weights that give each candidate's matrix the
 // same size.
 //
 // Cost: kSteps + 1 reads of the pool, O(m d^2 + d^3) a choice.
