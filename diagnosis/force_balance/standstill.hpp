@@ -1,4 +1,4 @@
-// Joints that stand still. Dry friction then takes whatever the drive gives, up to its level: the
+// Joints that stand still. Dry friction then takes whatever the drive gives, up to its level. The
 // balance of forces says nothing there, and a law fitted to it learns what friction happened to
 // hold. The force of a joint is left out where it stands, and so are samples at which no joint
 // moves and all forces of a joint that never moves.

@@ -21,8 +21,8 @@
 
 namespace graybox {
 
-// Whether any body may be freed: of a robot with several joints, whose model says that its bodies
-// are uncertain and whose drives' gains are known, and where none is free already.
+// Whether any body may be freed. It may in a robot with several joints, whose model says that its
+// bodies are uncertain and whose drives' gains are known. None may be free already.
 [[nodiscard]] bool may_free_bodies(const ForceBalanceData& data);
 
 // The prior's standard deviations for a body with these standard parameters.
