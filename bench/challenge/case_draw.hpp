@@ -1,15 +1,14 @@
 // Which cases a challenge has, and the draw of each.
 //
-// Composition of n cases (400 unless `--quick`, then 40): 30 % on the full robot, 20 % on a
-// three-axis robot, 50 % on lumped systems; 25 % with nothing missing, 10 % with two effects, 7.5 %
-// with a law that the catalogue lacks, the rest with one effect, in the same proportions in each
-// family; their order is shuffled. Laws and places are taken in turn, so that all come up, from
-// shuffled lists.
+// Composition of n cases (400 unless `--quick`, then 40). By family: 30 % on the full robot, 20 %
+// on a three-axis robot, 50 % on lumped systems. In each family: 25 % with nothing missing, 10 %
+// with two effects, 7.5 % with a law that the catalogue lacks, the rest with one effect. Their
+// order is shuffled. Laws and places are taken in turn, so that all come up, from shuffled lists.
 //
 // Size: an effect's smallest detectable size is searched for (detectability.hpp) to 12 %; its size
 // is that times 20^U, U uniform, unless the law's largest size comes first. Where a place hides a
-// law at any size, the case takes another law and place, but for offsets: a constant can't be seen
-// in the lines of periodic data, and its few cases are kept as cases with an effect that is not
+// law at any size, the case takes another law and place, but for offsets. A constant can't be seen
+// in the lines of periodic data. Its few cases are kept as cases with an effect that is not
 // detectable.
 #pragma once
 

@@ -1,11 +1,11 @@
 // CaseSystem: the system of one challenge case, twice: as the user believes it to be (the model
 // file) and as it is (fitted parameters off by up to 20 %), with the experiments made on it.
 //
-// Families: the full robot (irb6600_like), a three-axis robot (three_axis), and lumped systems: a
-// speed-controlled rotor (one_mass), a speed-controlled drive with an elastic shaft (two_mass), a
-// mass on a mount, driven open-loop (oscillator), and a chain of three masses with two forces
-// (chain). Everything of one family has the same plan, so that files of its cases have the same
-// sizes.
+// Families are the full robot (irb6600_like), a three-axis robot (three_axis), and lumped systems.
+// These are a speed-controlled rotor (one_mass), a speed-controlled drive with an elastic shaft
+// (two_mass), a mass on a mount, driven open-loop (oscillator), and a chain of three masses with
+// two forces (chain). Everything of one family has the same plan, so that files of its cases have
+// the same sizes.
 #pragma once
 
 #include <Eigen/Core>

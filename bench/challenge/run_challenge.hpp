@@ -1,6 +1,6 @@
-// Runs a diagnosis on every case of a challenge, each in a process of its own that is given the
-// case's folder and nothing else: its working folder is the case's, its environment is empty but
-// for PATH and the counts of threads, and no argument names another folder but the one for its
+// Runs a diagnosis on every case of a challenge. Each is a process of its own that is given the
+// case's folder and nothing else. Its working folder is the case's, and its environment is empty
+// but for PATH and the counts of threads. No argument names another folder but the one for its
 // answer. Where the system has Landlock, the process can open nothing but these two folders, the
 // program and the system's libraries (confinement.hpp). Seed and truth are not known here.
 //

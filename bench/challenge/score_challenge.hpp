@@ -1,9 +1,9 @@
 // Scores the answers to a challenge against its unsealed truth.
 //
-// An answer's effect is a class: the law at a place that it names, the alternatives that it says
-// the data can't exclude, and the more general laws that it names beside these; where a verdict
-// says that one law is the same system at several places, each place counts as a member. For a case
-// with one detectable effect:
+// An answer's effect is a class. Its members are the law at a place that it names, the alternatives
+// that it says the data can't exclude, and the more general laws that it names beside these. Where
+// a verdict says that one law is the same system at several places, each place counts as a member.
+// For a case with one detectable effect:
 //
 //   right            verdict explained, one effect: the true law at the true place, no alternatives
 //   in_class         the truth is in the class of one of the effects named, of at most 3 members
@@ -18,12 +18,12 @@
 // right where both are in classes of at most 3 of different effects of a verdict explained or
 // ambiguous. Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out
 // test fails (`nearest_law_fails`: the answer is ambiguous and says that it does not predict what
-// was kept out, `predicts_kept_out`); what passed on held-out data is `nearest_law`.
-// Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law
-// at places that make one system (a delay of the only actuator or the only sensor) as one member,
-// and so alternatives that the answer only names, as the same in such recordings. Parameters that
-// an answer gives without a standard error, as not determined by the data, are no claim: counted
-// apart.
+// was kept out, `predicts_kept_out`); what passed on held-out data is `nearest_law`. Effects that
+// are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at places
+// that make one system (a delay of the only actuator or the only sensor) as one member.
+// Alternatives that the answer only names, as the same in such recordings, count so too. Parameters
+// that an answer gives without a standard error, as not determined by the data, are no claim:
+// counted apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once

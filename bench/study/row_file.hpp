@@ -1,6 +1,6 @@
 // rows.jsonl: the study's raw rows, one JSON object a line, one line a run. A line is appended and
-// flushed to disk as soon as its run is over, so that whatever ends a study loses one run at most;
-// a line torn by a kill is passed over on reading and cut off before the next is written.
+// flushed to disk as soon as its run is over, so that whatever ends a study loses one run at most.
+// A line torn by a kill is passed over on reading and cut off before the next is written.
 #pragma once
 
 #include <cstddef>

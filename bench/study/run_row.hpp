@@ -2,10 +2,10 @@
 //
 // What happened is a ReportStatus (solvers/report/solve_report.hpp), decided from the process's
 // ending, the solver's claim and the checker's certificate of the design it handed back. The claim
-// alone never counts. To the verdicts of the checker come those of the fence: `time_limit` also
-// where the clock of the study had to kill, `out_of_memory` above the memory limit or where an
-// allocation failed, `crashed` where the process ended by a signal or without an answer. Every
-// status but `solved` is charged the time limit wherever times are compared.
+// alone never counts. To the verdicts of the checker come those of the fence. It is `time_limit`
+// also where the clock of the study had to kill. It is `out_of_memory` above the memory limit or
+// where an allocation failed. It is `crashed` where the process ended by a signal or without an
+// answer. Every status but `solved` is charged the time limit wherever times are compared.
 #pragma once
 
 #include <cstddef>

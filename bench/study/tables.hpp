@@ -51,10 +51,10 @@ struct SolverLaw {
 // Over the solved points of the scaling experiment with Q >= kFitFrom, at least two of them.
 [[nodiscard]] std::vector<SolverLaw> fit_laws(const std::vector<PointSummary>& points);
 
-// Do all certified answers to one problem agree? Each says that the optimum lies in
-// [log_det, log_det + d log(1 + gap)], give or take the checker's rounding, so two answers differ
-// by at most the sum of their bounds. `worst_excess` is the largest difference beyond that, over
-// all pairs; at most zero if they agree.
+// Do all certified answers to one problem agree? Each says that the optimum lies in [log_det,
+// log_det + d log(1 + gap)], give or take the checker's rounding. So two answers differ by at most
+// the sum of their bounds. The `worst_excess` is the largest difference beyond that, over all
+// pairs; at most zero if they agree.
 struct Agreement {
   std::string family;
   std::size_t candidates = 0;

@@ -1,6 +1,6 @@
-// The subcommands of `graybox`, one file each. add_x_command() declares its options on `app` and
-// hangs on a callback that does the work; the callback reports through Invocation::exit_code and
-// throws InputError for bad input (main.cpp prints it and exits with 2).
+// The subcommands of `graybox`, one file each. Each add_x_command() declares its options on `app`
+// and attaches a callback that does the work. The callback reports through Invocation::exit_code
+// and throws InputError for bad input (main.cpp prints it and exits with 2).
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -1,6 +1,6 @@
 // The folder of a report, in which a command touches only what it has written itself: files that an
 // earlier verdict.json lists under `files`. While a report is being written, the list stands in
-// .graybox-report.json as well, so that a run that is killed can be made again.
+// .graybox-report.json as well. A run that is killed can therefore be made again.
 #pragma once
 
 #include <filesystem>
@@ -29,9 +29,9 @@ class ReportFolder {
     return (folder_ / name).string();
   }
 
-  // Removes the files of the earlier report and writes these (name: text), then verdict.json with
-  // the list of all, which `verdict` gets as `files`. Throws InputError where one of them would
-  // replace a file that is not ours.
+  // Removes the files of the earlier report and writes these (name: text). Then it writes
+  // verdict.json with the list of all, which `verdict` gets as `files`. Throws InputError where one
+  // of them would replace a file that is not ours.
   void write(const std::map<std::string, std::string>& texts, nlohmann::ordered_json& verdict);
 
  private:

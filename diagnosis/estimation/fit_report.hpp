@@ -20,9 +20,10 @@
 //     "notes": ["..."], "details": {...}
 //   }
 //
-// Numbers that are not known are null: the standard error, covariance and correlation of a
-// parameter that the data do not determine (identifiability.hpp), chi-square where no noise is
-// known, the validation where there are no recordings for it. "details" holds what the method adds.
+// Numbers that are not known are null. Such are the standard error, covariance and correlation of a
+// parameter that the data do not determine (identifiability.hpp). Chi-square is null where no noise
+// is known, the validation where there are no recordings for it. The entry "details" holds what the
+// method adds.
 #pragma once
 
 #include <Eigen/Core>

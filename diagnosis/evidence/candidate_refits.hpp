@@ -1,6 +1,6 @@
-// Refits of a problem with candidate laws, each done once: rivals of an effect are often what was
-// tried when it was found, and each law is left out more than once, to see whether it is missed and
-// to weigh its rivals.
+// Refits of a problem with candidate laws, each done once. Rivals of an effect are often what was
+// tried when it was found. Each law is left out more than once, to see whether it is missed and to
+// weigh its rivals.
 //
 // Where recordings are many, candidates race on the few that tell most first
 // (MismatchProblem::fit_to_few), and only those that are not far behind there are fitted to all.

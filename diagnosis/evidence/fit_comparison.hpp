@@ -83,9 +83,9 @@ class FitComparison {
                                                           const ExtendedFit& reference) const;
   // Of the fit's recordings and those kept out, up to a constant of the reference.
   [[nodiscard]] double evidence_of_all(const ExtendedFit& fit, const ExtendedFit& reference) const;
-  // Whether a law that `reference` has keeps its place before a plainer one in `fit`: where the
-  // noise is not known, a law with sizes that the recordings do not determine must predict better
-  // by as much as one that comes in.
+  // Whether a law that `reference` has keeps its place before a plainer one in `fit`. Where the
+  // noise is not known, a law with sizes that the recordings do not determine must predict better.
+  // It must do so by as much as one that comes in.
   [[nodiscard]] bool keeps_its_place(const ExtendedFit& reference, std::size_t law,
                                      const ExtendedFit& fit) const;
   // Whether `reference` excludes `fit`.

@@ -1,9 +1,9 @@
 // Least squares of a force balance with columns of laws beside those of the model, many times over:
 // the model's columns are compressed once.
 //
-// Rows of coordinate j are divided by a noise s_j of their own (weighted_regression.hpp). With the
-// model's columns W = Q R, Q^T Q = I, a fit with laws' columns L needs of the samples only the
-// products of L with Q, L and the force, by coordinate and block: noise iterations and
+// Rows of coordinate j are divided by a noise s_j of their own (weighted_regression.hpp). Let the
+// model's columns be W = Q R, Q^T Q = I. A fit with laws' columns L then needs of the samples only
+// the products of L with Q, L and the force, by coordinate and block. Noise iterations and
 // cross-validation work on these (Frisch and Waugh 1933; the normal equations of an orthonormal Q
 // lose nothing).
 //

@@ -25,8 +25,8 @@ struct PositionRecord {
 };
 
 // The highest frequency, Hz, of a ladder below the Nyquist frequency at which that variance is at
-// most 1 % of the acceleration's; none where even unfiltered positions allow for it, or where no
-// frequency does that lets ten waves into the longest recording.
+// most 1 % of the acceleration's. There is none where even unfiltered positions allow for it, or
+// where no frequency does that lets ten waves into the longest recording.
 [[nodiscard]] std::optional<double> low_pass_for_acceleration(
     std::span<const PositionRecord> records);
 

@@ -4,17 +4,17 @@
 //   N^T u = known(q, q', q'') + W(q, q', q'') p + sum of b_out f(z, z', x; parameters),
 //   z = b_in^T q
 //
-// The force of each place is balanced directly, so a hypothesis is more columns beside W: no
-// simulation, no start values, and the picture of a law is the residual at its place.
+// The force of each place is balanced directly, so a hypothesis is more columns beside W. There is
+// no simulation and there are no start values. The picture of a law is the residual at its place.
 //
 // Fit. Parameters in which the force is linear by weighted least squares on compressed columns
 // (balance_regression.hpp), the others of the laws by variable projection (shape_refinement.hpp).
 // Standard errors and Wald statistics allow for residuals that are correlated in time; standard
 // errors are at least as wide as the spread between recordings (recording_spread.hpp).
 //
-// Noise is not known: its deviation s_j at each joint is that of the residuals, its memory that of
-// an autoregressive model of what the first fit leaves, less what of that depends on the motion
-// (coloured_noise.hpp, remaining_structure.hpp); n_j effective samples give deviance = sum n_j ln
+// Noise is not known. Its deviation s_j at each joint is that of the residuals. Its memory is that
+// of an autoregressive model of what the first fit leaves, less what of that depends on the motion
+// (coloured_noise.hpp, remaining_structure.hpp). With n_j effective samples deviance = sum n_j ln
 // s_j^2. A law has to pay in a cross-validation, too: ten contiguous blocks of the recordings, each
 // predicted by linear parameters from the others (ExtendedFit::held_out).
 //

@@ -1,5 +1,5 @@
 // A drive of one mass (graybox-lumped/1) of which the force and the motion are measured, as a rigid
-// robot of one joint: its physics can be looked for in the balance of forces.
+// robot of one joint. Its physics can then be looked for in the balance of forces.
 //
 //   m q'' + elements + what is missing = u
 //

@@ -1,7 +1,7 @@
 // The parameters that shape laws' forces (thresholds, exponents, wave lengths, those of laws with
-// memory), by variable projection: linear parameters are solved for at each step (Golub and Pereyra
-// 1973), with Kaufman's Jacobian (1975): of -P(dL a) for laws' columns L(theta) of amplitudes a and
-// P the projection on what neither the model's columns nor L imitate.
+// memory), by variable projection. Linear parameters are solved for at each step (Golub and Pereyra
+// 1973), with Kaufman's Jacobian (1975). It is that of -P(dL a) for laws' columns L(theta) of
+// amplitudes a. P is the projection on what neither the model's columns nor L imitate.
 //
 // Laws listed as new begin from several of their shapes (law_shapes.hpp): the given one and the
 // best others, each refined alone; after that all laws whose shapes are not held are refined

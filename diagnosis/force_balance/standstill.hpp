@@ -1,13 +1,14 @@
-// Joints that stand still. Dry friction then takes whatever the drive gives, up to its level: the
+// Joints that stand still. Dry friction then takes whatever the drive gives, up to its level. The
 // balance of forces says nothing there, and a law fitted to it learns what friction happened to
 // hold. The force of a joint is left out where it stands, and so are samples at which no joint
 // moves and all forces of a joint that never moves.
 //
 // A joint stands where it gets less far in kStandingTime than kStandingSpeed of the root mean
-// square of its speeds over all recordings would take it, or up to five times as far where its
-// encoder flickers. What was held shows beside these samples, too, as far as the low-pass filter
-// reaches that the force went through. A joint never moves where its range is below kIdleRange of
-// the largest range among joints of its kind, or where no joint of its kind moves and another does.
+// square of its speeds over all recordings would take it. Where its encoder flickers, it may get up
+// to five times as far. What was held shows beside these samples, too, as far as the low-pass
+// filter reaches that the force went through. A joint never moves where its range is below
+// kIdleRange of the largest range among joints of its kind, or where no joint of its kind moves and
+// another does.
 #pragma once
 
 #include <span>

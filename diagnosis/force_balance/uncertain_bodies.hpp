@@ -1,14 +1,13 @@
 // Bodies that are not quite what the model states: their standard inertial parameters are free
 // about the stated values, with a prior.
 //
-// A drawing knows masses to some per cent, and knows no cables, grease and covers. Of a body of
-// mass m and radius r, r^2 = trace(I) / (2 m) with I about its frame's origin, the standard
-// deviations of the prior are `share` times m for the mass, m r for the first moments and m r^2
-// for the moments of inertia. The model's columns are then W d, d the departures from what is
-// stated, and the fit
-// minimises sum (rest / s_j)^2 + precision d^2 (generalised least squares with a prior; Theil and
-// Goldberger 1961). Residuals follow each other in time, so that N of them say as much as N_eff
-// independent ones: the precision is N / N_eff over the variance.
+// A drawing knows masses to some per cent, and knows no cables, grease and covers. Let a body have
+// mass m and radius r, r^2 = trace(I) / (2 m) with I about its frame's origin. The standard
+// deviations of the prior are `share` times m for the mass, m r for the first moments and m r^2 for
+// the moments of inertia. The model's columns are then W d, d the departures from what is stated,
+// and the fit minimises sum (rest / s_j)^2 + precision d^2 (generalised least squares with a prior;
+// Theil and Goldberger 1961). Residuals follow each other in time, so that N of them say as much as
+// N_eff independent ones: the precision is N / N_eff over the variance.
 #pragma once
 
 #include <optional>
@@ -22,8 +21,8 @@
 
 namespace graybox {
 
-// Whether any body may be freed: of a robot with several joints, whose model says that its bodies
-// are uncertain and whose drives' gains are known, and where none is free already.
+// Whether any body may be freed. It may in a robot with several joints, whose model says that its
+// bodies are uncertain and whose drives' gains are known. None may be free already.
 [[nodiscard]] bool may_free_bodies(const ForceBalanceData& data);
 
 // The prior's standard deviations for a body with these standard parameters.

@@ -13,8 +13,9 @@
 namespace graybox {
 
 // The best of all coefficients at all places, if it is more than laws whose slopes vary may make of
-// the free motion: the first `own_laws` of the model are its own. `gain`: what the others lower the
-// deviance by; `left`: chi-square that no law explains, which may be such a force.
+// the free motion. The first `own_laws` of the model are its own. The gain, `gain`, is what the
+// others lower the deviance by. The rest, `left`, is chi-square that no law explains, which may be
+// such a force.
 [[nodiscard]] std::optional<TimeVariation> find_time_variation(const PlantFamily& family,
                                                                const PeriodicData& data,
                                                                const ModelState& model,

@@ -36,7 +36,7 @@ struct ActingLaw {
 // By how much a body law's parameter is changed to see what the plant does.
 [[nodiscard]] double small_change(const LinearPlant& plant, const Element& body, double value);
 
-// The entries of a PlantDerivative's matrices that are not zero, and what becomes of the rest: laws
+// The entries of a PlantDerivative's matrices that are not zero, and what becomes of the rest. Laws
 // act on the motion from there, so that a spring which yields under the weight changes the slope of
 // another beside it.
 struct PlantChange {

@@ -4,12 +4,12 @@
 // Lines: all up to `line_factor` times the highest excited one. Lines that are not excited say
 // which non-linear physics is at work. Only lines from the lowest excited one on count.
 //
-// Noise, by level: samples between the lines of the period (line_spectra.hpp), y - G u with the
-// measured response at excited lines and the model's above them, pooled over positions, recordings
-// and neighbouring lines until there are `noise_samples` degrees of freedom q; between those lines
-// interpolated. Whitening uses Phi_hat^-1 (q - n_y) / q, which has the mean Phi^-1. With one period
-// the noise stated in the campaign is taken. `model_accuracy` times the output's own size is added,
-// for equations are solved to finite accuracy only.
+// Noise, by level, comes from samples between the lines of the period (line_spectra.hpp). They are
+// y - G u with the measured response at excited lines and the model's above them. They are pooled
+// over positions, recordings and neighbouring lines until there are `noise_samples` degrees of
+// freedom q. Between those lines it is interpolated. Whitening uses Phi_hat^-1 (q - n_y) / q, which
+// has the mean Phi^-1. With one period the noise stated in the campaign is taken. `model_accuracy`
+// times the output's own size is added, for equations are solved to finite accuracy only.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,12 +1,12 @@
 // PeriodicLaw: a law of the catalogue under periodic motion, from the lines of its deflection (or
 // signal) to the lines of its force.
 //
-// Linear laws act line by line, F = s(w) Z: stiffness k, viscous j w d, inertia -w^2 J, mode
-// -w^2 J kappa / (kappa - w^2 J) with kappa = J w_0^2 + 2 j w zeta w_0 J; on signals gain e, lag
-// 1/(1 + j w T) - 1, delay e^(-j w T) - 1. Others are evaluated over a grid of times. Laws with a
-// state run twice through the period and the second run counts; over one step of the grid the state
-// follows the exponential of its linearised equation (Rosenbrock and Euler), exact for friction
-// with bristles under constant velocity.
+// Linear laws act line by line, F = s(w) Z. For forces s is: stiffness k, viscous j w d, inertia
+// -w^2 J, mode -w^2 J kappa / (kappa - w^2 J) with kappa = J w_0^2 + 2 j w zeta w_0 J. On signals
+// it is: gain e, lag 1/(1 + j w T) - 1, delay e^(-j w T) - 1. Others are evaluated over a grid of
+// times. Laws with a state run twice through the period and the second run counts; over one step of
+// the grid the state follows the exponential of its linearised equation (Rosenbrock and Euler),
+// exact for friction with bristles under constant velocity.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
 // Complex columns as real ones of twice the length, real and imaginary parts in turn, as
-// std::complex stores them: Re A^H B = as_real(A)^T as_real(B), a quarter of the work of the
-// complex product and without a copy.
+// std::complex stores them. Then Re A^H B = as_real(A)^T as_real(B). This is a quarter of the work
+// of the complex product and without a copy.
 #pragma once
 
 #include <Eigen/Core>

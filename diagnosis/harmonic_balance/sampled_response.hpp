@@ -11,10 +11,11 @@
 //   M a_{n+1} = -C a_n - K a_{n-1}, a_0 = 0,
 //
 // which converges where |w_m| is above the plant's fastest pole. Images that are not well above it
-// are taken as they are, of the others six terms are summed. h(w_m) = (1 - e^(-j w T_s)) / (j w_m
-// T_s), so that only sums of 1/w_m^p, p = 2 ... 9, are needed: p = 2 in closed form, (pi/w_s)^2 /
-// sin^2(pi w/w_s) - 1/w^2, the others directly. Without A (three parts in a thousand of G at 3 % of
-// the sample rate) recordings with little noise would reject the true model.
+// are taken as they are, of the others six terms are summed. As h(w_m) = (1 - e^(-j w T_s)) / (j
+// w_m T_s), only sums of 1/w_m^p, p = 2 ... 9, are needed. For p = 2 the sum is in closed form,
+// (pi/w_s)^2 / sin^2(pi w/w_s) - 1/w^2; the others are summed directly. Without A (three parts in a
+// thousand of G at 3 % of the sample rate) recordings with little noise would reject the true
+// model.
 #pragma once
 
 #include <Eigen/Core>

@@ -12,15 +12,15 @@
 //
 //   (I + S r) dF = law(z(F)) - F,   r_lm = b_in,l^T D^-1 b_out,m,
 //
-// S the laws linearised about the present motion (they multiply by f_z(t) and f_z'(t) in time, and
-// laws with a state remember, so that S couples lines), solves each step by GMRES in the norm of
-// the outputs' noise, preconditioned with the mean slopes s in place of S, which couple nothing.
-// The iteration starts at the virtual force: what F must be to explain the recorded outputs, by
-// weighted least squares at each line, shrunk where it is not larger than its noise. Where the
-// equation has several solutions that start selects the recorded one, and where the iteration does
-// not settle the best F found is kept and `unsettled` says by how much, in noise units. Where it
-// does, the step that is less than the tolerance is taken, too, if less is left then: from a start
-// at the motion of nearly the same parameters it is all that they change.
+// S the laws linearised about the present motion, solves each step by GMRES in the norm of the
+// outputs' noise. (The laws multiply by f_z(t) and f_z'(t) in time, and laws with a state remember,
+// so that S couples lines.) The preconditioner has the mean slopes s in place of S, which couple
+// nothing. The iteration starts at the virtual force: what F must be to explain the recorded
+// outputs, by weighted least squares at each line, shrunk where it is not larger than its noise.
+// Where the equation has several solutions that start selects the recorded one, and where the
+// iteration does not settle the best F found is kept and `unsettled` says by how much, in noise
+// units. Where it does, the step that is less than the tolerance is taken, too, if less is left
+// then: from a start at the motion of nearly the same parameters it is all that they change.
 //
 // Derivatives (steady_state_answers.cpp) solve with the same matrix, or, faster and not exact, with
 // s in place of S. With s the system answers forces with
@@ -55,9 +55,9 @@ struct SteadyState {
 };
 
 // Whether a motion is one that the laws allow, with `unsettled` and the chi-square of so many
-// numbers: where the steady state is found to no better than a tenth of the rms of the residuals,
-// noise or more, it is half what the recordings say (it was sought from there), and fits them
-// better than any motion under the laws.
+// numbers. It is not where the steady state is found to no better than a tenth of the rms of the
+// residuals, noise or more. Such a motion is half what the recordings say (it was sought from
+// there), and fits them better than any motion under the laws.
 [[nodiscard]] bool is_settled(double unsettled, double chi_square, double numbers);
 
 struct SteadyStateOptions {

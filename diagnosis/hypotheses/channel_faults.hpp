@@ -2,8 +2,8 @@
 // frequency responses and those of the model as it is, before anything is fitted.
 //
 // At each line and position the ratio of measured to modelled response, rho_ci = G_hat_ci / G_ci,
-// would be one; parameters that are off by tens of per cent and physics that is missing shift
-// resonances and change it there, but over most of the band |log rho| stays small. A swapped wire,
+// would be one. Parameters that are off by tens of per cent and physics that is missing shift
+// resonances and change it there. But over most of the band |log rho| stays small. A swapped wire,
 // a wrong sign or unit changes all of it. With the dissimilarity
 //   E_ci = median over lines and positions of |log rho_ci|   (complex logarithm),
 // of the elements that stand out of their noise, a fault is claimed where undoing it brings the

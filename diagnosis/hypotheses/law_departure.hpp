@@ -3,8 +3,8 @@
 // The chi-square of all residuals has power against everything, and so little against anything:
 // among 8000 residuals the force k z^5 passes as play, though the two differ by 220 in -2 log
 // likelihood. Where a law of the catalogue is the true one, nothing is left at its place that
-// another law there would explain; where it only stands for one that the catalogue lacks, something
-// is, and the score tests (score_test.hpp) of the laws at that place see it. They are asked as a
+// another law there would explain. Where it only stands for one that the catalogue lacks, something
+// is. The score tests (score_test.hpp) of the laws at that place see it. They are asked as a
 // family: the least p-value against those of draws of pure noise.
 //
 // No law of a catalogue is exact either: corners are rounder, dry friction has a little of

@@ -217,8 +217,8 @@ struct ChannelRest {
 };
 
 // The picture of a law: the force that the data ask for at a place, with its noise, against the
-// motion there, sample by sample, beside what the fitted law gives for the same motion. `force` is
-// empty where the recordings say too little of it.
+// motion there, sample by sample. Beside it stands what the fitted law gives for the same motion.
+// The array `force` is empty where the recordings say too little of it.
 struct ForcePicture {
   std::size_t hypothesis = 0;
   std::string deflection_unit, rate_unit, force_unit;

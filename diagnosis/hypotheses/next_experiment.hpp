@@ -8,9 +8,9 @@
 //   distance = 1 / [M^-1]_ss
 // is the non-centrality of the test of A against B: the misfit of A's outputs to B's that no change
 // of A's parameters takes away, A linearised. To find the design weights that make it largest is
-// Atkinson's and Fedorov's T-optimality (Biometrika 62, 1975) for a linearised A, and
+// Atkinson's and Fedorov's T-optimality (Biometrika 62, 1975) for a linearised A. It is also
 // D_s-optimality for the one parameter s (facts: the sensitivities of D_s at the optimum are at
-// most 1): a convex problem, which column_generation solves and the checker certifies.
+// most 1). This is a convex problem, which column_generation solves and the checker certifies.
 //
 // What is known already counts: each option's matrix is M_0 + n M_i, M_0 of the recordings at hand,
 // n M_i of as many recordings again, all of option i. Weights are shares of those n recordings.

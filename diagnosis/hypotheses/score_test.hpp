@@ -13,10 +13,10 @@
 // needed, so the rows of A may be computed and forgotten piece by piece.
 //
 // Many candidates. The smallest of many p-values is not uniform, and candidates depend on each
-// other. Its distribution is found by drawing: `scores` of a block hold A^T r in the first column
-// and A^T e in the others, e pure noise, the same draws for all blocks. minimum_p_values() gives
-// the least p-value of each draw: reject at level alpha where the data's least is below their alpha
-// quantile.
+// other. Its distribution is found by drawing. The `scores` of a block hold A^T r in the first
+// column and A^T e in the others, e pure noise, the same draws for all blocks. The function
+// minimum_p_values() gives the least p-value of each draw. Reject at level alpha where the data's
+// least is below their alpha quantile.
 //
 // Cost: O(m^2 p + m p (1 + draws)) a candidate after O(p^3) once.
 #pragma once

@@ -1,4 +1,4 @@
-// Parameters of a rigid robot in large motion from measured positions and torques: inverse dynamics
+// Parameters of a rigid robot in large motion from measured positions and torques. Inverse dynamics
 // is linear in base parameters, so they are least squares away.
 //
 //   1. W(q, q', q'') at every sample of the estimation data (torque_columns.hpp)
@@ -85,17 +85,17 @@ struct InverseDynamicsFit {
 
 struct InverseDynamicsOptions {
   JointNoise noise = JointNoise::kEach;
-  // Above 1: torque and columns are low-passed alike (zero phase, order 4, at 0.4/decimation of the
-  // sample rate) and every decimation-th sample is kept (the parallel filter of Gautier 1997).
+  // Above 1, torque and columns are low-passed alike (zero phase, order 4, at 0.4/decimation of the
+  // sample rate). Every decimation-th sample is kept (the parallel filter of Gautier 1997).
   int decimation = 1;
   int max_refinement_steps = 100;
   std::function<bool()> keep_going = {};  // asked now and then; empty: always
 };
 
 // A robot of which everything is known is not fitted: its errors are reported. Throws InputError
-// where nothing unknown has an effect in the data, for irregular samples or pieces too short to
-// decimate, for fewer samples than parameters, no torque at all, and elements whose force is not a
-// number at its start.
+// where nothing unknown has an effect in the data, and for irregular samples or pieces too short to
+// decimate. It also does for fewer samples than parameters, no torque at all, and elements whose
+// force is not a number at its start.
 [[nodiscard]] InverseDynamicsFit fit_inverse_dynamics(const RigidRobotModel& robot,
                                                       const std::vector<MotionRecord>& records,
                                                       const InverseDynamicsOptions& options = {});

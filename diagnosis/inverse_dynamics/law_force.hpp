@@ -3,8 +3,9 @@
 //
 // Laws with states start at rest at the first sample. Over one step the state follows its equation
 // linearised at the step's beginning, x+ = x + h phi_1(h J) g(z, z', x) with z and z' in the middle
-// of the step (exponential Euler: Pope 1963): a bristle under constant velocity exactly, whatever
-// its stiffness. J is a difference quotient along the step: exact where g is linear in x.
+// of the step (exponential Euler: Pope 1963). A bristle under constant velocity is followed
+// exactly, whatever its stiffness. J is a difference quotient along the step: exact where g is
+// linear in x.
 #pragma once
 
 #include <Eigen/Core>

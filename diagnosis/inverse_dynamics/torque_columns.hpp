@@ -2,21 +2,21 @@
 //
 //   N^T u = known(q, q', q'') + columns(q, q', q'') p.
 //
-// Columns, in this order: the standard inertial parameters of every link whose body is unknown (ten
-// each, rigid_body_regressor.hpp), the unknown rotor inertias (n_j n_j^T q'' for row n_j of N), and
-// the parameters in which the elements' forces are linear (b_out f at the value one). Everything
-// else that the model has is in `known`; but what laws with memory (states) add follows from all of
-// the motion before, so that it is asked for a piece of motion at a time. None of their parameters
-// has a column.
+// The first columns are the standard inertial parameters of every link whose body is unknown (ten
+// each, rigid_body_regressor.hpp). The next are the unknown rotor inertias (n_j n_j^T q'' for row
+// n_j of N). The last are the parameters in which the elements' forces are linear (b_out f at the
+// value one). Everything else that the model has is in `known`; but what laws with memory (states)
+// add follows from all of the motion before, so that it is asked for a piece of motion at a time.
+// None of their parameters has a column.
 //
 //   TorqueColumns columns(robot);                        // one for each thread
 //   columns.carry(piece.load);                           // payloads of other loads are not there
 //   columns.evaluate(q, velocity, acceleration);         // columns.matrix(), columns.known()
 //   columns.remembered(piece);                           // samples x n
 //
-// Where the drives' gains are unknown, u_j = g_j e_j with e_j what is recorded, each joint has
-// columns of its own for the bodies and rotors: 1/g_j where these are known ("1/gain_2"), the
-// inertial parameters over g_j where not ("XX2/gain_1"). Links shared by several joints are not
+// Where the drives' gains are unknown, u_j = g_j e_j with e_j what is recorded. Each joint then has
+// columns of its own for the bodies and rotors. They are 1/g_j where these are known ("1/gain_2"),
+// the inertial parameters over g_j where not ("XX2/gain_1"). Links shared by several joints are not
 // tied to each other, so the fit stays linear. Elements are in the unit of their joint's drive. A
 // payload is a known body there: its mass has no column.
 //

@@ -1,8 +1,8 @@
-// Variable projection: the parameters theta in which the torque is not linear, found by Ceres on
-// the residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)), p(theta) the weighted
-// least squares of weighted_regression.hpp for fixed noise (Golub and Pereyra 1973). Positive
-// parameters move by their logarithm, within a factor of 1000 of their start; others on the scale
-// of their start.
+// Variable projection: the parameters theta in which the torque is not linear are found by Ceres.
+// It works on the residual of the linear fit r(theta) = S^-1/2 (y - W(theta) p(theta)). There
+// p(theta) is the weighted least squares of weighted_regression.hpp for fixed noise (Golub and
+// Pereyra 1973). Positive parameters move by their logarithm, within a factor of 1000 of their
+// start; others on the scale of their start.
 #pragma once
 
 #include <Eigen/Core>

@@ -17,8 +17,8 @@ struct MismatchProblemOptions {
   std::vector<std::filesystem::path> place_files = {};  // graybox-places/1 (place_file.hpp)
 };
 
-// Throws InputError for files that are missing, wrong or do not belong together, for a format that
-// can't be diagnosed, and for recordings that are not sound.
+// Throws InputError for files that are missing, wrong or do not belong together. It also does for a
+// format that can't be diagnosed, and for recordings that are not sound.
 [[nodiscard]] std::unique_ptr<MismatchProblem> load_mismatch_problem(
     const std::filesystem::path& model, const Campaign& campaign,
     const MismatchProblemOptions& options = {});

@@ -9,10 +9,10 @@
 //
 // For A = 0 it is the classical Runge-Kutta method; for N linear in t and free of y it is exact.
 //
-// Sensitivities. With S = dy/dtheta, (y, S) obeys the same kind of equation with the matrix
-// [A 0; dA/dtheta A], whose functions have the blocks f(A) and df(A)/dtheta. The step taken for it
-// is therefore the exact derivative of the step taken for y: no inconsistency between the simulated
-// output and its slopes, at any h. phi_k and their derivatives come from the exponential of one
+// Sensitivities. With S = dy/dtheta, (y, S) obeys the same kind of equation with the matrix [A 0;
+// dA/dtheta A], whose functions have the blocks f(A) and df(A)/dtheta. The step taken for it is
+// therefore the exact derivative of the step taken for y: no inconsistency between the simulated
+// output and its slopes, at any h. All phi_k and their derivatives come from the exponential of one
 // block matrix (Van Loan 1978; Al-Mohy and Higham 2011, Theorem 2.1).
 #pragma once
 

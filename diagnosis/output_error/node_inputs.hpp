@@ -7,9 +7,9 @@
 //                 8): gain within 1e-4 of one up to 0.9 of the Nyquist frequency. Beyond the ends
 //                 the record goes on as its odd reflection.
 //
-// Delays shift the input: u(t - tau). A held input then jumps within a step, and its three values
-// are those of the parabola with the same integrals against 1, t and t^2, so that what a smooth
-// system answers is right to third order in h and smooth in tau.
+// Delays shift the input: u(t - tau). A held input then jumps within a step. Its three values are
+// those of the parabola with the same integrals against 1, t and t^2. So what a smooth system
+// answers is right to third order in h and smooth in tau.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
 // Outputs that come late: y(t) becomes y(t - tau), with the derivatives of y taken along and its
-// own by tau, -y'(t - tau). Between samples y is the cubic through its four nearest ones; before
+// own by tau, -y'(t - tau). Between samples y is the cubic through its four nearest ones. Before
 // the first sample it is held at its value there, as delayed inputs are (node_inputs.hpp).
 #pragma once
 

@@ -16,9 +16,9 @@ struct OutputErrorCovariance {
   double lag_one_correlation = 0.0;
 };
 
-// `runs`: simulated with derivatives by theta and the initial states (if `initial_is_free`), one
-// for each stretch. `deviation`: sigma of each output. `variance`: of the whitened residuals, 1
-// where sigma is stated.
+// The `runs` are simulated with derivatives by theta and the initial states (if `initial_is_free`),
+// one for each stretch. The `deviation` is sigma of each output. The `variance` is that of the
+// whitened residuals, 1 where sigma is stated.
 [[nodiscard]] OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
                                                             std::span<const StretchOf> stretches,
                                                             std::span<const Simulated> runs,

@@ -67,8 +67,8 @@ struct CandidateSums {
 };
 
 // Draws of what pure noise leaves over the lines of one recording, whitened by a covariance that is
-// an estimate itself: where that came out too small in a draw, the noise is too large, in
-// neighbouring lines and in all records of a group alike.
+// an estimate itself. Where that came out too small in a draw, the noise is too large. This holds
+// in neighbouring lines and in all records of a group alike.
 class NoiseDraws {
  public:
   NoiseDraws(const PeriodicData& data, std::size_t group, int draws, std::uint64_t seed,

@@ -1,9 +1,9 @@
 // Fits that begin far from the optimum, where resonances make chi-square rugged and it has minima
 // in which two of them are swapped. Data whose noise is raised to a share of the outputs' level are
-// smooth, for everywhere the model is allowed to be wrong by that share: fits go on from large
-// shares to small ones, on the recordings that tell most (telling_recordings.hpp), and end with all
-// recordings and the noise as it is. Until there what only refines a law (parameters that may be
-// left out, as the corner of a saturation) stays where it is.
+// smooth, for everywhere the model is allowed to be wrong by that share. Fits go on from large
+// shares to small ones, on the recordings that tell most (telling_recordings.hpp). They end with
+// all recordings and the noise as it is. Until there what only refines a law (parameters that may
+// be left out, as the corner of a saturation) stays where it is.
 #pragma once
 
 #include <Eigen/Core>

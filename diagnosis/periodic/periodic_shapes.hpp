@@ -32,10 +32,10 @@ struct FrequencyBand {
 [[nodiscard]] std::vector<const LawEntry*> hypothetical_laws(const CandidatePlace& place,
                                                              std::size_t positions);
 
-// The law that these recordings can't tell from this one: a stop beside a free spring is a play
-// beside another spring, dry friction that differs between the directions is their mean and a
-// constant, and over small motions about one position a balancer is a spring (over large ones it is
-// a hypothesis besides). Null if there is none.
+// The law that these recordings can't tell from this one. A stop beside a free spring is a play
+// beside another spring. Dry friction that differs between the directions is their mean and a
+// constant. Over small motions about one position a balancer is a spring (over large ones it is a
+// hypothesis besides). Null if there is none.
 [[nodiscard]] const LawEntry* twin_of(const LawEntry& entry, const CandidatePlace& place,
                                       std::size_t positions);
 

@@ -1,6 +1,6 @@
-// The few recordings of a large campaign that tell most of what all of them tell: where only a
-// rough answer is wanted (to come near, to see that a law is far behind another), the rest would
-// cost time and say the same.
+// The few recordings of a large campaign that tell most of what all of them tell. They serve where
+// only a rough answer is wanted (to come near, to see that a law is far behind another). There the
+// rest would cost time and say the same.
 #pragma once
 
 #include <Eigen/Core>

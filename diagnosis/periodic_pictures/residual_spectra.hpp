@@ -1,5 +1,6 @@
-// What a fitted model leaves of periodic recordings, for the report: spectra of each output,
-// measured, left and noise, of one recording of the fit and one kept out, and one period in time.
+// What a fitted model leaves of periodic recordings, for the report. There are spectra of each
+// output, measured, left and noise, of one recording of the fit and one kept out, and one period in
+// time.
 //
 // The recordings shown are those with the most signal above the noise in that channel, whatever the
 // model, so that fits before and after an extension are seen on the same ones.

@@ -4,16 +4,16 @@
 //   const PredictionDiagnosis result = diagnose_by_prediction(model, campaign, options);
 //   verdict_words(result.diagnosis, result.hypotheses);
 //
-// A predictor (predictor.hpp) that sees the measurements for a while and then runs free for h
-// samples; the search climbs a ladder of h (prediction_search.hpp); the model found is fitted in
-// free run where that has skill and judged on recordings kept out (final_fit.hpp).
-// docs/prediction_error.md has the mathematics and the limits.
+// A predictor (predictor.hpp) sees the measurements for a while and then runs free for h samples.
+// The search climbs a ladder of h (prediction_search.hpp). The model found is fitted in free run
+// where that has skill, and judged on recordings kept out (final_fit.hpp). The mathematics and the
+// limits are in docs/prediction_error.md.
 //
-// Verdict: `none` where nothing was found and the rest is at the sensors' noise on every rung;
-// `explained` where laws were found, the rest is at the noise on every rung, no output's error on
-// recordings kept out is above 15 % of its signal (or 1.5 times its stated noise), the model could
-// be a machine's (plausibility.hpp) and no rival stands; `ambiguous` where only the last fails;
-// `unknown` otherwise, with the tests that failed.
+// The verdict is `none` where nothing was found and the rest is at the sensors' noise on every
+// rung. It is `explained` where laws were found and all of the following hold. The rest is at the
+// noise on every rung. No output's error on recordings kept out is above 15 % of its signal (or 1.5
+// times its stated noise). The model could be a machine's (plausibility.hpp). No rival stands. It
+// is `ambiguous` where only the last fails, and `unknown` otherwise, with the tests that failed.
 #pragma once
 
 #include <filesystem>
@@ -29,8 +29,9 @@ namespace graybox {
 struct PredictionDiagnosis {
   std::vector<Hypothesis> hypotheses;
   Diagnosis diagnosis;
-  // In one line, why another method should be asked where there is one: no law was found, the model
-  // found is not a machine's, or recordings kept out are not predicted. Empty: no reason.
+  // In one line, why another method should be asked where there is one. The reasons: no law was
+  // found, the model found is not a machine's, or recordings kept out are not predicted. Empty: no
+  // reason.
   std::string doubt;
 };
 

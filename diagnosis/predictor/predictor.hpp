@@ -8,15 +8,15 @@
 //
 // Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
 // curve: at rest it holds with any force up to its level. What moves along b slides on with F(v)
-// against its direction; what rests and is pulled by less than F(0+) holds, exactly; what comes to
-// rest or breaks away within a step does so where its velocity, or the pull, straight in time,
-// passes zero, or the level. So predictions depend on parameters without jumps, and no transition
-// velocity makes the equations stiff. A transition that is wide enough to be seen, h F b' M^-1 b /
-// v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v is not the
-// model's to change. Where a rectifying sensor reads a negative signal, more of the reading is less
-// of the signal, and e_k is taken with the other sign. A lag of a sensor is exact for outputs that
-// are straight between samples; a late sensor reads what the state was then, and is corrected
-// there, since earlier outputs are part of the state.
+// against its direction. What rests and is pulled by less than F(0+) holds, exactly. Within a step
+// it comes to rest where its velocity, straight in time, passes zero. It breaks away where the
+// pull, straight in time, passes the level. So predictions depend on parameters without jumps, and
+// no transition velocity makes the equations stiff. A transition that is wide enough to be seen, h
+// F b' M^-1 b / v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v
+// is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
+// reading is less of the signal, and e_k is taken with the other sign. A lag of a sensor is exact
+// for outputs that are straight between samples; a late sensor reads what the state was then, and
+// is corrected there, since earlier outputs are part of the state.
 //
 //   Predictor predictor(model, sample_time, steps);
 //   predictor.run(drive, outputs, seen, gain, initial, errors);   // false: out of all bounds
@@ -46,9 +46,10 @@ class Predictor {
     return static_cast<Eigen::Index>(outputs_.size());
   }
 
-  // `outputs`: samples x outputs, measured. `seen`: of each sample; empty: none. `gain`: states x
-  // outputs, or empty. `initial`: q and q' of the free coordinates. `errors`: samples x outputs.
-  // `states`, if not null: samples x (q, q' of all coordinates), after each correction.
+  // The measured `outputs` and the `errors` are samples x outputs. The flag `seen` is of each
+  // sample; empty: none. The `gain` is states x outputs, or empty. The `initial` values are q and
+  // q' of the free coordinates. The `states`, if not null, are samples x (q, q' of all
+  // coordinates), after each correction.
   bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
            std::span<const std::uint8_t> seen, const Eigen::MatrixXd& gain,
            const Eigen::VectorXd& initial, Eigen::MatrixXd& errors,

@@ -1,7 +1,7 @@
-// Faults of the data that show in the samples by themselves, before any physics: what each detector
-// found (spike.hpp, stuck_sensor.hpp, counter_wrap.hpp, lost_samples.hpp, quantisation.hpp,
-// recording_copies.hpp) in words, with its place, how sure it is, what else it could be and the
-// line of campaign.yaml that mends it. Nothing is mended here.
+// Faults of the data that show in the samples by themselves, before any physics. What each detector
+// found is said in words (spike.hpp, stuck_sensor.hpp, counter_wrap.hpp, lost_samples.hpp,
+// quantisation.hpp, recording_copies.hpp). Each comes with its place, how sure it is, what else it
+// could be and the line of campaign.yaml that mends it. Nothing is mended here.
 //
 // How often each rule is wrong and right was measured on real recordings: docs/recordings.md.
 #pragma once

@@ -32,12 +32,13 @@ struct ExperimentRecording {
 // Whether channels of one motion are compared (motion_pairs.hpp). That takes longer.
 enum class MotionPairs { kIgnored, kCompared };
 
-// Reads and checks; faults of the data are findings. Checked: the time axis of every file
+// Reads and checks; faults of the data are findings. It checks the time axis of every file
 // (time_axis.hpp), every signal (signal_checks.hpp), files of one experiment against each other
-// (length, times), data faults (data_faults.hpp), units and sample times that files state, names
-// and units that contradict each other, segments and periods against the length. Numbers are mended
-// first as the campaign's first steps say (mends_recorded), which is a warning, and what is mended
-// is checked. Throws InputError for files that can't be read and for columns that are not there.
+// (length, times) and data faults (data_faults.hpp). It also checks units and sample times that
+// files state, names and units that contradict each other, and segments and periods against the
+// length. Numbers are mended first as the campaign's first steps say (mends_recorded), which is a
+// warning, and what is mended is checked. Throws InputError for files that can't be read and for
+// columns that are not there.
 [[nodiscard]] ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t index,
                                                      MotionPairs pairs = MotionPairs::kIgnored);
 

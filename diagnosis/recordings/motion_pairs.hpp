@@ -3,7 +3,7 @@
 // found (late_signal.hpp): a reversed sign, another gain, a channel that is late.
 //
 // A velocity is compared with the rate of every position that varies like it, two channels of one
-// unit with each other; of several partners the one that varies most alike is taken (correlation
+// unit with each other. Of several partners the one that varies most alike is taken (correlation
 // over shifts of up to eight samples). Two channels are one motion where less than 15 % of the
 // deviation is left; two outputs where less than 2 % is left and the gain is within 5 % of 1, as
 // joints that move in step vary alike. Motion follows its reference as a loop does, so references

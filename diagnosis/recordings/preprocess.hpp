@@ -74,10 +74,10 @@ struct Signals {
 
 constexpr Eigen::Index kShortestPiece = 20;  // samples, of what missing samples leave
 
-// Throws InputError (`source` begins its line) if a step can't be done: a filter above the Nyquist
-// frequency or of irregular samples, pieces too short, decimation that would fold, a period that
-// the factor doesn't divide or a trim would cut, channels of a transmission in different or unfit
-// units.
+// Throws InputError (`source` begins its line) if a step can't be done. Reasons are a filter above
+// the Nyquist frequency or of irregular samples, pieces too short and decimation that would fold.
+// Others are a period that the factor doesn't divide or a trim would cut, and channels of a
+// transmission in different or unfit units.
 void preprocess(const std::string& source, const std::vector<PreprocessStep>& steps,
                 Signals& signals);
 

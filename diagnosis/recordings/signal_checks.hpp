@@ -21,9 +21,10 @@ void check_signal(const std::string& source, const Eigen::Ref<const Eigen::Vecto
                   std::vector<Finding>& findings);
 
 // Samples that lie in flat tops at the largest or flat bottoms at the smallest value and look like
-// a limit: at least two runs of at least four equal samples at that value, entered at least once by
-// a step above a tenth of the rms step and above twice the smallest step (a quantised signal that
-// turns there enters by single steps). 0 for signals of at most 16 values: they switch.
+// a limit. That takes at least two runs of at least four equal samples at that value. It must be
+// entered at least once by a step above a tenth of the rms step and above twice the smallest step.
+// (A quantised signal that turns there enters by single steps.) The number is 0 for signals of at
+// most 16 values: they switch.
 [[nodiscard]] std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values);
 
 // Samples that stand alone: further than 20 median absolute deviations from the median, and reached

@@ -19,9 +19,9 @@
 // test of itself.
 //
 // Estimated Lambda. Where Phi_v is an estimate with q complex degrees of freedom, weights that err
-// cost precision although they are unbiased: with p = n_y outputs and a complex Wishart matrix W,
-// E W^-1 = I / (q - p) and E W^-2 = q I / ((q - p)^3 - (q - p)) (Maiwald and Kraus 2000), so the
-// covariance of the gradient is not H but
+// cost precision although they are unbiased. Take p = n_y outputs and a complex Wishart matrix W.
+// Then E W^-1 = I / (q - p) and E W^-2 = q I / ((q - p)^3 - (q - p)) (Maiwald and Kraus 2000). So
+// the covariance of the gradient is not H but
 //
 //   S = sum kappa J^T J,   kappa = q (q - p) / ((q - p)^2 - 1),   and   Cov theta_hat = H^-1 S H^-1
 //

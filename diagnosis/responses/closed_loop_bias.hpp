@@ -16,21 +16,22 @@
 //
 //   E G_hat - G = C L,    L = Phi_N^(1/2) [sum_i b_i x_i x_i^H] Phi_N^(-1/2),   0 <= b_i <= 1.
 //
-// For Z of independent entries CN(0, 1) and X = A + Z, E Z X^-1 = sum b_i x_i x_i^H. By parts
-// (E Z_ia g = E dg/d conj(Z_ia)) only the singular matrices X count, where conj-derivatives of
-// 1/det X are delta functions; with the left null vector w of X (uniform on the sphere, weighed by
+// For Z of independent entries CN(0, 1) and X = A + Z, E Z X^-1 = sum b_i x_i x_i^H. By parts (E
+// Z_ia g = E dg/d conj(Z_ia)) only the singular matrices X count, where conj-derivatives of 1/det X
+// are delta functions. Let w be the left null vector of X. It is uniform on the sphere, weighed by
 // the density of w^H X at 0 and by the mean squared minors of the rest, a non-central Wishart
-// determinant),
+// determinant. With it
 //
 //   b_i = n/n! E_p p_i exp(-sum_l p_l s_l^2) sum_m p_m sum_k (n-k)! e_k(s^2 without s_m^2),
 //
 // p_l = |w_l|^2 uniform on the simplex, e_k elementary symmetric polynomials. The means over the
-// simplex are divided differences of the exponential (Hermite and Genocchi), entries of the
-// exponential of a bidiagonal matrix (Opitz 1964), all of one sign. n = 1 is the formula above;
-// equal s give exp(-s^2) sum_k C(n-1, k) s^2k (n-k)!/n!. Tests compare it with Monte Carlo.
+// simplex are divided differences of the exponential (Hermite and Genocchi). These are entries of
+// the exponential of a bidiagonal matrix (Opitz 1964), all of one sign. With n = 1 it is the
+// formula above. Equal s give exp(-s^2) sum_k C(n-1, k) s^2k (n-k)!/n!. Tests compare it with Monte
+// Carlo.
 //
-// What can be estimated. C and U_0 are not known; with C' = Phi_yN Phi_N^-1 - G_hat from the noise
-// that was measured, G_hat = G + C L on average gives the bias C' L (I - L)^-1, and U U^H - n_u
+// What can be estimated. C and U_0 are not known. C' = Phi_yN Phi_N^-1 - G_hat comes from the noise
+// that was measured. As G_hat = G + C L on average, it gives the bias C' L (I - L)^-1. U U^H - n_u
 // Phi_N stands for U_0 U_0^H. Where b is near 1 the plant can't be told from its controller: b
 // itself is the warning.
 //

@@ -2,8 +2,8 @@
 //
 // Line k takes the lines k - b ... k + b (fewer beyond an end) with the smallest b that gives the
 // degrees of freedom asked for. The noise of a velocity rises with w^2, so the scatter matrices of
-// neighbours are first brought to the level of line k: by a power of frequency, common to all
-// outputs, that least squares fits to the mean logarithm of their diagonals.
+// neighbours are first brought to the level of line k. This is done by a power of frequency, common
+// to all outputs, that least squares fits to the mean logarithm of their diagonals.
 #pragma once
 
 #include <Eigen/Core>

@@ -8,9 +8,9 @@
 //   const FitResult fit = fit_maximum_likelihood(model, measurements, start);
 //
 // Inputs, outputs and references are the campaign's channels that are so called, in its order. The
-// response relates what is recorded: with inputs held between samples (hold: zero) it is the
-// discrete-time response of the plant behind its hold, G = j w h S D^-1 B of frequency_response.hpp
-// but for aliasing; with band-limited inputs that of the plant alone.
+// response relates what is recorded. With inputs held between samples (hold: zero) it is the
+// discrete-time response of the plant behind its hold. That is G = j w h S D^-1 B of
+// frequency_response.hpp but for aliasing. With band-limited inputs it is that of the plant alone.
 //
 // Recordings whose campaign states period, periods and lines go the periodic way
 // (periodic_response.hpp); the others the local polynomial way (local_polynomial.hpp), every
@@ -45,9 +45,9 @@ struct ResponseOptions {
 
 // In the order in which positions and levels come up in the campaign. Findings of the recordings
 // (warnings) and of the estimate are with each. Throws InputError of one line for recordings that
-// can't be used: no experiments of this role, not periodic, no inputs or outputs, sub-experiments
-// that are missing or given twice, other lines or periods among those of one response, inputs that
-// are not independent, samples at uneven times, records too short.
+// can't be used. Such are: no experiments of this role, not periodic, no inputs or outputs,
+// sub-experiments that are missing or given twice. Others are other lines or periods among those of
+// one response, inputs that are not independent, samples at uneven times, records too short.
 [[nodiscard]] std::vector<FrequencyResponseEstimate> estimate_responses(
     const Campaign& campaign, const ResponseOptions& options = {});
 

@@ -4,7 +4,7 @@
 //   Cov vec(G_hat - G) = [W^H W]^T (x) Phi,      G_hat - G = V W,
 //
 // where the columns of V (one for each recording) are independent with covariance Phi, and W is how
-// G_hat weighs them: W = U^-1 for the n_u sub-experiments of one realisation, which is the form
+// G_hat weighs them. W = U^-1 for the n_u sub-experiments of one realisation. This is the form
 // Lambda = [(U U^H)^-1]^T (x) Phi_v of response_measurement.hpp (vec stacks columns). Only W^H W
 // counts; it is kept as `input_gram`.
 //
@@ -91,7 +91,7 @@ struct FrequencyResponseEstimate {
 enum class CovarianceKind : std::int8_t { kBest, kNoise, kTotal };
 
 // For a fit. Its noise factors whiten by the estimated covariance, scaled by ((q - n_y) / q)^(1/2)
-// because E Phi_hat^-1 = q / (q - n_y) Phi^-1: weighted sums of squares then have the mean that
+// because E Phi_hat^-1 = q / (q - n_y) Phi^-1. Weighted sums of squares then have the mean that
 // they would have with Phi itself, and H = J^T J that of the information. A covariance of lower
 // rank is raised to 1e-26 of the output's power (noise-free simulations). Throws InputError where
 // the covariance is not known or q <= n_y + 1.

@@ -22,10 +22,9 @@
 //   G_hat -> G + S_vu S_uu^-1,    under u = F (r - y):  G - Phi_v (Phi_r + Phi_v)^-1 (G + F^-1),
 //
 // which is -F^-1 where noise dominates, however long the record. (u = S (r - v), S = (F^-1 +
-// G)^-1.)
-// Where the records bring n_u references, the joint input-output estimate is used instead: the
-// method from r to (y, u), then G_hat = G_ry G_ru^-1, which has no such bias; to first order in the
-// noise its error is (N_y - G N_u) W G_ru^-1, with W that of r.
+// G)^-1.) Where the records bring n_u references, the joint input-output estimate is used instead.
+// It is the method from r to (y, u), then G_hat = G_ry G_ru^-1, which has no such bias. To first
+// order in the noise its error is (N_y - G N_u) W G_ru^-1, with W that of r.
 #pragma once
 
 #include <Eigen/Core>

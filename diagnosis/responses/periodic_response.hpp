@@ -22,10 +22,10 @@
 // Noise covariance Phi_v from the noise samples of line_spectra.hpp, each y - G_hat u: noise on
 // inputs and outputs and their correlation by feedback all count. Degrees of freedom: samples.
 //
-// Total covariance from the scatter of the columns over realisations, with A = I - W U:
-// Y - G_hat U = V A, so Phi = (V A)(V A)^H / tr(A A^H), degrees of freedom (tr A A^H)^2 /
-// tr (A A^H)^2 (Satterthwaite; n - n_u for orthogonal multisines). It holds noise and what a
-// non-linear plant adds that changes with the phases, taken as independent between recordings.
+// Total covariance from the scatter of the columns over realisations. With A = I - W U, Y - G_hat U
+// = V A, so Phi = (V A)(V A)^H / tr(A A^H). The degrees of freedom are (tr A A^H)^2 / tr (A A^H)^2
+// (Satterthwaite; n - n_u for orthogonal multisines). It holds noise and what a non-linear plant
+// adds that changes with the phases, taken as independent between recordings.
 #pragma once
 
 #include <Eigen/Core>

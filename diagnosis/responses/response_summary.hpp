@@ -29,7 +29,8 @@ struct ResponseSummary {
 [[nodiscard]] Eigen::MatrixXd output_deviations(const std::vector<OutputCovariance>& covariance);
 
 // Rms beyond the noise, at silent lines of one kind, of each output, about every excited line (from
-// half way to the line before to half way to the next); NaN where there is none. n_y x lines.
+// half way to the line before to half way to the next). It is NaN where there is none. The shape is
+// n_y x lines.
 [[nodiscard]] Eigen::MatrixXd distortion_levels(const FrequencyResponseEstimate& estimate,
                                                 bool even);
 

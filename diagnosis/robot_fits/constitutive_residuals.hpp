@@ -2,10 +2,10 @@
 // of the robot; the misfit with which a fit starts far from the truth (constitutive_stage.hpp).
 //
 // The error in the constitutive relation (Ladeveze; Banerjee, Walsh, Aquino and Bonnet 2013 for
-// frequency responses). Balance of forces is taken as exact, while spring p may pull with
-// theta_p k_p e_p - q_p for its elongation e_p. With D(theta) = K + j w C - w^2 M, A = j w h B^T
-// D^-1 [b_1 ... b_P] and E = G_hat - G(theta), a column c of E U is explained by noise and forces,
-// A q + noise, at the cost
+// frequency responses). Balance of forces is taken as exact, while spring p may pull with theta_p
+// k_p e_p - q_p for its elongation e_p. Let D(theta) = K + j w C - w^2 M, A = j w h B^T D^-1 [b_1
+// ... b_P] and E = G_hat - G(theta). A column c of E U is explained by noise and forces, A q +
+// noise, at the cost
 //
 //   min over q:  |q|^2_{Q^-1} + |E U - A q|^2_{Lambda_c^-1} = e^H (Lambda_c + A Q A^H)^-1 e,
 //   Q = tau^2 T_c diag(theta_p k_p),     Lambda_c = (2 m left^H left)^-1,
@@ -19,9 +19,9 @@
 //
 //   d/d log theta_p = 2 Re e^H W A_p (theta_p k_p e^_p - q_p / 2),    e^ = b^T D^-1 (B U + [b] q),
 //
-// W = (Lambda_c + A Q A^H)^-1: with residuals r = L^-1 e, L L^H = W^-1, and the columns L^-1 A_p
-// (theta_p k_p e^_p - q_p / 2) as derivatives, the gradient J^T r is exact; J itself is Gauss and
-// Newton's up to terms that vanish with r.
+// W = (Lambda_c + A Q A^H)^-1. Take residuals r = L^-1 e, L L^H = W^-1, and the columns L^-1 A_p
+// (theta_p k_p e^_p - q_p / 2) as derivatives. Then the gradient J^T r is exact. The matrix J
+// itself is Gauss and Newton's up to terms that vanish with r.
 //
 // Cost: one solution with the matrix D, and n_u Cholesky factors of n_y x n_y, for each line.
 #pragma once

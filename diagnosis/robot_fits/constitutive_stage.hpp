@@ -2,11 +2,11 @@
 // stiffness.
 //
 // Minimises the error in the springs' constitutive relation (constitutive_residuals.hpp) for a
-// descending sequence of relaxations tau: with tau = 0.1 violated springs explain most of it, and
-// the misfit is smooth over decades of theta; each later minimum starts where the one before ended,
-// and the smallest tau leaves theta near the optimum of the likelihood. Ceres (Levenberg and
-// Marquardt) in log theta, with a normal prior about the start: parameters that these data hardly
-// show stay near it.
+// descending sequence of relaxations tau. With tau = 0.1 violated springs explain most of it, and
+// the misfit is smooth over decades of theta. Each later minimum starts where the one before ended.
+// The smallest tau leaves theta near the optimum of the likelihood. Ceres (Levenberg and Marquardt)
+// in log theta, with a normal prior about the start: parameters that these data hardly show stay
+// near it.
 //
 // A misfit this smooth does not need every line: at most `lines` of each measurement, evenly
 // picked, are used, in all positions.

@@ -8,8 +8,8 @@
 // dof) < 4.
 //
 // Two starts ended in the same optimum where they lie within 0.1 standard errors of each other,
-// (delta^T H delta)^(1/2) <= 0.1, or their chi-squares differ by less than 0.01 (where parameters
-// are not seen, theta is free).
+// (delta^T H delta)^(1/2) <= 0.1. They also did where their chi-squares differ by less than 0.01
+// (where parameters are not seen, theta is free).
 //
 //   const FitSearch search = search_fit(model, measurements, theta_0, {.starts = 8});
 //   use(search.best.theta, search.starts);

@@ -1,7 +1,7 @@
-// The stiffness of a robot from a campaign: frequency responses with their uncertainty
-// (responses/estimate_responses.hpp), then the maximum-likelihood fit over all positions and levels
-// at once (maximum_likelihood.hpp) from several starts (fit_search.hpp), each brought near by way
-// of the springs' constitutive relation (constitutive_stage.hpp).
+// The stiffness of a robot from a campaign. First come frequency responses with their uncertainty
+// (responses/estimate_responses.hpp). Then comes the maximum-likelihood fit over all positions and
+// levels at once (maximum_likelihood.hpp) from several starts (fit_search.hpp). Each start is
+// brought near by way of the springs' constitutive relation (constitutive_stage.hpp).
 //
 //   const FitReport report = fit_robot_campaign(load_robot_model("robot.yaml"),
 //                                               read_campaign("campaign"), {.threads = 2});

@@ -1,8 +1,8 @@
 // The stiffness of a robot from the spectral lines of periodic recordings themselves: where the fit
 // of frequency responses goes on.
 //
-// Responses are freed of leakage by local polynomials, which cost noise (half as much again and
-// more) and do not follow modes that are sharper than the bins; and Y U^-1 takes what noise makes
+// Responses are freed of leakage by local polynomials. These cost noise (half as much again and
+// more) and do not follow modes that are sharper than the bins. And Y U^-1 takes what noise makes
 // of the inputs, by way of the controller, for excitation. Here the model itself takes out free
 // motion and feedback (periodic/cleared_fit.hpp); what is left is
 //

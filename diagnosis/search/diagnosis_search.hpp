@@ -96,13 +96,13 @@
 //   8. Judge whether the final model is one that a machine can have (plausibility.hpp), and compute
 //      the verdict from the list of all tests (verdict_reasons.hpp).
 //
-// Verdicts: `none`: nothing detected. `explained`: one law a class, and the rest is noise.
-// `ambiguous`: the rest is noise, but a class has several members, or one law several places, or
-// recordings kept out are more than noise (`noise_floor`) and only within the errors of the fitted
-// parameters: a law that is not in the catalogue may hide behind those. `unknown`:
-// something is missing that no hypothesis explains down to the noise, or whose place shows that the
-// law found only resembles it, or that changes with time; the laws found so far are reported with
-// it.
+// The verdict is one of four. With `none` nothing was detected. With `explained` there is one law a
+// class, and the rest is noise. With `ambiguous` the rest is noise, but one of three things holds.
+// A class has several members, or one law has several places. Or recordings kept out are more than
+// noise (`noise_floor`) and only within the errors of the fitted parameters: a law that is not in
+// the catalogue may hide behind those. With `unknown` something is missing that no hypothesis
+// explains down to the noise. It is also `unknown` where its place shows that the law found only
+// resembles it, or where it changes with time. The laws found so far are reported with it.
 //
 // Cost: one fit and one ranking for each effect, and `shortlist` fits; then about as many for the
 // rivals.

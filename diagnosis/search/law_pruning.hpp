@@ -6,10 +6,13 @@
 
 namespace graybox {
 
-// From the parameters that the fit has with the law and, where the noise is known, anew from those
-// without any law and from the laws as they were ranked first: a law that stood in for another may
-// have pulled all of them far off. Where that is worse than without any law, from the first fit's
-// own starts, too. Cost: up to three fits, the last as dear as the first fit of all.
+// The fit without a law starts from the parameters that the fit has with it. Where the noise is
+// known, a second one starts anew from those without any law and from the laws as they were ranked
+// first. A law that stood in for another may have pulled all of them far off. Where the noise is
+// known, it also starts anew from those without any law and from the laws as they were ranked
+// first: a law that stood in for another may have pulled all of them far off. Where that is worse
+// than without any law, from the first fit's own starts, too. Cost: up to three fits, the last as
+// dear as the first fit of all.
 [[nodiscard]] ExtendedFit fit_without(SearchState& state, const ExtendedFit& fit, std::size_t law);
 
 // Where the noise is known: a law without which BIC is not higher by `exclusion_margin`, for the

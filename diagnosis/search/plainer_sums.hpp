@@ -2,9 +2,9 @@
 //
 // A law with several shape parameters can imitate the sum of two simple ones at its place: a
 // Stribeck friction or one that grows less than linearly a dry one with a damper. Which laws a sum
-// may be made of follows from the hypotheses: one is a special case of the law or describes the
-// same characteristic, the other is the law that a score test then misses most at that place;
-// together they have no more parameters than the law.
+// may be made of follows from the hypotheses. One is a special case of the law or describes the
+// same characteristic. The other is the law that a score test then misses most at that place.
+// Together they have no more parameters than the law.
 //
 // Where the noise is known the model's own stiffnesses and dampings are free, so that linear laws
 // are beside every law there: no sums are tried.

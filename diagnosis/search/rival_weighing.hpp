@@ -6,8 +6,8 @@
 
 namespace graybox {
 
-// Where one of several laws found one after another has a better rival now that the others are
-// there, the rival takes its place, and all are weighed again.
+// One of several laws found one after another may have a better rival now that the others are
+// there. The rival then takes its place, and all are weighed again.
 void weigh_rivals(SearchState& state);
 
 }  // namespace graybox

@@ -39,9 +39,9 @@ struct TimeAxis {
 // At least two finite times, s.
 [[nodiscard]] TimeAxis examine_times(const Eigen::Ref<const Eigen::VectorXd>& times);
 
-// Adds what is wrong with the times of `source` if samples are said to be `sample_time` apart
-// (none: irregular, where the times themselves are used and only their order is required). `offset`
-// is the number of the first sample in its file. Nothing is resampled.
+// Adds what is wrong with the times of `source` if samples are said to be `sample_time` apart.
+// (None: irregular, where the times themselves are used and only their order is required.) The
+// `offset` is the number of the first sample in its file. Nothing is resampled.
 //   Errors: no order, gaps, two rates, irregular times or jitter above 10 % where samples are said
 //   to be even, and a step that is not the sample time (0.1 %; 1 % below 1000 samples).
 //   Warnings: jitter up to 10 %; gaps in irregular recordings.

@@ -10,15 +10,15 @@
 // For a motor, G falls as 1/w, Phi_v rises as w^2, and T is large: at 1 Hz the variance of Y - G U
 // of the robot's 8 s records is a thousand times that of V. Averaging periods does not help (T
 // falls no faster than V). T is therefore predicted at k P from the bins around it, which hold
-// noise and transient only, and subtracted (the local polynomial method for periodic excitation:
-// Pintelon,
-// Vandersteen, Schoukens and Rolain 2011; order 1 with one bin on each side is the Hann window):
+// noise and transient only, and subtracted. This is the local polynomial method for periodic
+// excitation (Pintelon, Vandersteen, Schoukens and Rolain 2011); order 1 with one bin on each side
+// is the Hann window:
 //
 //   X(k P) <- X(k P) - s^T x,   x the bins k P + o,  o = the 2 n_b nearest not divisible by P,
 //   s the weights by which least squares on 1, o, ..., o^R predicts the value at o = 0.
 //
-// The part of x that no polynomial fits, x^T Q with Q^T Q = I, is noise alone: 2 n_b - R - 1
-// samples that are independent, of the covariance that the spectrum has between channels, all
+// The part of x that no polynomial fits, x^T Q with Q^T Q = I, is noise alone. It has 2 n_b - R - 1
+// samples that are independent, of the covariance that the spectrum has between channels. All are
 // scaled by (1 + |s|^2)^(1/2) to the covariance of the corrected spectrum. Signals are treated
 // alike, so that the samples of Y and U together give that of Y - G U, whatever feedback correlates
 // them.

@@ -7,8 +7,8 @@
 // delay, so that G of frequency_response.hpp (with its hold factor) and F describe the loop
 // exactly.
 //
-// Noise v: the difference quotient of white noise n on the motor angles, v(t) = (n(t) - n(t-1)) /
-// T_s with variance C_v of n, so that Phi_v(w) = C_v |1 - exp(-j w T_s)|^2 / T_s^2, which is C_v
+// The noise v is the difference quotient of white noise n on the motor angles. With v(t) = (n(t) -
+// n(t-1)) / T_s and variance C_v of n, Phi_v(w) = C_v |1 - exp(-j w T_s)|^2 / T_s^2. This is C_v
 // w^2 but for less than 0.1 % below 17 Hz and 1.2 % at 60 Hz (T_s = 0.5 ms): the paper's Phi_v =
 // C_v w^2, sampled. PSD in the DFT scaling of multisine.hpp. White noise may come on top.
 #pragma once
@@ -39,10 +39,10 @@ struct Recording {
   Eigen::MatrixXd output;     // y, with noise
 };
 
-// `reference`: one period, n_u x N; without a controller it is the input itself.
-// `keep_going` is asked several times a second; where it says no, the recording is empty.
-// `progress` is told then how many samples have been simulated since the last time. The plant is
-// restarted first. Throws UnstableMotion (plant.hpp).
+// The `reference` is one period, n_u x N; without a controller it is the input itself. The callback
+// `keep_going` is asked several times a second; where it says no, the recording is empty. The
+// callback `progress` is told then how many samples have been simulated since the last time. The
+// plant is restarted first. Throws UnstableMotion (plant.hpp).
 [[nodiscard]] Recording simulate_closed_loop(
     Plant& plant, const std::optional<PiController>& controller, double sample_time,
     const Eigen::MatrixXd& reference, const ClosedLoopOptions& options,

@@ -4,9 +4,9 @@
 //
 // Resumes: each recording appears complete or not at all, and one that is there is not simulated
 // again. Phases and noise depend on the seed and on the place in the plan alone, so that neither
-// the number of threads nor an interruption changes a byte. `simulation.json` in the folder says
-// which model, plan and seed the recordings are of; a folder of other ones is refused. One run at a
-// time in a folder.
+// the number of threads nor an interruption changes a byte. The file `simulation.json` in the
+// folder says which model, plan and seed the recordings are of. A folder of other ones is refused.
+// One run at a time in a folder.
 #pragma once
 
 #include <cstddef>
@@ -35,9 +35,9 @@ struct SimulationOutcome {
   bool complete = false;  // false: asked to stop
 };
 
-// Throws InputError, before anything is written, where the folder can't be made or holds other
-// recordings, the work would take more than a month, a position has no rest, or no phases keep the
-// crest limit; and UnstableMotion (plant.hpp) with the recording's name.
+// Throws InputError, before anything is written, in four cases. The folder can't be made or holds
+// other recordings. The work would take more than a month. A position has no rest. No phases keep
+// the crest limit. Throws UnstableMotion (plant.hpp) with the recording's name.
 SimulationOutcome simulate_campaign(const SimulatedSystem& system, const ExcitationPlan& plan,
                                     const std::filesystem::path& folder,
                                     const SimulationOptions& options);

@@ -83,10 +83,10 @@ struct StageRecord {
   Eigen::VectorXd theta;  // theta_hat over the truth
 };
 
-// Runs the repetitions with `robot` as the truth. on_repetition gets the records of one repetition
-// (strategies in order, each with its stages 0, 1, ...) as it is finished, one at a time and in any
-// order; returning false stops the study, and repetitions that are not finished are dropped. Throws
-// InputError for options out of range and positions that do not fit the robot.
+// Runs the repetitions with `robot` as the truth. The callback on_repetition gets the records of
+// one repetition (strategies in order, each with its stages 0, 1, ...) as it is finished, one at a
+// time and in any order. Returning false stops the study, and repetitions that are not finished are
+// dropped. Throws InputError for options out of range and positions that do not fit the robot.
 //
 // Cost: a repetition computes stages + 1 information sets (60 us a position) and 4 stages fits.
 void run_sequential_study(

@@ -1,5 +1,5 @@
-// The picture of a law in a report: what the recordings ask for as points and as means with bars,
-// the law as a line over them.
+// The picture of a law in a report. What the recordings ask for is drawn as points and as means
+// with bars, the law as a line over them.
 //
 // The line and the means are there where the law is a function of the axis alone; a friction over
 // the deflection is drawn as points. The scale is that of the law and of 99 % of the recorded

@@ -10,8 +10,8 @@
 
 namespace graybox {
 
-// Texts of the files. Period, periods and number of excited lines are those of the campaign;
-// `has_plant`: the model is a robot, whose plan names its plant (the non-linear one).
+// Texts of the files. Period, periods and number of excited lines are those of the campaign. The
+// flag `has_plant` says that the model is a robot, whose plan names its plant (the non-linear one).
 [[nodiscard]] std::vector<std::string> next_plans(const NextExperiment& next,
                                                   const Campaign& campaign, bool has_plant);
 

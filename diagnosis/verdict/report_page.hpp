@@ -1,10 +1,10 @@
 // report.html: a diagnosis to read, one file with its figures in it.
 //
-// In this order: the verdict in words; the fit before and after, on recordings of the fit and on
-// those kept out; where it does not fit (normalised residuals by channel and band, one map a
-// position and level, those too large framed); each effect with its parameters, the picture of its
-// law and its rivals; residuals against noise before and after; the model's own parameters; what
-// would have been seen.
+// It has, in this order, the verdict in words and the fit before and after, on recordings of the
+// fit and on those kept out. Then it shows where the model does not fit: normalised residuals by
+// channel and band, one map a position and level, those too large framed. Next comes each effect
+// with its parameters, the picture of its law and its rivals. Last are residuals against noise
+// before and after, the model's own parameters, and what would have been seen.
 #pragma once
 
 #include <span>

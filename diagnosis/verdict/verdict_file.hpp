@@ -49,28 +49,28 @@
 // Channels, bands, positions and levels are those where residuals before any extension are too
 // large at a false discovery rate of 5 % (Benjamini and Yekutieli 2001); cells that touch are one
 // band. Where the noise is not known, channels are those of `rest_by_channel` whose rest depends on
-// the motion or on its own past by more than the limits for all of them together, and the other
-// lists are empty.
-// `reasons` (verdict_reasons.hpp): the tests in the order in which they decide; the first that
-// failed makes the verdict what its `otherwise` says. `passed` is null where a test could not be
-// asked, and `not_tested` says why. `next` is there where it failed. `held_out_gain`: the share of
-// the squared error over the noise that a law takes from recordings kept out. `nonlinear`: a law
-// that is not linear was found; null where none was. Numbers that are not known are null.
+// the motion or on its own past. It must do so by more than the limits for all of them together.
+// The other lists are then empty. The list `reasons` (verdict_reasons.hpp) has the tests in the
+// order in which they decide. The first that failed makes the verdict what its `otherwise` says.
+// The field `passed` is null where a test could not be asked, and `not_tested` says why. The field
+// `next` is there where it failed. The `held_out_gain` is the share of the squared error over the
+// noise that a law takes from recordings kept out. The field `nonlinear` says that a law that is
+// not linear was found; it is null where none was. Numbers that are not known are null. The flag
 // `predicts_kept_out` is false where recordings kept out are predicted within the errors of the
-// fitted parameters only; `on_few_recordings` is true where few of many recordings excluded a law,
-// `with_free_motion` where it was so far behind that it was not fitted again to recordings freed of
-// free motion, `contradicted` where recordings kept out excluded it. `rivals_weighed` is false
-// where as many laws as the search takes leave more than noise. `time_variation` is null where
-// nothing was seen to change while it is recorded (time_variation.hpp); whether that could be told
-// says `time_variation_tested`.
-// `departures` (law_departure.hpp): places where the laws found only resemble what is there, and
-// the law that would explain most of the rest; `shapes_compared` says whether that could be asked
-// (noise known, the rest no more than that, another law to ask for). `shared_characteristics`:
-// places where several laws describe one spring or friction. A parameter that `sets_scale` is
-// stated: with another value the law's other sizes scale, and the force is the same. Sizes that
-// count for that value alone have no standard error, but a `conditional_error`.
-// `next_experiment` (next_experiment.hpp) is null where nothing is to be told apart or nothing
-// could tell.
+// fitted parameters only. Of an alternative, `on_few_recordings` is true where few of many
+// recordings excluded the law. The flag `contradicted` is true where recordings kept out excluded
+// it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
+// to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the
+// search takes leave more than noise. The field `time_variation` is null where nothing was seen to
+// change while it is recorded (time_variation.hpp). Whether that could be told says
+// `time_variation_tested`. The list `departures` (law_departure.hpp) has places where the laws
+// found only resemble what is there, and the law that would explain most of the rest. Whether that
+// could be asked says `shapes_compared` (noise known, the rest no more than that, another law to
+// ask for). The list `shared_characteristics` has places where several laws describe one spring or
+// friction. A parameter that `sets_scale` is stated: with another value the law's other sizes
+// scale, and the force is the same. Sizes that count for that value alone have no standard error,
+// but a `conditional_error`. The field `next_experiment` (next_experiment.hpp) is null where
+// nothing is to be told apart or nothing could tell.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -1,10 +1,11 @@
 // Recorded velocities and accelerations that are not those of the recorded positions.
 //
-// Over windows of ten samples the change of a position is compared with the integral of a velocity,
-// and the change of a velocity with the integral of an acceleration, as they are recorded (of
-// motors or joints), less their means. Where one follows its own with a correlation above 0.9, but
-// with another sign or a factor beyond 1/2 and 2 (filters may take a part), or its own below 0.5
-// and another's above 0.9, that is said. Rates that were differentiated from positions are theirs.
+// Changes over windows of ten samples are compared, as recorded (of motors or joints), less their
+// means. The change of a position is compared with the integral of a velocity. The change of a
+// velocity is compared with the integral of an acceleration. Where one follows its own with a
+// correlation above 0.9, but with another sign or a factor beyond 1/2 and 2 (filters may take a
+// part), or its own below 0.5 and another's above 0.9, that is said. Rates that were differentiated
+// from positions are theirs.
 //
 // Cost O(N n), and O(N n^2) where something is wrong: N samples of n joints.
 #pragma once

@@ -1,11 +1,11 @@
-// Counters that wrap: a position or velocity that jumps by its whole range between two samples,
-// again and again by the same amount, and moves smoothly else. A jump's slope makes forces of any
-// sign, so that this has to be asked before anything about signs.
+// Counters that wrap. A position or velocity jumps by its whole range between two samples, again
+// and again by the same amount, and moves smoothly else. A jump's slope makes forces of any sign,
+// so that this has to be asked before anything about signs.
 //
 // A jump that went through a low-pass is a ramp as long as its filter's step response; changes are
 // taken over that time. A wrap is claimed where some changes are larger than kJump of the signal's
-// range, of one size within kSameSize, all others less than kSmooth of it, and the signal moves
-// beside them.
+// range and of one size within kSameSize. All others must be less than kSmooth of it, and the
+// signal must move beside them.
 #pragma once
 
 #include <span>

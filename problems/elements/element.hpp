@@ -15,9 +15,9 @@
 // kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one
 // signal apply in the order of the list, delays last.
 //
-// A law of a signal may be driven by a recorded input d instead of the signal itself, s + f(d): an
-// encoder that reads what the gear behind it yields under the torque, a sensor that picks up a
-// current:
+// A law of a signal may be driven by a recorded input d instead of the signal itself, s + f(d).
+// Examples are an encoder that reads what the gear behind it yields under the torque, and a sensor
+// that picks up a current:
 //     location: {kind: sensor, output: angle, driven_by: {input: torque}}
 //     law: feedthrough
 //

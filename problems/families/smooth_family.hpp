@@ -11,8 +11,8 @@
 // not the optimal design.
 //
 // The angles follow the additive recurrence q_k = pi (frac(u_k + i a^-k) - 1/2) with a^5 = a + 1
-// (a Kronecker sequence on the generalised golden ratio, Roberts 2018) and u from the seed: evenly
-// spread for every Q, and nested in Q.
+// and u from the seed. This is a Kronecker sequence on the generalised golden ratio (Roberts 2018).
+// It is evenly spread for every Q, and nested in Q.
 #pragma once
 
 #include <cstddef>

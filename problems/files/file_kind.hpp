@@ -1,5 +1,5 @@
-// What a path names, without exceptions: std::filesystem throws on loops of links and on folders
-// that may not be entered, which users would see as an internal error.
+// What a path names, without exceptions. With them std::filesystem throws on loops of links and on
+// folders that may not be entered, which users would see as an internal error.
 #pragma once
 
 #include <filesystem>

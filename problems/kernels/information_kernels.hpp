@@ -11,10 +11,10 @@
 namespace graybox {
 
 // What does not depend on the position. Arrays of complex numbers hold for element e and frequency
-// f the real part at [(2 e) F + f] and the imaginary part at [(2 e + 1) F + f], F = frequencies,
-// which is padded to a multiple of kFrequencyPadding by entries of weight zero. Matrices: `packed`
-// ones are lower triangles (packed_matrix.hpp), the others full and row-major; if `diagonal`, all
-// of the m x m matrices hold their diagonals alone.
+// f the real part at [(2 e) F + f] and the imaginary part at [(2 e + 1) F + f]. Here F =
+// frequencies, which is padded to a multiple of kFrequencyPadding by entries of weight zero.
+// Matrices: `packed` ones are lower triangles (packed_matrix.hpp), the others full and row-major;
+// if `diagonal`, all of the m x m matrices hold their diagonals alone.
 struct InformationTables {
   static constexpr std::size_t kFrequencyPadding = 8;
 
@@ -35,15 +35,15 @@ struct InformationTables {
 struct InformationKernel {
   const char* name;  // "generic", "avx2", "avx512"
 
-  // out (n x n, packed) = sum over f of weight Re[(l_p^H l_q) (m_p^H m_q)], springs p, q in the
-  // order of the rotations. mass, gravity: M_a and dg/dq, n x n, packed. workspace: of
-  // information_workspace_size() doubles, aligned to 64 bytes.
+  // The result out (n x n, packed) = sum over f of weight Re[(l_p^H l_q) (m_p^H m_q)], springs p, q
+  // in the order of the rotations. The inputs mass and gravity are M_a and dg/dq, n x n, packed.
+  // The workspace has information_workspace_size() doubles, aligned to 64 bytes.
   void (*information)(const InformationTables& tables, const double* mass, const double* gravity,
                       double* workspace, double* out);
 
-  // The summands of information() before the sum over the motors i = 1 .. m in m_p^H m_q, for each
-  // frequency f (padding included) and motor a a packed n x n matrix at
-  // out[(f m + a) n (n + 1)/2]: weight Re[(l_p^H l_q) conj(m_pa) m_qa].
+  // The summands of information() before the sum over the motors i = 1 .. m in m_p^H m_q. For each
+  // frequency f (padding included) and motor a it is a packed n x n matrix at out[(f m + a) n (n +
+  // 1)/2]. Its entries are weight Re[(l_p^H l_q) conj(m_pa) m_qa].
   void (*lines)(const InformationTables& tables, const double* mass, const double* gravity,
                 double* workspace, double* out);
 };

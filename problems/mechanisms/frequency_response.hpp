@@ -38,8 +38,8 @@ namespace graybox {
 [[nodiscard]] Eigen::MatrixXcd frequency_response(const LocalModel& model, double w,
                                                   double sample_time);
 
-// dG/dtheta_p at w for every parameter p of the model, linearisation point held: with
-// D' = v_p b b^T (times j w for a damper), dG = -j w h v_p (S D^-1 b) (b^T D^-1 B): rank one,
+// The derivative dG/dtheta_p at w for every parameter p of the model, linearisation point held.
+// With D' = v_p b b^T (times j w for a damper), dG = -j w h v_p (S D^-1 b) (b^T D^-1 B): rank one,
 // exact.
 [[nodiscard]] std::vector<Eigen::MatrixXcd> frequency_response_derivatives(const LocalModel& model,
                                                                            double w,

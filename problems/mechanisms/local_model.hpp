@@ -8,9 +8,9 @@
 //   M = diag(M_a(q*), N^T J N),   C = friction + dampers,   K = springs + gravity stiffness,
 //   B = (0; N^T),  S = (0, N) = B^T: u and y are motor-side.
 //
-// Springs and dampers are elements: an element with vector b pulls with -b (value) b^T q, so
-// K = dg/dq + sum_p k_p b_p b_p^T: b = e_i for a bearing about rotation i, b = e_i - e_m for the
-// gearbox between rotation i and motor m.
+// Springs and dampers are elements. An element with vector b pulls with -b (value) b^T q, so K =
+// dg/dq + sum_p k_p b_p b_p^T. For a bearing about rotation i, b = e_i; for the gearbox between
+// rotation i and motor m, b = e_i - e_m.
 //
 // Linearisation point. Motors stand at the commanded position, the arm hangs lower by its static
 // deflection: k_i (q_i - q_i^0) + g_i(q*) = 0 with q^0 the commanded angles (zero at bearings). The

@@ -14,13 +14,12 @@
 //     - {name: elbow, a: 0, alpha: -90, d: 0, theta: 0, gear_ratio: -80, rotor_inertia: unknown}
 //
 // or, with bodies and places from a URDF, the keys urdf, base, tip instead of denavit_hartenberg
-// and the rows. What the file leaves out is what recordings must tell: the body of a link without
-// `body` (or with `body: unknown`), a rotor inertia that is `unknown`, and every parameter of the
-// elements in which their force is linear (LawParameter::is_linear), except those listed under
-// `known`. The other parameters of elements keep the value in the file unless they are listed under
-// `refine`.
-// `body_uncertainty` is how well stated bodies are known: 0.1 for a standard deviation of 10 % of
-// their masses; 0, if not stated: exactly.
+// and the rows. What the file leaves out is what recordings must tell. This is the body of a link
+// without `body` (or with `body: unknown`) and a rotor inertia that is `unknown`. It is also every
+// parameter of the elements in which their force is linear (LawParameter::is_linear), except those
+// listed under `known`. The other parameters of elements keep the value in the file unless they are
+// listed under `refine`. `body_uncertainty` is how well stated bodies are known: 0.1 for a standard
+// deviation of 10 % of their masses; 0, if not stated: exactly.
 //
 // Denavit-Hartenberg rows: modified (Craig 1986, Khalil and Kleinfinger 1986) turns and shifts
 // before the joint, Rot_x(alpha) Trans_x(a) Trans_z(d) Rot_z(theta + q); standard (Denavit and

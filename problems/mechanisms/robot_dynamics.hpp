@@ -4,11 +4,12 @@
 //   M_a(q_a) q_a'' + c(q_a, q_a') + g(q_a) = -tau_s + f_a
 //   N^T J N q_m'' = N^T (u - d_m N q_m') + (gearbox torques) + f_m
 //
-// q_a: the n_a arm rotations (bearings and gearboxes in chain order), q_m: the n_m motors counted
-// in joint angles (motor-side angle = N q_m), tau_s = k (q_a - q_0) + d (q_a' - q_0') the springs
-// and dampers, with q_0 = 0 at a bearing and the motor's coordinate at a gearbox. u: motor torques,
-// motor side. f: further generalised forces, such as missing physics, that do work on (q_a, q_m).
-// Linearised about rest this is the LocalModel at the same place.
+// The coordinates q_a are the n_a arm rotations (bearings and gearboxes in chain order). The
+// coordinates q_m are the n_m motors counted in joint angles (motor-side angle = N q_m). The
+// springs and dampers give tau_s = k (q_a - q_0) + d (q_a' - q_0'), with q_0 = 0 at a bearing and
+// the motor's coordinate at a gearbox. The inputs u are the motor torques, motor side. Further
+// generalised forces f, such as missing physics, do work on (q_a, q_m). Linearised about rest this
+// is the LocalModel at the same place.
 //
 // The state is (q_a, q_m, q_a', q_m'), 36 numbers for the paper's robot.
 //

@@ -38,7 +38,7 @@ class RobotPlaces : public Places {
   const RobotModel* robot_;
 };
 
-// Builds an inertia or payload element into the robot: its parameters are added to a motor's
+// Builds an inertia or payload element into the robot. Its parameters are added to a motor's
 // inertia, a link's moment of inertia or the last link.
 void build_in_inertia(RobotModel& robot, const Element& element);
 

@@ -6,8 +6,8 @@
 // n_m degrees of freedom (paper, Section VI-A: 12 + 6 = 18, 36 states).
 //
 // Units: SI, radians. Motor inertia, friction and controller are motor-side; stiffness and damping
-// are arm-side. `transmission` N links them: motor angles = N * joint angles, N the diagonal of the
-// gear ratios (of either sign) unless the file gives a full matrix for coupled axes.
+// are arm-side. The `transmission` N links them: motor angles = N * joint angles. N is the diagonal
+// of the gear ratios (of either sign) unless the file gives a full matrix for coupled axes.
 //
 //   const graybox::RobotModel robot = graybox::load_robot_model("irb6600_like.yaml");
 //

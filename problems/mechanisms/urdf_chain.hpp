@@ -20,9 +20,9 @@ struct UrdfChain {
 };
 
 // The chain from `base` to `tip`. Joints beside it are locked at zero: their bodies count as fixed.
-// Throws InputError for a missing or broken file, an unknown link, a tip that is not beyond the
-// base, joints of the chain that are neither revolute, continuous, prismatic nor fixed, mimic
-// joints in it, and masses or inertias that no body has.
+// Throws InputError for a missing or broken file, an unknown link and a tip that is not beyond the
+// base. It also does for joints of the chain that are neither revolute, continuous, prismatic nor
+// fixed, mimic joints in it, and masses or inertias that no body has.
 [[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
                                          const std::string& tip);
 

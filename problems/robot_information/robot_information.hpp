@@ -5,7 +5,7 @@
 //   H_pq = sum_w 2 Re{ vec(dG_p)^H Lambda^-1 vec(dG_q) },
 //   Lambda^-1 = (Phi_r / n_y) (A^-T (x) Phi_v^-1),   A = (G + F^-1)^H (G + F^-1).
 //
-// Rank one. D = K + j w C - w^2 M is symmetric and spring p enters it as k_p theta_p b_p b_p^T, so
+// Rank one. D = K + j w C - w^2 M is symmetric and spring p enters it as k_p theta_p b_p b_p^T. So
 // dG_p = -j w h k_p l_p l_p^T with l_p = S D^-1 b_p (S, B = S^T motor-side, h the hold factor).
 // Then
 //
@@ -15,10 +15,10 @@
 // symmetric, so l_p^H A*^-1 l_q = (Z^-1 l_p)^H (Z^-1 l_q) / (w^2 |h|^2) with
 // Z = (G + F^-1) / (j w h) = S D^-1 S^T + F^-1 / (j w h), and the hold factor cancels elsewhere.
 //
-// Motors out. A motor hangs on its gearbox alone: D = [D_a, -K_g'; -K_g'^T, D_m] where K_g, the
-// gearboxes' k + j w c, couple rotation g_i of the arm with motor i, and D_m = K_g + j w f - w^2 J
-// (J, f: motor inertia and friction in joint angles) does not depend on the position. With
-// W = D_m^-1 K_g the arm alone has
+// Motors out. A motor hangs on its gearbox alone: D = [D_a, -K_g'; -K_g'^T, D_m]. There K_g, the
+// gearboxes' k + j w c, couple rotation g_i of the arm with motor i. D_m = K_g + j w f - w^2 J (J,
+// f: motor inertia and friction in joint angles) does not depend on the position. With W = D_m^-1
+// K_g the arm alone has
 //
 //   E = dg/dq - w^2 M_a + (bearings) + P on the gearbox rotations,
 //   P = K_g - K_g D_m^-1 K_g = K_g D_m^-1 (D_m - K_g)          (no cancellation in the last form)
@@ -54,8 +54,8 @@ struct RobotInformationOptions {
   double scale = 1.0;
   // Linearise where the arm hangs at rest; false: at the commanded position (local_model.hpp).
   bool gravity_deflection = true;
-  // Let the linearisation point move with theta, dq*/dtheta_p = -(K_a + dg/dq)^-1 k_p b_p b_p^T
-  // (q* - q0), instead of holding it. dG_p then has full rank and M_a and dg/dq are differentiated
+  // Let the linearisation point move with theta, dq*/dtheta_p = -(K_a + dg/dq)^-1 k_p b_p b_p^T (q*
+  // - q0), instead of holding it. Then dG_p has full rank. M_a and dg/dq are differentiated
   // numerically along that direction; about 50 times slower. Effect on H of irb6600_like on the
   // paper's grid: 0.1 % (Frobenius norm) in the median, 1.1 % at most; the covariance (det
   // H)^(-1/d) of a position changes by less than 0.5 % for 98 % of the positions, by -2.2 to 1.9 %

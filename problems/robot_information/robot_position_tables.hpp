@@ -1,7 +1,7 @@
 // What the information matrices of a robot share over its positions, for robot_information and
-// robot_spectrum_information (the mathematics is in the header of the former): tables that do not
-// depend on the position, the arm at a position in the order that the kernel wants, and a loop over
-// positions by several threads.
+// robot_spectrum_information. (The mathematics is in the header of the former.) These are tables
+// that do not depend on the position, the arm at a position in the order that the kernel wants, and
+// a loop over positions by several threads.
 //
 // The kernel wants bearings before gearboxes, the chain has them joint by joint, and parameters
 // have an order of their own.

@@ -1,6 +1,7 @@
-// Fisher information matrices of a robot for each position, frequency and input axis: the
-// candidates of the joint design of positions and excitation spectra (the "interesting extension"
-// of Section II of the paper, where the spectrum of each position is chosen before the positions).
+// Fisher information matrices of a robot for each position, frequency and input axis. They are the
+// candidates of the joint design of positions and excitation spectra. That is the "interesting
+// extension" of Section II of the paper, where the spectrum of each position is chosen before the
+// positions.
 //
 // One line. Let the reference excite one axis a at one frequency w with power rho, R R^H = rho e_a
 // e_a^T. In closed loop u = F (r - y), y = G u + v, so that the torques are U = (G + F^-1)^-1 R.
@@ -33,9 +34,10 @@
 // power of the flat spectrum (Phi_r over all axes at each frequency), so that flat spectra in any
 // positions are among the designs: lambda_{i,w,a} = tau_i / (n_f n_y).
 //
-// A limit on the power of one axis or band in each position, sum_{w in band} rho_{i,w,a} <= beta,
-// reads sum_{w in band} lambda_{i,w,a} <= (beta / P_i) sum_{w,a} lambda_{i,w,a}: linear, but it
-// ties candidates to their position's share and is no simplex any more. It is not offered here.
+// A limit on the power of one axis or band in each position is sum_{w in band} rho_{i,w,a} <= beta.
+// It reads sum_{w in band} lambda_{i,w,a} <= (beta / P_i) sum_{w,a} lambda_{i,w,a}. This is linear,
+// but it ties candidates to their position's share and is no simplex any more. It is not offered
+// here.
 //
 // Candidates are ordered by position, then frequency, then axis: (i n_f + f) n_y + a. The matrices
 // are written once, into the one packed array of the set, by several threads; results do not depend

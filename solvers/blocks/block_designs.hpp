@@ -10,8 +10,8 @@
 //   joint, limited       the same with at most a share of the weight in any block (block_limited)
 //
 // Each states the certified gap to the optimum of its own kind, and nothing relies on the others.
-// log det grows from flat to blocks_first to joint, and from two_step to joint; two_step may fall
-// short of flat, since its inner designs are not made for a mixture.
+// The value of log det grows from flat to blocks_first to joint, and from two_step to joint. But
+// two_step may fall short of flat, since its inner designs are not made for a mixture.
 //
 //   const BlockDesign joint = joint_design(set, blocks, {.duality_gap = 1e-6});
 //   const double covariance = std::exp(-certify(set, joint.design).log_det / d);

@@ -20,8 +20,8 @@
 // bound on the support and takes the digits with it.)
 //
 // The step in lambda is a descent direction of -log det M - mu (sum_i log lambda_i + sum_b log s_b)
-// (primal feasibility is kept), so a line search on it makes the method safe far from the optimum;
-// near it steps go 99.5 % of the way to the boundary and mu falls as its power 1.5.
+// (primal feasibility is kept). A line search on it therefore makes the method safe far from the
+// optimum. Near it steps go 99.5 % of the way to the boundary and mu falls as its power 1.5.
 //
 // Stopping. (max_i (w_i - kappa_b(i)) + c sum_b kappa_b) / d - 1 is an upper bound of the gap on
 // the working set, by weak duality of the linear programme in the certificate.

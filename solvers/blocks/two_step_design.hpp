@@ -1,6 +1,6 @@
 // The design in two steps of Section II of the paper, for candidates in blocks (the lines of a
-// spectrum in one position): first the D-optimal design within each block alone, then the D-optimal
-// mixture of the blocks with these inner designs,
+// spectrum in one position). The first step is the D-optimal design within each block alone. The
+// second is the D-optimal mixture of the blocks with these inner designs,
 //
 //   c_b = argmax log det sum_{i in b} c_i H_i,      tau = argmax log det sum_b tau_b H_b(c_b),
 //   lambda_i = tau_b(i) c_i.

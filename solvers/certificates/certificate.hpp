@@ -52,13 +52,14 @@
 // and everything that is promised (proves(), log_det_gap, efficiency) holds at its upper end. A gap
 // below minus its rounding bound can't be: the arithmetic broke, and nothing is proven.
 //
-// The bound grows with the condition of M. Where it stands in the way, because the gap asked lies
-// in the interval or the bound exceeds a tenth of max(duality_gap, asked gap), D, A, L and Ds are
-// done again in quadruple precision (113 bits, quadruple.hpp): M and its factor in O(support p +
-// d^3), the sensitivities only of candidates that may attain the maximum. Those are found from the
-// first pass: with an upper bound u_i and a lower bound l_i of each w_i, i is in question where u_i
-// >= max_k l_k. A design that is singular in extended precision counts as singular unless quadruple
-// precision proves its gap to be at most 1. A well-conditioned problem never comes here.
+// The bound grows with the condition of M. It stands in the way where the gap asked lies in the
+// interval or the bound exceeds a tenth of max(duality_gap, asked gap). Then D, A, L and Ds are
+// done again in quadruple precision (113 bits, quadruple.hpp). M and its factor are computed in
+// O(support p + d^3), the sensitivities only of candidates that may attain the maximum. Those are
+// found from the first pass: with an upper bound u_i and a lower bound l_i of each w_i, i is in
+// question where u_i >= max_k l_k. A design that is singular in extended precision counts as
+// singular unless quadruple precision proves its gap to be at most 1. A well-conditioned problem
+// never comes here.
 //
 // Cost O(Q d^2 + d^3), one pass over the set.
 #pragma once

@@ -1,7 +1,7 @@
 // SparseRangeSystem: the p x p matrix S of range_system.hpp through CHOLMOD's sparse kernels (Chen,
-// Davis, Hager and Rajamanickam 2008): A^T D A as the product of a sparse p x Q matrix of columns
-// sqrt(D_i) a_i, in which entries that are exactly zero are not stored, with its transpose; the sum
-// with N; and the factor of the sum, scaled to unit diagonal, after one symbolic analysis.
+// Davis, Hager and Rajamanickam 2008). A^T D A is the product of a sparse p x Q matrix of columns
+// sqrt(D_i) a_i with its transpose. Entries that are exactly zero are not stored. N is added to it.
+// The sum is scaled to unit diagonal and factorised, after one symbolic analysis.
 #pragma once
 
 #include <memory>

@@ -9,16 +9,16 @@
 //
 // over growing pools: a stratified sample (solved roughly, from a few multiplicative steps), for
 // large sets a larger sample, and then the whole set. Each pass over the whole set yields the gap
-// max_i w_i / d - 1 of a design, upper bounds that remove candidates for good (screening.hpp), and
-// a short list of those with the largest sensitivities, on which the next rounds run to full
-// precision before the set is read again. It stops on a pass over ALL candidates in double
+// max_i w_i / d - 1 of a design and upper bounds that remove candidates for good (screening.hpp).
+// It also yields a short list of those with the largest sensitivities. On these the next rounds run
+// to full precision before the set is read again. It stops on a pass over ALL candidates in double
 // precision, and claims only what it can know: the gap and the bound on its rounding error
 // (sensitivity_error.hpp) together are at most the gap asked for.
 //
-// Ties and duplicates: the first working set is well conditioned (well_conditioned_start.hpp), and
-// never made of the largest sensitivities, which may all point the same way; a row that is in the
-// working set to the last bit is not added twice; additions are spread over the candidate order,
-// since neighbours on a grid are near-duplicates.
+// Ties and duplicates need care. The first working set is well conditioned
+// (well_conditioned_start.hpp), and never made of the largest sensitivities, which may all point
+// the same way. A row that is in the working set to the last bit is not added twice. Additions are
+// spread over the candidate order, since neighbours on a grid are near-duplicates.
 //
 // Ill-conditioned sets: where rounding may hide more than a tenth of the gap asked for, the set is
 // whitened (conditioned_set.hpp) and solved in those coordinates; well-conditioned ones never pay

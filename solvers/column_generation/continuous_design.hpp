@@ -7,18 +7,18 @@
 //
 //   0 <= log det M* - log det M <= d log(s / d).
 //
-// A round searches the largest sensitivity by local searches (box_search.hpp) from the best
-// separate candidates of the grid, from the present support and from the best of many random
-// points, fresh in each round; adds the maxima above d as columns; and solves for the weights by
-// Newton's method (working_set.hpp). It ends when `confirmations` rounds in a row find no more than
-// d (1 + gap), each from its own random points. Then support points that have gathered about one
-// maximum are merged.
+// A round searches the largest sensitivity by local searches (box_search.hpp). They start from the
+// best separate candidates of the grid, from the present support and from the best of many random
+// points, fresh in each round. It then adds the maxima above d as columns and solves for the
+// weights by Newton's method (working_set.hpp). It ends when `confirmations` rounds in a row find
+// no more than d (1 + gap), each from its own random points. Then support points that have gathered
+// about one maximum are merged.
 //
-// What is proven. The sensitivity is not concave in x, so a search may miss the global maximum: the
-// result is certified over the grid and the columns (certify() on grid_and_support()), and `gap` is
-// what the searches found. refined_bound() prices many more points with the final W and searches
-// from the best of them; its figure is evidence for the box, and becomes a proof only with a bound
-// on the slope of the sensitivity, which nothing here knows.
+// What is proven. The sensitivity is not concave in x, so a search may miss the global maximum. The
+// result is therefore certified over the grid and the columns (certify() on grid_and_support()),
+// and `gap` is what the searches found. The function refined_bound() prices many more points with
+// the final W and searches from the best of them. Its figure is evidence for the box. It becomes a
+// proof only with a bound on the slope of the sensitivity, which nothing here knows.
 //
 //   const ContinuousResult result = solve_continuous(space, grid, {.duality_gap = 1e-6});
 //

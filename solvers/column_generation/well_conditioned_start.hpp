@@ -9,9 +9,9 @@
 //
 //   P <= tr(S^-1 P) S                              (S^-1/2 P S^-1/2 is at most its trace times I)
 //
-// every sensitivity with S is at most tau = tr(S^-1 P) times that with P, and by the inequality of
-// the arithmetic and geometric means log det S >= log det P - d log(tau / d). tau / d does not
-// depend on the coordinates of the parameters, so the limit on it is a number: kLargestLoss.
+// every sensitivity with S is at most tau = tr(S^-1 P) times that with P. By the inequality of the
+// arithmetic and geometric means log det S >= log det P - d log(tau / d). The ratio tau / d does
+// not depend on the coordinates of the parameters, so the limit on it is a number: kLargestLoss.
 //
 //   1. the m heaviest, m = 3 d;
 //   2. where that fails: the heaviest of each of m stretches of the pool's order, for neighbours on
@@ -19,7 +19,7 @@
 //   3. where that fails: both again with 2 m, until the whole pool is taken.
 //
 // Where the pool's own P is singular (candidates that inform about one parameter each), the whole
-// set takes its place, and last the whole set with weights that give each candidate's matrix the
+// set takes its place. Last comes the whole set with weights that give each candidate's matrix the
 // same size.
 //
 // Cost: kSteps + 1 reads of the pool, O(m d^2 + d^3) a choice.

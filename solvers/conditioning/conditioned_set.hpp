@@ -1,7 +1,7 @@
 // ConditionedSet: the problem in coordinates in which plain double arithmetic is accurate enough.
 //
 // The problem does not change under H_i -> R H_i R^T (log det shifts by a constant, sensitivities
-// stay), but rounding does: inverting M of condition number c, after scaling to unit diagonal,
+// stay), but rounding does. Inverting M of condition number c, after scaling to unit diagonal,
 // gives sensitivities to about d u c, u = 2.2e-16. Let U be the information matrix of the uniform
 // design. With R U R^T = I every optimal M* is well conditioned whatever the units, the
 // correlations and the spread of the candidates:

@@ -1,12 +1,12 @@
-// The arithmetic that every checker shares: reading the weights of a design, its information matrix
-// and sensitivities in extended precision (64-bit significand), and a bound on the error of the
-// latter.
+// The arithmetic that every checker shares. It reads the weights of a design and computes its
+// information matrix and sensitivities in extended precision (64-bit significand). It also bounds
+// the error of the latter.
 //
-// With X the computed inverse of the Cholesky factor of M, scaled to unit diagonal, and
-// ||X M X^T - I|| <= residual() < 1, M^-1 lies between X^T X / (1 + residual) and
-// X^T X / (1 - residual) in the Loewner order: each tr(M^-1 H_i) is known to within these factors,
-// apart from the rounding of the trace itself, at most trace_unit() times the sum of the magnitudes
-// of its terms.
+// Let X be the computed inverse of the Cholesky factor of M, scaled to unit diagonal, with ||X M
+// X^T - I|| <= residual() < 1. Then M^-1 lies between X^T X / (1 + residual) and X^T X / (1 -
+// residual) in the Loewner order. Each tr(M^-1 H_i) is known to within these factors, apart from
+// the rounding of the trace itself. That is at most trace_unit() times the sum of the magnitudes of
+// its terms.
 //
 //   const graybox::CheckedWeights checked(set, design);
 //   if (!checked.message.empty()) ...                       // no design
@@ -30,8 +30,8 @@ namespace graybox {
 
 using Extended = long double;
 
-// The weights of a design, clipped and renormalised. `message` says why they are no design: a wrong
-// length, a NaN, a weight below -1e-12, or a sum that differs from one by more than 1e-9.
+// The weights of a design, clipped and renormalised. Where they are no design, `message` says why:
+// a wrong length, a NaN, a weight below -1e-12, or a sum that differs from one by more than 1e-9.
 struct CheckedWeights {
   CheckedWeights(const InformationSet& set, const Design& design);
 
@@ -46,8 +46,8 @@ struct CheckedWeights {
 template <class Real>
 class InformationIn {
  public:
-  // `order`, if not empty, is the order in which the d parameters are eliminated: the last k rows
-  // of inverse_factor() then whiten the Schur complement of the others, the information about
+  // If not empty, `order` is the order in which the d parameters are eliminated. The last k rows of
+  // inverse_factor() then whiten the Schur complement of the others. That is the information about
   // order[d-k] .. order[d-1] that is left when the others are unknown too.
   InformationIn(const InformationSet& set, std::span<const Extended> weights,
                 std::span<const std::size_t> order = {});

@@ -30,10 +30,10 @@
 //
 // The products are accumulated in extended precision where Mbar is so ill-conditioned that half of
 // the digits would be lost (unit-diagonal Cholesky pivots below 1e-4), or more than the caller can
-// spare: in double precision the rows are wrong by about 2 d u tr(S^-1), S the mean scaled to unit
-// diagonal, u = 2^-53. Cost: one pass over the
-// set for the mean, one for the products with about (4/3) d^3 multiplications a candidate, one pass
-// over the copy to scale it; Q p doubles of memory. Results do not depend on the number of threads.
+// spare. In double precision the rows are wrong by about 2 d u tr(S^-1). Here S is the mean scaled
+// to unit diagonal, u = 2^-53. Cost: one pass over the set for the mean, one for the products with
+// about (4/3) d^3 multiplications a candidate, one pass over the copy to scale it; Q p doubles of
+// memory. Results do not depend on the number of threads.
 #pragma once
 
 #include <cstddef>

@@ -1,10 +1,10 @@
 // H -> R H R^T as if computed with twice the digits of double precision and then rounded.
 //
 // Where H is ill-conditioned, the terms of R H R^T cancel: plain products lose as many digits as
-// the condition number of H has. Here each product is split into its rounded value and its
-// rounding error exactly (Dekker 1971), and each sum carries the errors of its additions along
-// (Knuth; the compensated dot product of Ogita, Rump and Oishi 2005), so that the relative error
-// is that of one rounding plus about d^2 u^2 times the condition number, u = 1.1e-16.
+// the condition number of H has. Here each product is split into its rounded value and its rounding
+// error exactly (Dekker 1971). Each sum carries the errors of its additions along (Knuth; the
+// compensated dot product of Ogita, Rump and Oishi 2005). The relative error is then that of one
+// rounding plus about d^2 u^2 times the condition number, u = 1.1e-16.
 //
 //   twofold_congruence(set.data(), set.candidate_count(), d, r, out.data(), threads);
 //

@@ -9,7 +9,7 @@
 //                                                         diagonal, d for a diagonal M),
 //
 // an estimate, not a bound: the checker alone proves. A solver stops a little below the gap asked,
-// by its rounding in the coordinates it works in, so that what it claims is not undone by it; it
+// by its rounding in the coordinates it works in, so that what it claims is not undone by it. It
 // never aims below half of what was asked, which costs little and lets the checker decide. A gap
 // smaller than twice the rounding is one that double precision can't know: such a run ends as
 // numerical_failure.

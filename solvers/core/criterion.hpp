@@ -16,8 +16,8 @@
 //   const graybox::Solution answer = solver.solve(set, {.criterion = gearboxes});
 //   const graybox::Certificate proof = graybox::certify(set, answer.design, gearboxes);
 //
-// All but E have one form. With a d x k factor K (A: I; L: W = K K^T; Ds: the columns of I that are
-// of interest) they look at C = K^T M^-1 K: L and A at tr C, D and Ds at log det C.
+// All but E have one form. They look at C = K^T M^-1 K with a d x k factor K (A: I; L: W = K K^T;
+// Ds: the columns of I that are of interest). L and A look at tr C, D and Ds at log det C.
 #pragma once
 
 #include <cstddef>

@@ -1,17 +1,17 @@
 // How far rounding can have moved sensitivities that were computed in double precision: what a
 // solver may know of its own gap before the checker looks at it.
 //
-// M = sum_i lambda_i H_i is summed, factorised, inverted to W and multiplied with each H_i. With
-// u = 2^-53, chains of n operations and positive semidefinite H_i, every rounding error in M, in
-// the factors and in the trace is an error E of M with |E_jk| <= g(n) u sqrt(M_jj M_kk) (Higham
-// 2002, chapters 8 and 10), and so moves tr(M^-1 H_i), relatively, by at most the size of X E X^T,
-// X^T X = W. The errors of different entries are independent of each other: then
+// M = sum_i lambda_i H_i is summed, factorised, inverted to W and multiplied with each H_i. Let u =
+// 2^-53, chains have n operations, and H_i be positive semidefinite. Every rounding error in M, in
+// the factors and in the trace is then an error E of M with |E_jk| <= g(n) u sqrt(M_jj M_kk)
+// (Higham 2002, chapters 8 and 10). It moves tr(M^-1 H_i), relatively, by at most the size of X E
+// X^T, X^T X = W. The errors of different entries are independent of each other: then
 //
 //   || X E X^T ||  <~  g(n) u sum_j M_jj W_jj,      g(n) = c sqrt(n),  c = 4
 //
 // (Higham and Mary 2019: a bound of n u in the worst case is one of c sqrt(n) u with all but
-// certainty). sum_j M_jj W_jj = sum_j of the variance inflation factors is the trace of the inverse
-// of the unit-diagonal M: d where parameters are uncorrelated, at most d times the condition
+// certainty). The sum_j M_jj W_jj of the variance inflation factors is the trace of the inverse of
+// the unit-diagonal M. It is d where parameters are uncorrelated, and at most d times the condition
 // number. The units of the parameters do not matter.
 //
 //   if (gap + sensitivity_error(m, inverse.trace_dual(), d, n) <= asked) ...   // claim it

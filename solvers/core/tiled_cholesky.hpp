@@ -1,5 +1,5 @@
 // Cholesky factors and Gram matrices of large arrays on several threads, with the same bits for any
-// number of them: the arrays are cut into tiles whose size depends on nothing, each tile is changed
+// number of them. The arrays are cut into tiles whose size depends on nothing. Each tile is changed
 // by one thread at a time in a fixed order, and BLAS works on single tiles. (A threaded BLAS sums
 // in an order that depends on its threads; commands give it one, see pin_threads.hpp.)
 //

@@ -6,9 +6,9 @@
 //
 // Packed HDF5 is read slice by slice: no process holds the whole set. Of other formats the first
 // process reads the whole and sends the others their slices. Every matrix is checked and, within
-// the tolerance, made positive semidefinite as project_semidefinite() does it; the sum of all must
-// be regular; and a hash that the file states must be that of the numbers: the first process forms
-// it of all slices, which stream through it once.
+// the tolerance, made positive semidefinite as project_semidefinite() does it. The sum of all must
+// be regular. A hash that the file states must be that of the numbers: the first process forms it
+// of all slices, which stream through it once.
 #pragma once
 
 #include <mpi.h>

@@ -8,14 +8,14 @@
 //              by NodeRelaxation; its rounded point, and the exchange started from it now and then,
 //              may be a better design, after which every open node is held to the new threshold.
 //
-// Threshold. With the incumbent v = log det M(m) and tolerance = d log(1 + gap) (a hundredth less,
-// for rounding), parts of the tree that can't exceed v + tolerance are given up. At any time
+// Threshold. The incumbent is v = log det M(m) and tolerance = d log(1 + gap) (a hundredth less,
+// for rounding). Parts of the tree that can't exceed v + tolerance are given up. At any time
 //
 //   log det M(m*) <= max(v, largest bound of an open node, largest bound of what was given up),
 //
-// where the last is at most v + tolerance: this maximum is `log_det_bound`, never larger than the
-// relaxation's, and the run ends as kOptimal when it is within the tolerance of v. Hence V(M
-// lambda*) <= V(m*) <= V(m) holds for what is returned, with V(m*) known to a factor 1 + gap.
+// where the last is at most v + tolerance. This maximum is `log_det_bound`, never larger than the
+// relaxation's. The run ends as kOptimal when it is within the tolerance of v. Hence V(M lambda*)
+// <= V(m*) <= V(m) holds for what is returned, with V(m*) known to a factor 1 + gap.
 //
 // Threads. The best kBatch open nodes are processed together, against one threshold, and their
 // results are merged in order: the tree does not depend on the number of threads. Runs that end by

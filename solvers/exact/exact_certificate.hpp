@@ -1,8 +1,8 @@
 // The checker of exact designs, independent of the methods that make them.
 //
-// It takes nothing but the counts and an upper bound of log det M(m) over all exact designs: the
-// relaxation's (relaxation.hpp), which it can always compute for itself, or the one that branch and
-// bound has proven. Then
+// It takes nothing but the counts and an upper bound of log det M(m) over all exact designs. That
+// is the relaxation's (relaxation.hpp), which it can always compute for itself, or the one that
+// branch and bound has proven. Then
 //
 //   V(M lambda*) <= V(m*) <= V(m),   V(x) = (det sum_i x_i H_i)^(-1/d)        (paper, Section IV)
 //

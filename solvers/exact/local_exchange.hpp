@@ -3,11 +3,10 @@
 //
 // One step replaces one run of some candidate i of the design by one of the candidate j of the pool
 // that raises log det M(m) most, over all pairs; the search ends where no exchange gains. What an
-// exchange gains is taken from a freshly formed sum: sums changed term by term differ from it by
-// rounding, where M(m) is ill-conditioned by more than the gain, and two exchanges that undo each
-// other would both seem to gain. So log det rises with each step, no design comes twice, and the
-// search ends; it also ends when stop.hpp says so. With A_i =
-// M(m) - B_i and g_j = tr(A_i^-1 B_j),
+// exchange gains is taken from a freshly formed sum. Sums changed term by term differ from it by
+// rounding, where M(m) is ill-conditioned by more than the gain. Two exchanges that undo each other
+// would then both seem to gain. So log det rises with each step, no design comes twice, and the
+// search ends; it also ends when stop.hpp says so. With A_i = M(m) - B_i and g_j = tr(A_i^-1 B_j),
 //
 //   log det(A_i + B_j) - log det A_i = sum_k log(1 + c_k) <= r log(1 + g_j / r),   sum_k c_k = g_j,
 //

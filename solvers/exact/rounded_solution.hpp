@@ -1,5 +1,5 @@
-// What rounding and efficient_rounding share: the relaxed weights go in, counts come out, and all
-// that is proven is the relaxation's bound.
+// What rounding and efficient_rounding share. The relaxed weights go in, counts come out. All that
+// is proven is the relaxation's bound.
 #pragma once
 
 #include <cstdint>

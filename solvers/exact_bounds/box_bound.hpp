@@ -25,17 +25,18 @@
 //   m_i <= l_i + (P - P_T) / (nu - g_i)   where g_i < nu,                                       (4)
 //   m_i >= u_i - (P - P_T) / (g_i - nu)   where g_i > nu.                                       (5)
 //
-// Before branching l = 0, u = M, W = M(lambda)^-1 / M for the relaxed optimum lambda, so that nu =
-// max_i w_i / M = d (1 + gap) / M, P = d (1 + gap), and with the loss of the incumbent beta = log
-// det M(lambda) - log det(M(m) / M), (4) reads: at most
+// Before branching l = 0, u = M, W = M(lambda)^-1 / M for the relaxed optimum lambda. So nu = max_i
+// w_i / M = d (1 + gap) / M and P = d (1 + gap). With the loss of the incumbent beta = log det
+// M(lambda) - log det(M(m) / M), (4) reads: at most
 //
 //   M (d (1 + gap) - d e^(-beta / d)) / (d (1 + gap) - w_i)  <=  M (beta + d gap) / (d - w_i)   (6)
 //
 // repetitions of candidate i in any design that is no worse than the incumbent, and none where that
-// is below one. It takes no more than the certificate of the relaxed problem and one good design:
-// on irb6600_like's 7920 positions all but 54 are gone at M = 12 and all but 17 at M = 100. beta is
-// about C / M^2 (second-order loss of rounding), so the budget M beta falls as 1 / M. For full-rank
-// H_i it is small because tr(B_i^2) is: the same rule on rank-one candidates keeps far more.
+// is below one. It takes no more than the certificate of the relaxed problem and one good design.
+// On irb6600_like's 7920 positions all but 54 are gone at M = 12 and all but 17 at M = 100. The
+// loss beta is about C / M^2 (second-order loss of rounding), so the budget M beta falls as 1 / M.
+// For full-rank H_i it is small because tr(B_i^2) is: the same rule on rank-one candidates keeps
+// far more.
 //
 // The trace-free part of H_i, which sharpens screening.hpp, enters through the choice of W: for
 // each candidate (3) is evaluated at a W that is optimal, to second order, for the box with m_i >=

@@ -8,8 +8,8 @@
 //
 //   K_FF y_F + nu 1 = r_F - K_FB y_B,    1^T y_F = -1^T y_B
 //
-// are solved by one Cholesky factorisation and two right sides; a step that leaves the box stops at
-// the first limit, which joins B; at a full step, the variable of B whose multiplier has the wrong
+// are solved by one Cholesky factorisation and two right sides. A step that leaves the box stops at
+// the first limit, which joins B. At a full step, the variable of B whose multiplier has the wrong
 // sign most is set free. The objective falls all the way, so a run cut short still gives a descent
 // direction. Cost O(pivots f^3 / 3) for f free variables. No allocation after reserve().
 #pragma once

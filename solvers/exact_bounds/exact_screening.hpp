@@ -1,5 +1,5 @@
-// Which candidates can appear in an optimal exact design, and how often at most: rule (6) of
-// box_bound.hpp, from the relaxed problem's solution and one good design, over the whole set.
+// Which candidates can appear in an optimal exact design, and how often at most. This is rule (6)
+// of box_bound.hpp, from the relaxed problem's solution and one good design, over the whole set.
 //
 //   const CountLimits limits = screen_counts(relaxation, 20, incumbent_log_det);
 //   limits.candidates;   // survivors, ascending

@@ -55,9 +55,9 @@ struct RelaxationOptions {
 [[nodiscard]] Relaxation solve_relaxation(const InformationSet& set,
                                           const RelaxationOptions& options = {});
 
-// A bound on the error of log det M: with X the computed inverse factor and ||X M X^T - I|| <=
-// delta = residual(), log det M = -2 log det X + log det(I + E) with |log det(I + E)| <= d delta /
-// (1 - delta); the weights and the result are rounded to double besides.
+// A bound on the error of log det M. Let X be the computed inverse factor and ||X M X^T - I|| <=
+// delta = residual(). Then log det M = -2 log det X + log det(I + E) with |log det(I + E)| <= d
+// delta / (1 - delta). The weights and the result are rounded to double besides.
 [[nodiscard]] double log_det_rounding(const ExtendedInformation& information,
                                       std::size_t dimension);
 

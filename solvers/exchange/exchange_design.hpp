@@ -6,8 +6,8 @@
 //   vertex     lambda <- (1 - a) lambda + a e_i                     M + a (H_i - M)
 //   reweigh    lambda_i <- lambda_i w_i / d on the support          (monotone: Titterington 1976)
 //
-// M is updated by the move and factored anew, O(d^3), which is as cheap as updating the inverse and
-// leaves no error in it; M itself is summed anew from the weights by refresh(), once an iteration,
+// M is updated by the move and factored anew, O(d^3). This is as cheap as updating the inverse and
+// leaves no error in it. M itself is summed anew from the weights by refresh(), once an iteration,
 // so that rounding does not build up. The factor is that of M scaled to unit diagonal.
 #pragma once
 

@@ -4,9 +4,9 @@
 //
 // U is the information matrix of the uniform design, M_k the sum of the first k choices, both in
 // coordinates with U = I. Choice k + 1 maximises v^T H_i v, v the eigenvector of M_k to its
-// smallest eigenvalue (tr H_i for the first). While M_k is singular, v is in its null space; the
+// smallest eigenvalue (tr H_i for the first). While M_k is singular, v is in its null space. The
 // mean of v^T H_i v over all candidates is v^T U v = 1, so the choice has v^T H_i v >= 1 and the
-// null space loses a dimension: after d choices M_d is regular, whatever ties, duplicates and ranks
+// null space loses a dimension. After d choices M_d is regular, whatever ties, duplicates and ranks
 // there are.
 //
 // Cost: d passes over the set.

@@ -10,9 +10,9 @@
 // CMD is a line for /bin/sh: words, quotes and variables mean what they mean there, and the four
 // arguments are appended ("external:python3 my.py --fast"). Its outputs are kept out of ours; the
 // last line of them ends the message if it fails. The program and all it starts are killed when
-// this process ends, when the observer asks to stop, and when it has not finished half a second and
-// 2 % after its time; what it has left in design.json then still counts. So a program may rewrite
-// the file as it goes (write another one and rename it).
+// this process ends and when the observer asks to stop. They are also killed when it has not
+// finished half a second and 2 % after its time. What it has left in design.json then still counts.
+// So a program may rewrite the file as it goes (write another one and rename it).
 //
 // The clock runs from start to end of the program; writing and reading the files are off it. The
 // trace has the gap at the end alone.

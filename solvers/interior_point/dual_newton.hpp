@@ -21,9 +21,9 @@
 //
 //   dW~ + dM~ = E,      E = diag(1/v - v),        dW~ = G^-1 dW G^-T,  dM~ = G^T dM G.     (b)
 //
-// (Newton's plain dW -> W^-1 dW W^-1 instead of P^-1 dW P^-1 lets mu run ahead of W^-1 = M and jams
-// near the boundary on sets with a few dominant candidates.) With dM = sum_i dz_i A_i,
-// ds_i = -tr(A_i dW), z_i ds_i + s_i dz_i = c_i and t_i = -c_i/z_i this is
+// (Newton's plain dW -> W^-1 dW W^-1 instead of P^-1 dW P^-1 lets mu run ahead of W^-1 = M. It jams
+// near the boundary on sets with a few dominant candidates.) Let dM = sum_i dz_i A_i, ds_i =
+// -tr(A_i dW), z_i ds_i + s_i dz_i = c_i and t_i = -c_i/z_i. This is
 //
 //   P^-1 dW P^-1 + sum_i dz_i A_i = G^-T E G^-1,     tr(A_i dW) - (s_i/z_i) dz_i = t_i,        (c)
 //

@@ -1,6 +1,6 @@
 // InformationStep: what a step of the weights does to M, to its dual variable W and to the
-// sensitivities tr(W B_i) in a primal Newton method (primal_newton.hpp), in the scaling of Nesterov
-// and Todd: with dM = sum_i dlambda_i B_i,
+// sensitivities tr(W B_i). It serves a primal Newton method (primal_newton.hpp), in the scaling of
+// Nesterov and Todd. With dM = sum_i dlambda_i B_i,
 //
 //   dM~ = G^T dM G,   dW~ = E - dM~,   dW = G dW~ G^T = G E G^T - P dM P.
 //

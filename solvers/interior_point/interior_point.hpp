@@ -85,9 +85,9 @@ class InteriorPointRun {
   // Ends the run for a numerical reason.
   void fail(std::string message);
 
-  // The answer. In a solved run, candidates that the pair (z_i, reduced cost s_i) marks as outside
-  // the support (lambda_i d < s_i n_i, or more clearly so) get weight exactly zero if the gap stays
-  // within the target; failing that, the lightest whose loss the target allows.
+  // The answer. In a solved run, the pair (z_i, reduced cost s_i) marks candidates as outside the
+  // support (lambda_i d < s_i n_i, or more clearly so). They get weight exactly zero if the gap
+  // stays within the target. Failing that, the lightest do whose loss the target allows.
   [[nodiscard]] Solution finish(std::span<const double> reduced_costs);
 
  private:

@@ -1,11 +1,12 @@
 // primal_interior_point: Newton's method on the paper's naive form (9) in the Q weights, with the
 // dense Q x Q system through BLAS and LAPACK, honestly cubic in Q. The derivation is in
-// primal_newton.hpp; here I + U U^T (Q x Q) is formed in place by one rank-p update (dsyrk) and
-// factorised in place (dpotrf): Q^2 p + Q^3/3 flops an iteration, 8 Q^2 bytes, 0.5 GB at Q = 7920.
+// primal_newton.hpp. Here I + U U^T (Q x Q) is formed in place by one rank-p update (dsyrk) and
+// factorised in place (dpotrf). An iteration takes Q^2 p + Q^3/3 flops. The memory is 8 Q^2 bytes,
+// 0.5 GB at Q = 7920.
 //
-// Statuses: solved; iteration_limit (default 100); time_limit, looked at between iterations only;
-// numerical_failure with the best design; unsupported where the sum of all H_i is singular or the
-// matrix does not fit into memory.
+// The statuses are solved, iteration_limit (default 100) and time_limit, looked at between
+// iterations only. With numerical_failure comes the best design. The status is unsupported where
+// the sum of all H_i is singular or the matrix does not fit into memory.
 #pragma once
 
 #include "solvers/core/solver.hpp"

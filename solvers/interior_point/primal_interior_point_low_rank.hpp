@@ -1,10 +1,10 @@
 // primal_interior_point_low_rank: the Newton step of primal_interior_point, on (9) in the Q
-// weights, through the p-dimensional range of its Hessian. The derivation is in primal_newton.hpp:
-// the Hessian of -log det is A N A^T with A (Q x p) and N (p x p), so that by the
-// Sherman-Morrison-Woodbury identity one p x p factor replaces the Q x Q one. Linear in Q: one
-// Hessian assembly and ten passes an iteration. Linear constraints on the weights beyond the
-// simplex keep that cost: each adds one solve an iteration (EqualityConstraints), where the dual
-// form would have to be derived anew.
+// weights, through the p-dimensional range of its Hessian. The derivation is in primal_newton.hpp.
+// The Hessian of -log det is A N A^T with A (Q x p) and N (p x p). By the Sherman-Morrison-Woodbury
+// identity one p x p factor therefore replaces the Q x Q one. Linear in Q: one Hessian assembly and
+// ten passes an iteration. Linear constraints on the weights beyond the simplex keep that cost:
+// each adds one solve an iteration (EqualityConstraints). The dual form would have to be derived
+// anew.
 //
 // Statuses as for primal_interior_point.
 #pragma once

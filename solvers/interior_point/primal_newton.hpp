@@ -13,9 +13,9 @@
 //
 // Newton's method on them: W M = I is linearised in the scaling of Nesterov and Todd
 // (nesterov_todd.hpp), dW = G (E - dM~) G^T = G E G^T - P dM P. (Taking dW = -M^-1 dM M^-1, plain
-// Newton, drives nu to zero before M has grown to its size, and cycles on sets where one candidate
-// outweighs all others.) Elimination of dW and ds leaves, with K_ij = tr(P B_i P B_j), which is the
-// Hessian of -log det at M^-1 = P, and g_i = tr(G E G^T B_i),
+// Newton, drives nu to zero before M has grown to its size. It cycles on sets where one candidate
+// outweighs all others.) Let K_ij = tr(P B_i P B_j), which is the Hessian of -log det at M^-1 = P,
+// and g_i = tr(G E G^T B_i). Elimination of dW and ds leaves
 //
 //   [ K + S/Lambda   F^T ] [ dlambda ]   [ c/lambda + g ]
 //   [ F               0  ] [ dnu     ] = [ f - F lambda ],        lambda ds + s dlambda = c. (b)

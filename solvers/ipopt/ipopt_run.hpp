@@ -2,11 +2,10 @@
 //
 // Ipopt works on its own notion of an error (dual infeasibility, constraint violation and
 // complementarity, in the units of the form). Those are not the duality gap, so its tolerances are
-// set out of the way and every iterate is turned into weights and judged by
-// max_i tr(M^-1 H_i)/d - 1; the cost of that, one or two passes over the set, is on the clock.
-// Ipopt stops when that gap is met. If it stops by itself before, it is started again from the best
-// weights so far, with the barrier parameter that belongs to their gap, as long as each start at
-// least halves the gap.
+// set out of the way. Every iterate is turned into weights and judged by max_i tr(M^-1 H_i)/d - 1.
+// The cost of that, one or two passes over the set, is on the clock. Ipopt stops when that gap is
+// met. If it stops by itself before, it is started again from the best weights so far, with the
+// barrier parameter that belongs to their gap, as long as each start at least halves the gap.
 //
 // MUMPS, the linear solver beneath Ipopt, keeps global state: runs in one process take turns, and
 // the clock starts when the turn comes. Nothing stops it within a factorisation: where time is up,

@@ -1,6 +1,7 @@
-// Small dense linear algebra for the working sets of a few dozen candidates: the calls are too
-// small for a BLAS (a call costs more than the work), so they are written out, compiled for each
-// vector width and chosen at run time like problems/kernels/kernels.hpp. Nothing allocates.
+// Small dense linear algebra for the working sets of a few dozen candidates. The calls are too
+// small for a BLAS (a call costs more than the work), so they are written out. They are compiled
+// for each vector width and chosen at run time like problems/kernels/kernels.hpp. Nothing
+// allocates.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +16,9 @@ struct DenseKernels {
                         std::size_t packed_size, const double* dual, double* out);
 
   // B_k = X H_i X^T, i = members_k, for packed lower triangular X (d x d) and packed matrices in
-  // `rows`, each as a row of `out` (stride doubles apart) in packed order with entries off the
-  // diagonal multiplied by sqrt(2), so that out_k . out_l = tr(B_k B_l); traces_k = tr B_k. The
-  // tail of each row up to `stride` is zeroed. scratch: 8 d (d + 1) doubles. 2 d^3 / 3
+  // `rows`. Each B_k is a row of `out` (stride doubles apart) in packed order with entries off the
+  // diagonal multiplied by sqrt(2), so that out_k . out_l = tr(B_k B_l). The traces are traces_k =
+  // tr B_k. The tail of each row up to `stride` is zeroed. scratch: 8 d (d + 1) doubles. 2 d^3 / 3
   // multiply-adds.
   void (*whiten)(const double* rows, const std::size_t* members, std::size_t count,
                  std::size_t dimension, const double* x, double* out, std::size_t stride,

@@ -1,7 +1,7 @@
 // The two loops of the interior-point methods that do arithmetic rather than read memory, compiled
 // for several vector widths and chosen once at run time. Each candidate's arithmetic is done in an
-// order that is fixed for a given vector width, so results do not depend on how the work is shared
-// out among threads.
+// order that is fixed for a given vector width. Results therefore do not depend on how the work is
+// shared out among threads.
 #pragma once
 
 #include <cstddef>

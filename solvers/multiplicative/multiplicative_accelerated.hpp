@@ -10,15 +10,15 @@
 //   s = sqrt(sum_i lambda_i r_i^2 / sum_i lambda_i v_i^2) >= 1,
 //
 // is the plain double step for s = 1. While w hardly changes (v = 0) it is Torsney's power 2 s of
-// w/d; the logarithm keeps weights positive and empties those off the support many times faster;
-// the norms are those of the Fisher metric of the simplex, so that weights near zero do not steer
+// w/d. The logarithm keeps weights positive and empties those off the support many times faster.
+// The norms are those of the Fisher metric of the simplex, so that weights near zero do not steer
 // s. The result is taken only if log det M is at least that of the double step (monotone); s is
 // capped, and the cap grows when reached and shrinks when refused.
 //
 // Deletion. With each new gap the rules of screening.hpp are applied: Harman-Pronzato always, the
 // Frobenius rule to its survivors each time the gap has halved. Survivors are copied together, so a
 // pass soon reads a few dozen candidates instead of Q. The gap over the survivors bounds log det as
-// well as the full one (the optimum is the same); before the answer is given, one pass over all
+// well as the full one (the optimum is the same). Before the answer is given, one pass over all
 // candidates confirms the gap, or the work goes on with a tighter target.
 //
 // Cost of an iteration: three passes over the survivors and O(d^3).

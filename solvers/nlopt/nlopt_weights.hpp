@@ -10,13 +10,13 @@
 //   df/du_i = 2 u_i (d/s - tr(M^-1 B_i)).
 //
 // Stationary points with some u_i = 0 and tr(M^-1 B_i) > d/s exist, but they are saddles: the
-// curvature along that u_i is negative; starts have all u_i > 0. All local minima are global,
-// since the problem in lambda is convex. Off the support the curvature at the optimum is 2 (d/s -
-// tr(M^-1 B_i)) > 0, so candidates leave at a linear rate; with softmax weights lambda_i ~
-// exp(u_i) they leave only as u_i -> -infinity, and L-BFGS was seen to stop at gaps of 1e-2. The
-// simplex as bounds on lambda (same objective, lambda in [0, 1]^Q) costs MMA and CCSA as many
-// evaluations or up to twice as many; the penalty d sum lambda_i in place of the logarithm takes
-// up to ten times as many.
+// curvature along that u_i is negative. Starts have all u_i > 0. All local minima are global, since
+// the problem in lambda is convex. Off the support the curvature at the optimum is 2 (d/s - tr(M^-1
+// B_i)) > 0, so candidates leave at a linear rate. With softmax weights lambda_i ~ exp(u_i) they
+// leave only as u_i -> -infinity, and L-BFGS was seen to stop at gaps of 1e-2. The simplex as
+// bounds on lambda (same objective, lambda in [0, 1]^Q) costs MMA and CCSA as many evaluations or
+// up to twice as many. The penalty d sum lambda_i in place of the logarithm takes up to ten times
+// as many.
 //
 //   nlopt_lbfgs   Nocedal's limited-memory BFGS (Luksan's code), 10 vectors
 //   nlopt_mma     method of moving asymptotes (Svanberg 2002), no constraints here
@@ -25,9 +25,9 @@
 // An evaluation is two passes, O(Q p), and brings the duality gap along, which stops the run when
 // it is met. These methods compare values of f, so they see differences down to about 1e-15 in f
 // and gaps down to about 1e-7. A method that stops short of the asked gap, or makes no progress in
-// 2000 evaluations, is started again from its best weights as long as each start halves the gap;
-// then the status is numerical_failure. Memory: O(Q), and the whitened copy of the set. An
-// iteration in counters and limits is an evaluation.
+// 2000 evaluations, is started again from its best weights. This goes on as long as each start
+// halves the gap; then the status is numerical_failure. Memory: O(Q), and the whitened copy of the
+// set. An iteration in counters and limits is an evaluation.
 #pragma once
 
 #include "solvers/core/solver.hpp"

@@ -17,14 +17,14 @@
 //
 // "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
 // lower triangle); without it the design is meant for D. Criterion E may add "dual_matrix" (E,
-// packed lower triangle), which certify() makes use of.
-// A design made for more than one information set, or under a limit, says so in "objective", an
-// object with a "name" ("average", "worst_case", "concentration_limit") and what else its maker
-// reports. "limits" states those that the checker holds it to (design_limits.hpp).
-// Only candidates of non-zero weight are listed; indices count from zero; "candidate" holds the
-// coordinates where the set has some. Numbers are written with as many digits as read back exactly
-// (up to 17); infinite ones are null. A program that writes designs for graybox needs "format" and
-// "support" with "index" and "weight"; all else is optional on reading.
+// packed lower triangle), which certify() makes use of. A design made for more than one information
+// set, or under a limit, says so in "objective". This is an object with a "name" ("average",
+// "worst_case", "concentration_limit") and what else its maker reports. The entry "limits" states
+// those that the checker holds it to (design_limits.hpp). Only candidates of non-zero weight are
+// listed; indices count from zero; "candidate" holds the coordinates where the set has some.
+// Numbers are written with as many digits as read back exactly (up to 17); infinite ones are null.
+// A program that writes designs for graybox needs "format" and "support" with "index" and "weight";
+// all else is optional on reading.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -68,10 +68,10 @@ enum class WeightCheck {
 void write_design(const std::string& path, const InformationSet& set, const Design& design,
                   const SolveReport& report, const DesignLimits& limits = {});
 
-// Throws InputError, naming file, field and fix, for anything that is no design of this set: not
-// JSON, another format, a criterion or limits that do not fit the set, the hash of another problem,
-// an index out of range or twice, weights that are no numbers or (strict) no design. Cost: one
-// SHA-256 pass over the set if the file has a hash.
+// Throws InputError, naming file, field and fix, for anything that is no design of this set. Such
+// are: not JSON, another format, a criterion or limits that do not fit the set, the hash of another
+// problem. Others are an index out of range or twice, weights that are no numbers or (strict) no
+// design. Cost: one SHA-256 pass over the set if the file has a hash.
 [[nodiscard]] DesignFile read_design(const std::string& path, const InformationSet& set,
                                      WeightCheck check = WeightCheck::kStrict);
 

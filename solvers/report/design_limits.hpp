@@ -11,9 +11,9 @@
 //   "limits": {"concentration": {"largest_share": 0.5, "positions": 79}}
 //   "limits": {"block_share": {"largest_share": 0.1, "block_size": 288}}
 //
-// The certificate is that of the limited problem: the gap is the maximum over the designs that obey
-// the limits of sum_i lambda'_i w_i / d - 1, a linear programme that a sorted fill (blocks) or the
-// envelope of sorted means (concentration) solves exactly; proofs in the two headers above.
+// The certificate is that of the limited problem. The gap is the maximum over the designs that obey
+// the limits of sum_i lambda'_i w_i / d - 1. This is a linear programme that a sorted fill (blocks)
+// or the envelope of sorted means (concentration) solves exactly; proofs in the two headers above.
 #pragma once
 
 #include <cstddef>

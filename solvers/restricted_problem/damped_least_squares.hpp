@@ -1,6 +1,7 @@
 // DampedLeastSquares: min over x of ||A^T x - r||^2 + ||diag(f) x - w||^2, the linear system of an
 // interior point whose matrix is A A^T + diag(f)^2. A is n x m, row i being column i of the
-// least-squares matrix J = [A^T; diag(f)]; f > 0, so that J has full rank whatever A is.
+// least-squares matrix J = [A^T; diag(f)]. The entries f > 0, so that J has full rank whatever A
+// is.
 //
 //   normal equations   Cholesky of A A^T + diag(f)^2: n^2 m / 2 + n^3 / 6 multiply-adds. Errors
 //                      grow with the square of the condition of J.

@@ -7,9 +7,9 @@
 //   minimise nu   subject to  s_i = nu - tr(E H_i) >= 0,  tr(E C) = 1,  E >= 0.
 //
 // t <= lambda_min(M) and nu = max_i tr(E H_i) bounds it from above for every design (certificate
-// .hpp); nu - t = sum_i lambda_i s_i + tr(E Z). Newton's method on lambda_i s_i = mu, E Z = mu I,
-// the latter in the scaling of Nesterov and Todd 1997: g with g^-1 E g^-T = g^T Z g = diag(v) and,
-// in scaled steps dE~ = g^-1 dE g^-T, dZ~ = g^T dZ g,
+// .hpp); nu - t = sum_i lambda_i s_i + tr(E Z). Newton's method is applied to lambda_i s_i = mu, E
+// Z = mu I, the latter in the scaling of Nesterov and Todd 1997. That is a g with g^-1 E g^-T = g^T
+// Z g = diag(v) and, in scaled steps dE~ = g^-1 dE g^-T, dZ~ = g^T dZ g,
 //
 //   dE~ + dZ~ = diag(mu/v - v).
 //
@@ -42,10 +42,11 @@
 //   b = A svec(F) + (S/Lambda)^(1/2) c/(lambda s)^(1/2),
 //   1 = (A svec(diag(v)) + (S/Lambda)^(1/2) (lambda s)^(1/2))/nu,
 //
-// so that the steps are those of a damped least-squares problem (damped_least_squares.hpp): normal
-// equations down to a gap of 1e-6, an orthogonal factorisation below, which bears the square of
-// their condition. ds comes from ds_i = dnu - tr(dE~ B_i): an error of the solution then disturbs
-// the complementarity, not the feasibility of the dual, and the gap stays a proven one.
+// so that the steps are those of a damped least-squares problem (damped_least_squares.hpp). It is
+// solved by normal equations down to a gap of 1e-6. Below, an orthogonal factorisation is used,
+// which bears the square of their condition. The step ds comes from ds_i = dnu - tr(dE~ B_i). An
+// error of the solution then disturbs the complementarity, not the feasibility of the dual, and the
+// gap stays a proven one.
 //
 // Cost of an iteration: n d^3 + n^2 p / 2 + n^3 / 6, the orthogonal one n^2 (p + 2 n/3) more. The
 // smallest weights are taken off at the end, as far as the tolerance allows.

@@ -2,8 +2,8 @@
 //
 //   minimise  mu^T A mu / 2 - r^T mu   subject to  mu >= 0,
 //
-// by block principal pivoting (Portugal, Judice and Vicente 1994; Kim and Park 2011): guess the
-// free set, solve its linear system, exchange every index whose sign is wrong; after three
+// by block principal pivoting (Portugal, Judice and Vicente 1994; Kim and Park 2011). Guess the
+// free set, solve its linear system, exchange every index whose sign is wrong. After three
 // exchanges without progress, exchange only the last wrong one (Murty's rule), which is finite for
 // positive definite A. Warm starts with the right free set cost one Cholesky factorisation of the
 // free block. Cost O(pivots * f^3 / 3) for f free variables. No allocation after reserve().

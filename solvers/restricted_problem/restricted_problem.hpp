@@ -31,9 +31,9 @@ class RestrictedProblem {
   // true if it is new.
   bool add(std::size_t candidate, const double* information, double weight);
 
-  // Solves to a gap over the members of about a tenth of pool_gap, the gap over the pool priced
-  // last, or of its square, on the way to `tolerance`; then drops members that have left the
-  // support and would not come back. False where no further progress is possible.
+  // Solves, on the way to `tolerance`, over the members to a gap of about a tenth of pool_gap, or
+  // of its square. Here pool_gap is the gap over the pool priced last. Then drops members that have
+  // left the support and would not come back. False where no further progress is possible.
   virtual bool improve(double pool_gap, double tolerance) = 0;
   // Weights on the simplex, M and G for the present weights. False if M is singular.
   [[nodiscard]] virtual bool refresh() = 0;
@@ -61,7 +61,7 @@ class RestrictedProblem {
 };
 
 // The problem of a criterion in the coordinates H_i -> R H_i R^T, R d x d row-major lower
-// triangular (the identity if empty): K becomes R K, and lambda_min(M) the smallest generalised
+// triangular (the identity if empty). K becomes R K, and lambda_min(M) the smallest generalised
 // eigenvalue of M and R R^T. Not for D.
 [[nodiscard]] std::unique_ptr<RestrictedProblem> make_restricted_problem(
     const Criterion& criterion, std::size_t dimension, std::span<const double> coordinates);

@@ -5,9 +5,10 @@
 //
 //   psi(lambda) = f(M) + sum_i lambda_i.
 //
-// f(t M) = f(M) - log t, so that the optimum has sum_i lambda_i = 1 of itself. f is convex: for Ds
-// it is minus the concave log Phi of certificate.hpp; tr C is a sum of terms 1/g_k(M), g_k > 0
-// concave, each the exponential of the convex -log g_k, and log sum exp preserves convexity.
+// As f(t M) = f(M) - log t, the optimum has sum_i lambda_i = 1 of itself. The function f is convex.
+// For Ds it is minus the concave log Phi of certificate.hpp. The trace tr C is a sum of terms
+// 1/g_k(M), g_k > 0 concave. Each is the exponential of the convex -log g_k, and log sum exp
+// preserves convexity.
 //
 // In the frame X^, D of criterion_frame.hpp and with B_i = X^ H_i X^^T, w_i = tr(G H_i) = sum_a D_a
 // (B_i)_aa and

@@ -59,8 +59,9 @@ class WorkingSet {
   // Newton steps until the gap on the working set is at most `tolerance`.
   WorkingSetStatus optimise(double tolerance, int step_limit);
   // What column generation asks after pricing a pool whose gap is `pool_gap`, on the way to
-  // `tolerance`: optimise() a good deal more precisely than that gap, but no more than the next
-  // pricing can use, then drop the members that have left the support and would not come back.
+  // `tolerance`. It does optimise() a good deal more precisely than that gap, but no more than the
+  // next pricing can use. Then it drops the members that have left the support and would not come
+  // back.
   WorkingSetStatus improve(double pool_gap, double tolerance);
   // M, its inverse and nothing else for the present weights. False if M is singular.
   [[nodiscard]] bool refresh();

@@ -10,8 +10,8 @@
 //   add     the most violating candidates, and drop those that left.
 //
 // The average is D-optimal design with block-diagonal matrices diag(H_{1,i}, ..., H_{N,i}) of
-// dimension N d, so the screening rules hold for it with N d in the place of d; the gap at which
-// they begin to delete is then N times smaller, and with 5 to 10 passes there is nothing to gain:
+// dimension N d. The screening rules therefore hold for it with N d in the place of d. The gap at
+// which they begin to delete is then N times smaller. With 5 to 10 passes there is nothing to gain:
 // nothing is screened.
 //
 // Cost: a pass is N times that of one set, less the samples of price zero; memory beyond the

@@ -6,12 +6,13 @@
 //   average      maximise  (1/N) sum_s phi_s(lambda)      (c_s does not matter to the design),
 //   worst case   maximise  min_s phi_s(lambda).
 //
-// c_s = 0 is the absolute worst case: the sample under which least is learnt decides, even where no
-// design could do better. c_s = the sample's own optimum, log det M_s*, makes exp(phi_s/d) the
-// D-efficiency under sample s, and the design maximises the smallest one; that is what `graybox
-// design robust` takes unless told otherwise. Information about theta relative to each sample's own
-// value, as for stiffness factors, differs from information in fixed units by a congruence, that is
-// by a constant in log det M_s for each sample: it changes the absolute worst case alone.
+// With c_s = 0 it is the absolute worst case: the sample under which least is learnt decides, even
+// where no design could do better. With c_s = the sample's own optimum, log det M_s*, exp(phi_s/d)
+// is the D-efficiency under sample s, and the design maximises the smallest one. That is what
+// `graybox design robust` takes unless told otherwise. Information about theta relative to each
+// sample's own value, as for stiffness factors, differs from information in fixed units by a
+// congruence. That is a constant in log det M_s for each sample. It changes the absolute worst case
+// alone.
 #pragma once
 
 #include <cstddef>
