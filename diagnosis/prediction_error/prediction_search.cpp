@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
@@ -40,6 +41,14 @@ bool has_run_away(const PredictionFit& fit) {
     if (fit.free[i] >= first && fit.at_bound[i]) return true;
   }
   return false;
+}
+
+// Hypotheses of the laws, sorted.
+std::vector<std::size_t> laws_of(const ExtendedLumpedModel& model) {
+  std::vector<std::size_t> laws;
+  for (const PlacedFinding& law : model.laws) laws.push_back(law.hypothesis);
+  std::ranges::sort(laws);
+  return laws;
 }
 
 ExtendedLumpedModel without_laws(ExtendedLumpedModel model) {
@@ -297,13 +306,15 @@ void PredictionSearch::prune(State& state) {
 }
 
 void PredictionSearch::search_rung(State& state) {
+  // Laws that were there before come again for ever where one is taken and pruned in turn.
+  std::set<std::vector<std::size_t>> known{laws_of(state.fit.model)};
   while (state.fit.model.laws.size() < options_.most_laws) {
     const std::string step = fmt::format("{} samples ahead, {} laws found: ranking and refitting",
                                          state.task.horizon, state.fit.model.laws.size());
     if (!proceed(step) || !add_law(state)) return;
     prune(state);
     weigh(state);
-    if (is_noise(state)) return;
+    if (is_noise(state) || !known.insert(laws_of(state.fit.model)).second) return;
   }
 }
 

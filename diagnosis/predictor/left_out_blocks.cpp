@@ -15,11 +15,15 @@ namespace {
 
 constexpr double kLongestStep = 4.0;  // standard deviations a parameter
 
-// Beside the columns of `local`.
+// Beside the columns of `local`; one of zeros (a state that no output shows) takes nothing.
 MatrixXd beside(const MatrixXd& local, const MatrixXd& values) {
-  if (local.cols() == 0 || values.cols() == 0) return values;
-  const VectorXd size = local.colwise().norm().cwiseMax(1e-300).transpose();
-  const MatrixXd scaled = local * size.cwiseInverse().asDiagonal();
+  const VectorXd size = local.colwise().norm().transpose();
+  std::vector<Index> shown;
+  for (Index c = 0; c < size.size(); ++c) {
+    if (size(c) > 0.0) shown.push_back(c);
+  }
+  if (shown.empty() || values.cols() == 0) return values;
+  const MatrixXd scaled = local(Eigen::all, shown) * size(shown).cwiseInverse().asDiagonal();
   return values - scaled * scaled.colPivHouseholderQr().solve(values);
 }
 

@@ -1,5 +1,5 @@
-// The duality gap of a D-optimal design in quadruple precision: max_i tr(M^-1 H_i) / d - 1 with
-// 113 bits, so that no condition number which double precision can hold matters.
+// The duality gap of a D-optimal design, max_i tr(M^-1 H_i) / d - 1, in 113 bits. No condition
+// number that double precision can hold matters there.
 #pragma once
 
 #include <cstddef>

@@ -208,7 +208,8 @@ TEST_F(Recordings, AnUnknownSampleTimeCountsInSamplesAndSaysSo) {
   EXPECT_TRUE(recording.sound());
   EXPECT_DOUBLE_EQ(recording.duration, 200.0);
   write_campaign("sample_time: 0.001", "sample_time: unknown\ntime: {column: time, unit: s}");
-  testing::expect_refused([&] { (void)read_campaign(folder_.file("")); }, "leaves no use for times");
+  testing::expect_refused([&] { (void)read_campaign(folder_.file("")); },
+                          "leaves no use for times");
 }
 
 TEST_F(Recordings, UnitsInTheFileMustBeThoseOfTheCampaign) {

@@ -162,6 +162,21 @@ TEST(LeftOutBlocks, AreThoseOfExplicitRefits) {
   }
 }
 
+TEST(LeftOutBlocks, AStateThatNoOutputShowsTakesNothing) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  const Index n = 240, p = 3;
+  const MatrixXd j = MatrixXd::NullaryExpr(n, p, [&] { return normal(random); });
+  const VectorXd y = VectorXd::NullaryExpr(n, [&] { return normal(random); });
+  std::vector<Index> starts;
+  for (Index b = 0; b < kLeftOutBlocks; ++b) starts.push_back(b * n / kLeftOutBlocks);
+  MatrixXd with_unseen(n, p + 2);
+  with_unseen << j, MatrixXd::Zero(n, 2);
+  const VectorXd without = left_out_squares(y, j, block_edges(starts, n), 0, 1.0);
+  const VectorXd with = left_out_squares(y, with_unseen, block_edges(starts, n), 2, 1.0);
+  EXPECT_LT((with - without).cwiseAbs().maxCoeff(), 1e-12 * without.maxCoeff());
+}
+
 TEST(PredictionData, NoiseIsReadFromDifferences) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
