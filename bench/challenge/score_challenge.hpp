@@ -19,7 +19,16 @@
 // ambiguous. Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out
 // test fails (`nearest_law_fails`: the answer is ambiguous and says that it does not predict what
 // was kept out, `predicts_kept_out`); what passed on held-out data is `nearest_law`.
-// Effects that are not detectable are tabulated apart. Rates that end in `_as_systems` count a law
+// Effects that are not detectable are tabulated apart.
+//
+// In the set `any_motion` names count as systems (same_system.hpp) everywhere above: the truth is
+// named by any law and place that are the same system, and classes are as large as they have
+// systems. An asymmetric dry friction is also named by a dry friction and an offset, two effects at
+// its place. An explained case holds on recordings kept out if the answer says so and their error is
+// below 15 % of the signal (or chi-square over degrees of freedom below 1.1, the rule of the periodic
+// set).
+//
+// Rates that end in `_as_systems` count a law
 // at places that make one system (a delay of the only actuator or the only sensor) as one member,
 // and so alternatives that the answer only names, as the same in such recordings. Parameters that
 // an answer gives without a standard error, as not determined by the data, are no claim: counted
@@ -66,6 +75,7 @@ struct Answer {
   std::string verdict;                            // none | explained | ambiguous | unknown
   std::vector<std::vector<AnsweredLaw>> effects;  // classes, the law named first
   double validation = 0.0;  // chi-square over degrees of freedom after, held-out; NaN: not given
+  double error_kept_out = 0.0;  // over the signal, rms, of what was held out; NaN: not given
   double seconds = 0.0;
   bool predicts = true;   // what was kept out, to the noise floor
   bool confined = false;  // the diagnosis could open nothing but its case
@@ -119,11 +129,14 @@ struct NamedRate {
 [[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
 [[nodiscard]] std::string score_text(const Score& score);
 
-// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv,
-// challenge_classes.csv and, where laws were left out, challenge_left_out.csv in `folder`.
+// challenge_cases.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv and, where
+// laws were left out, challenge_left_out.csv in `folder`; of the set `any_motion` with names
+// challenge_any_motion_cases.csv ..., and challenge_any_motion_refusal.csv besides: what a limit on
+// the error of recordings kept out would refuse, outside the catalogue and inside. The rates of all
+// sets are in challenge_rates.csv: those of other sets that are there stay.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
-// Appends one line to a CSV file, with its header where it is new: counts, the seal, and in how
+// Appends one line, with the name of the set, to a CSV file, with its header where it is new: counts, the seal, and in how
 // many of the cases the diagnosis was confined. Throws InputError unless the challenge's seed is
 // that of its commit and all cases have been run, and for a file with other columns.
 void append_history(const Score& score, const std::filesystem::path& file);
