@@ -22,8 +22,8 @@ std::string recording_text(const AnyMotionSystem& system, const DriveRecording& 
   for (const DriveOutput& output : system.outputs()) text += "," + output.name;
   text += "\n";
   for (Index k = 0; k < recording.input.size(); ++k) {
-    const double time = system.has_stamps() ? recording.time(k)
-                                            : static_cast<double>(k) * kAnyMotionSampleTime;
+    const double time =
+        system.has_stamps() ? recording.time(k) : static_cast<double>(k) * kAnyMotionSampleTime;
     fmt::format_to(std::back_inserter(text), "{:09.6f},{:+.7e}", time, recording.input(k));
     for (Index i = 0; i < recording.output.cols(); ++i) {
       fmt::format_to(std::back_inserter(text), ",{:+.8e}", recording.output(k, i));

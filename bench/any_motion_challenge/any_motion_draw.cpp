@@ -59,8 +59,8 @@ std::vector<LawAtPlace> pair_on(const AnyMotionSystem& system,
     });
     if (match != possible.end()) found.push_back(*match);
   }
-  const bool same = found.size() == 2 && found[0].law == found[1].law &&
-                    found[0].place == found[1].place;
+  const bool same =
+      found.size() == 2 && found[0].law == found[1].law && found[0].place == found[1].place;
   return same ? std::vector<LawAtPlace>{} : found;
 }
 
@@ -94,8 +94,7 @@ std::vector<std::vector<LawAtPlace>> choices_of(const AnyMotionSystem& system, C
   if (kind == CaseKind::kTwoEffects) return possible_pairs(system);
   std::vector<std::vector<LawAtPlace>> choices;
   if (kind == CaseKind::kNothing) return {{}};
-  for (const LawAtPlace& pair :
-       possible_any_motion_effects(system, kind == CaseKind::kOneEffect)) {
+  for (const LawAtPlace& pair : possible_any_motion_effects(system, kind == CaseKind::kOneEffect)) {
     choices.push_back({pair});
   }
   return choices;

@@ -2,10 +2,10 @@
 //
 // Of 240 cases (24 with `--quick`): 60 axes with an encoder, 40 with a tachometer, 60 drives with
 // both encoders, 50 with that of the motor and 30 with a tachometer; 40 with nothing missing, 120
-// with one effect, 40 with two, 40 with one that the catalogue lacks, in the same proportions in each
-// family. Laws and places come in turn from a list that is shuffled for each family. Two effects are
-// a pair of machines: viscous and dry friction at one place, dry friction at both masses, dry
-// friction and a late channel, and others (kPairs in the source).
+// with one effect, 40 with two, 40 with one that the catalogue lacks, in the same proportions in
+// each family. Laws and places come in turn from a list that is shuffled for each family. Two
+// effects are a pair of machines: viscous and dry friction at one place, dry friction at both
+// masses, dry friction and a late channel, and others (kPairs in the source).
 //
 // Size as in the periodic set (case_draw.hpp): the smallest detectable size
 // (innovation_detectability.hpp) times 20^U. Where a place hides a law at any size, or the machine
@@ -30,7 +30,8 @@ namespace graybox::bench {
 [[nodiscard]] std::vector<LawAtPlace> possible_any_motion_effects(const AnyMotionSystem& system,
                                                                   bool in_catalogue);
 
-// Empty name where `keep_going` has said no. Throws std::runtime_error where no effect can be drawn.
+// Empty name where `keep_going` has said no. Throws std::runtime_error where no effect can be
+// drawn.
 [[nodiscard]] CaseTruth draw_any_motion_case(const CaseOutline& outline,
                                              const std::function<bool()>& keep_going = {});
 

@@ -34,8 +34,7 @@ class Weight final : public SimulatedLaw {
 
 class FadingFriction final : public SimulatedLaw {
  public:
-  explicit FadingFriction(std::span<const double> p)
-      : level_(p[0]), time_(p[1]), rounding_(p[2]) {}
+  explicit FadingFriction(std::span<const double> p) : level_(p[0]), time_(p[1]), rounding_(p[2]) {}
   [[nodiscard]] std::size_t state_count() const override { return 1; }
   [[nodiscard]] double force(double, double rate, std::span<const double> state) const override {
     const double level = level_ * (0.3 + 0.7 * std::exp(-state[0] / time_));

@@ -203,9 +203,9 @@ std::vector<std::vector<std::string>> AnyMotionSystem::same_places() const {
 }
 
 std::string AnyMotionSystem::model_text() const {
-  std::string text = fmt::format(
-      "format: graybox-lumped/1\nsample_time: {}\nmotion: rotation\nmasses:\n",
-      kAnyMotionSampleTime);
+  std::string text =
+      fmt::format("format: graybox-lumped/1\nsample_time: {}\nmotion: rotation\nmasses:\n",
+                  kAnyMotionSampleTime);
   const auto n = static_cast<std::size_t>(mass_count());
   for (std::size_t p = 0; p < n; ++p) {
     text += fmt::format("  {}: {:.4e}\n", parameters_[p].name, parameters_[p].believed);

@@ -1,19 +1,20 @@
 // AnyMotionSystem: the machine of one case in any motion, twice: as the user believes it to be (the
-// model file) and as it is (each parameter off by up to 10 %), with its sensors, the controller that
-// the user is not told of, its noise and the plan of its recordings.
+// model file) and as it is (each parameter off by up to 10 %), with its sensors, the controller
+// that the user is not told of, its noise and the plan of its recordings.
 //
-//   M q'' + C q' + K q = e_1 u + e_n w        u the torque at the motor, w a force noise at the load
+//   M q'' + C q' + K q = e_1 u + e_n w        u the torque at the motor, w a force noise at the
+//                                             load
 //
 // Families: a single axis with an encoder or a tachometer, and a two-mass drive with both encoders,
-// with that of the motor alone, or with a tachometer at the motor alone. With an encoder the position
-// is controlled (PD, the rate by a filtered difference), else the speed (PI, no wind-up); both have a
-// limit, and what is recorded is the torque after it. Axes with a tachometer have a bearing in the
-// model; the others' models have no damping against the ground.
+// with that of the motor alone, or with a tachometer at the motor alone. With an encoder the
+// position is controlled (PD, the rate by a filtered difference), else the speed (PI, no wind-up);
+// both have a limit, and what is recorded is the torque after it. Axes with a tachometer have a
+// bearing in the model; the others' models have no damping against the ground.
 //
-// Noise: w has a standard deviation of 1 to 3 % of the torque's rms in that recording without it, and
-// a memory of 0.05 to 0.5 s. Encoders round to 0.05 to 0.5 mrad; tachometers have white noise of 0.2
-// to 1 % of the largest reference. Sample times are off even ones by a standard deviation of up to
-// 1 % of a step; in one case of four by 4 %, and then the recording says when they were.
+// Noise: w has a standard deviation of 1 to 3 % of the torque's rms in that recording without it,
+// and a memory of 0.05 to 0.5 s. Encoders round to 0.05 to 0.5 mrad; tachometers have white noise
+// of 0.2 to 1 % of the largest reference. Sample times are off even ones by a standard deviation of
+// up to 1 % of a step; in one case of four by 4 %, and then the recording says when they were.
 #pragma once
 
 #include <Eigen/Core>
@@ -84,9 +85,9 @@ class AnyMotionSystem {
   [[nodiscard]] double jitter() const { return jitter_; }        // standard deviation, of a step
   [[nodiscard]] bool has_stamps() const { return has_stamps_; }  // recorded with the true times
   // Places that what is measured can't tell apart (same_system.hpp): the actuator and the mass that
-  // it drives, for constant forces; and where there is one sensor, the actuator and it, for what is
-  // late, and the motor and the load behind a stiff shaft, for friction. Stiff: the load's frequency
-  // on the shaft is above six times the loop's bandwidth.
+  // it drives, for constant forces. Where there is one sensor, also the actuator and it, for what
+  // is late; and the motor and the load behind a stiff shaft, for friction. Stiff: the load's
+  // frequency on the shaft is above six times the loop's bandwidth.
   [[nodiscard]] std::vector<std::vector<std::string>> same_places() const;
 
   // model.yaml, as the user believes; numbers of one width.
@@ -105,7 +106,8 @@ class AnyMotionSystem {
 
   Family family_;
   bool is_drive_, has_tachometer_;
-  std::vector<DriveParameter> parameters_;  // masses, shaft, shaft damping, bearing: those there are
+  std::vector<DriveParameter>
+      parameters_;  // masses, shaft, shaft damping, bearing: those there are
   std::vector<DriveOutput> outputs_;
   DriveController controller_;
   double bandwidth_ = 0.0;  // rad/s

@@ -233,10 +233,9 @@ class DriveRun {
   [[nodiscard]] VectorXd sample_times(Index samples) {
     VectorXd times(samples);
     for (Index k = 0; k < samples; ++k) {
-      const double jitter =
-          noise_ != nullptr && k > 0
-              ? system_->jitter() * std::clamp(random_.normal(), -2.5, 2.5)
-              : 0.0;
+      const double jitter = noise_ != nullptr && k > 0
+                                ? system_->jitter() * std::clamp(random_.normal(), -2.5, 2.5)
+                                : 0.0;
       times(k) = (static_cast<double>(k) + jitter) * kAnyMotionSampleTime;
     }
     return times;
@@ -305,9 +304,8 @@ DriveRecording simulate_drive(const AnyMotionSystem& system, const std::vector<E
                               const std::function<bool()>& keep_going) {
   const PlannedMotion& motion = system.plan()[index];
   Random random(derived_seed(seed, {2, index}));
-  const VectorXd reference =
-      motion.amplitude *
-      motion_reference(motion.kind, motion.samples, kAnyMotionSampleTime, random);
+  const VectorXd reference = motion.amplitude * motion_reference(motion.kind, motion.samples,
+                                                                 kAnyMotionSampleTime, random);
   return DriveRun(system, elements, noise).run(motion, reference, keep_going);
 }
 

@@ -39,9 +39,8 @@ struct DriveRecording {
 // UnstableMotion where the motion leaves a hundred times its amplitude (a position under speed
 // control may), and std::logic_error for elements that it can't place.
 [[nodiscard]] DriveRecording simulate_drive(const AnyMotionSystem& system,
-                                            const std::vector<Element>& elements,
-                                            std::size_t index, std::uint64_t seed,
-                                            const DriveNoise* noise,
+                                            const std::vector<Element>& elements, std::size_t index,
+                                            std::uint64_t seed, const DriveNoise* noise,
                                             const std::function<bool()>& keep_going = {});
 
 // Root mean square about zero.

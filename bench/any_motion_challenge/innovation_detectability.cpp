@@ -80,12 +80,10 @@ StationaryFilter stationary_filter(const SampledDrive& drive, double force_noise
 StationaryFilter filter_for(const AnyMotionSystem& system, const SampledDrive& drive,
                             const DriveRecording& quiet) {
   const Index outputs = quiet.output.cols(), steps = quiet.output.rows() - 1;
-  MatrixXd noise = MatrixXd::Zero(outputs, outputs);
-  if (!system.has_stamps()) {  // jitter times the rate: a share of what changes in a step
-    const MatrixXd change = quiet.output.bottomRows(steps) - quiet.output.topRows(steps);
-    noise = system.jitter() * system.jitter() / static_cast<double>(steps) *
-            (change.transpose() * change);
-  }
+  // Jitter times the rate: a share of what changes in a step.
+  const MatrixXd change = quiet.output.bottomRows(steps) - quiet.output.topRows(steps);
+  MatrixXd noise = system.jitter() * system.jitter() / static_cast<double>(steps) *
+                   (change.transpose() * change);
   for (Index i = 0; i < outputs; ++i) {
     noise(i, i) += std::pow(system.outputs()[static_cast<std::size_t>(i)].deviation(), 2);
   }
@@ -100,8 +98,8 @@ VectorXd innovations(const SampledDrive& drive, const StationaryFilter& filter,
   for (Index k = 0; k < samples; ++k) {
     const VectorXd error = recording.output.row(k).transpose() - drive.output * state;
     whitened.segment(k * outputs, outputs) = filter.whitener * error;
-    state = (drive.transition * state + drive.input * recording.input(k) + filter.gain * error)
-                .eval();
+    state =
+        (drive.transition * state + drive.input * recording.input(k) + filter.gain * error).eval();
   }
   return whitened;
 }
@@ -126,7 +124,8 @@ InnovationDetectability::InnovationDetectability(const AnyMotionSystem& system, 
 
 double InnovationDetectability::degrees_of_freedom() const {
   double numbers = 0.0;
-  for (const Record& record : records_) numbers += static_cast<double>(record.without.output.size());
+  for (const Record& record : records_)
+    numbers += static_cast<double>(record.without.output.size());
   return numbers - static_cast<double>(beside_.size());
 }
 
@@ -166,9 +165,8 @@ PlaceScale InnovationDetectability::scale_at(const ChallengePlace& place) const 
     const VectorXd v = run.velocity * place.location.input;
     deflection += z.squaredNorm();
     rate += v.squaredNorm();
-    acceleration +=
-        (v.tail(v.size() - 1) - v.head(v.size() - 1)).squaredNorm() /
-        (kAnyMotionSampleTime * kAnyMotionSampleTime);
+    acceleration += (v.tail(v.size() - 1) - v.head(v.size() - 1)).squaredNorm() /
+                    (kAnyMotionSampleTime * kAnyMotionSampleTime);
   }
   const auto rms = [samples](double sum) { return std::sqrt(sum / samples); };
   PlaceScale scale;

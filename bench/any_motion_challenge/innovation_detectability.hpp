@@ -1,17 +1,18 @@
 // Detectability of a hidden effect in any motion, from noise-free data and never from a diagnosis.
 //
 // The true machine without the effect is linear, and its noise is known: force noise with memory,
-// white sensor noise (rounding counts as white, of quantum / sqrt(12)), and what jitter that no stamp
-// tells makes of the motion, white too, of covariance s^2 mean(y' y'^T), s its deviation in seconds
-// and y' the outputs' rates. With these, the innovations of its stationary Kalman filter are white,
-// of covariance S:
+// and white sensor noise. Rounding counts as white, of quantum / sqrt(12). So does what jitter
+// makes of the motion, also where stamps could tell it: its covariance is s^2 mean(y' y'^T), s its
+// deviation in seconds and y' the outputs' rates. With these, the innovations of the machine's
+// stationary Kalman filter are white, of covariance S:
 //
 //   x' = A x + B u + K e,   e = y - C x,   x = (q, q', w),  sampled exactly for held u.
 //
 // Each estimation recording is simulated with the effect, without noise and jitter: u and y, in
-// closed loop. The filter runs over them and leaves S^(-1/2) e, stacked to r: what the effect adds to
-// the innovations of a noisy recording. A refit of the model's parameters theta takes away the part
-// in the span of J = dr/dtheta, by central differences of the filter's machine with its gain kept:
+// closed loop. The filter runs over them and leaves S^(-1/2) e, stacked to r: what the effect adds
+// to the innovations of a noisy recording. A refit of the model's parameters theta takes away the
+// part in the span of J = dr/dtheta, by central differences of the filter's machine with its gain
+// kept:
 //
 //   lambda = min_x |r - J x|^2
 //

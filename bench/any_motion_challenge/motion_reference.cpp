@@ -22,8 +22,7 @@ Index samples_of(double time, double sample_time) {
   return std::max<Index>(1, static_cast<Index>(std::lround(time / sample_time)));
 }
 
-VectorXd steps(Index samples, double sample_time, double shortest, double longest,
-               Random& random) {
+VectorXd steps(Index samples, double sample_time, double shortest, double longest, Random& random) {
   VectorXd r = VectorXd::Zero(samples);
   double target = 0.0;
   for (Index k = samples_of(0.1, sample_time); k < samples;) {
@@ -50,8 +49,8 @@ VectorXd work_cycle(Index samples, double sample_time, Random& random) {
     const double speed = random.uniform(1.5, 3.0);
     const Index moving = samples_of(std::abs(to - from) / speed, sample_time);
     for (Index i = 0; i < moving && k < samples; ++i, ++k) {
-      r(k) = from + (to - from) * trapezoid(static_cast<double>(i + 1) /
-                                            static_cast<double>(moving));
+      r(k) =
+          from + (to - from) * trapezoid(static_cast<double>(i + 1) / static_cast<double>(moving));
     }
     const Index standing = samples_of(random.uniform(0.2, 0.6), sample_time);
     for (const Index end = std::min(k + standing, samples); k < end; ++k) r(k) = to;
@@ -69,8 +68,8 @@ VectorXd smooth(Index samples, double sample_time, Random& random) {
     const double phase = random.uniform(0.0, 2.0 * std::numbers::pi);
     for (Index k = 0; k < samples; ++k) {
       const double t = static_cast<double>(k) * sample_time;
-      r(k) += amplitude * (std::sin(2.0 * std::numbers::pi * frequency * t + phase) -
-                           std::sin(phase));
+      r(k) +=
+          amplitude * (std::sin(2.0 * std::numbers::pi * frequency * t + phase) - std::sin(phase));
     }
   }
   return r / std::max(1.0, r.cwiseAbs().maxCoeff());

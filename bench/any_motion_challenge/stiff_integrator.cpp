@@ -12,7 +12,7 @@ namespace graybox::bench {
 namespace {
 
 constexpr int kColumns = 5;
-constexpr double kTurnTolerance = 100.0;
+constexpr double kTurnTolerance = 1e4;
 constexpr double kShortest = 1e-11;  // s
 
 }  // namespace
@@ -62,7 +62,8 @@ double StiffIntegrator::attempt(const Rate& rate, double step, const State& stat
     const double allowed = tolerance_.absolute + tolerance_.relative * std::abs(state(i));
     error = std::max({error, std::abs(next(i) - row[kColumns - 2](i)) / allowed,
                       std::abs(turn(i)) / (kTurnTolerance * allowed)});
-    if (!std::isfinite(next(i)) || !std::isfinite(there(i))) return std::numeric_limits<double>::infinity();
+    if (!std::isfinite(next(i)) || !std::isfinite(there(i)))
+      return std::numeric_limits<double>::infinity();
   }
   return error;
 }

@@ -1,7 +1,7 @@
 // StiffIntegrator: x' = f(x) by the linearly implicit Euler method, extrapolated (Deuflhard 1985;
 // Hairer and Wanner, Solving Ordinary Differential Equations II, IV.9). It shares nothing with the
-// integrators of the diagnosis (explicit Dormand and Prince in diagnosis/simulation, Runge and Kutta
-// in diagnosis/predictor), and dry friction whose sign is rounded finely may be stiff for it.
+// integrators of the diagnosis (explicit Dormand and Prince in diagnosis/simulation, Runge and
+// Kutta in diagnosis/predictor), and dry friction whose sign is rounded finely may be stiff for it.
 //
 // A step of length h is made of j = 1 ... 5 steps (I - (h/j) J) dx = (h/j) f(x), J = df/dx by
 // differences once a step, and the five results are extrapolated by Aitken and Neville:
@@ -10,9 +10,9 @@
 //
 // T_(5,5) is of order 5, whatever J is; |T_(5,5) - T_(5,4)| sets the next h. L-stable in each part.
 //
-// None of these steps looks at f where it ends, so a friction that turns round within the last fifth
-// of h would pass unseen. So a step is also refused where f there is not what it was before that
-// fifth and J says: (h/5) |f(end) - f(last) - J (end - last)| above a hundred times the tolerance.
+// None of these steps looks at f where it ends, so a friction that turns round within the last
+// fifth of h would pass unseen. So a step is also refused where f there is not what it was before
+// that fifth and J says: (h/5) |f(end) - f(last) - J (end - last)| above 10000 times the tolerance.
 //
 //   StiffIntegrator integrator({1e-8, 1e-10});
 //   integrator.advance(rate, 0.002, state);
@@ -43,8 +43,7 @@ class StiffIntegrator {
   void advance(const Rate& rate, double duration, State& state);
 
  private:
-  using Matrix =
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostStates, kMostStates>;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostStates, kMostStates>;
 
   // The error over the tolerance; `next` is T_(5,5).
   [[nodiscard]] double attempt(const Rate& rate, double step, const State& state, State& next);

@@ -45,9 +45,9 @@ std::vector<std::size_t> apportion(std::size_t total, const std::vector<double>&
 
 }  // namespace
 
-std::vector<CaseOutline> deal_outlines(
-    std::size_t cases, const std::vector<std::pair<Family, double>>& family_shares,
-    const std::array<double, 4>& kind_shares) {
+std::vector<CaseOutline> deal_outlines(std::size_t cases,
+                                       const std::vector<std::pair<Family, double>>& family_shares,
+                                       const std::array<double, 4>& kind_shares) {
   std::vector<double> shares;
   for (const auto& [family, share] : family_shares) shares.push_back(share);
   const auto families = apportion(cases, shares);

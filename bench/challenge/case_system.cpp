@@ -10,10 +10,9 @@ namespace graybox::bench {
 
 std::string_view to_string(Family family) {
   constexpr std::array<std::string_view, kFamilies> kNames{
-      "robot",          "three_axis",          "one_mass",
-      "two_mass",       "oscillator",          "chain",
-      "axis_encoder",   "axis_tachometer",     "drive_encoders",
-      "drive_motor_encoder", "drive_tachometer"};
+      "robot",           "three_axis",   "one_mass",        "two_mass",       "oscillator",
+      "chain",           "axis_encoder", "axis_tachometer", "drive_encoders", "drive_motor_encoder",
+      "drive_tachometer"};
   return kNames[static_cast<std::size_t>(family)];
 }
 

@@ -24,8 +24,8 @@
 
 namespace graybox::bench {
 
-// Those of the set `any_motion` (bench/any_motion_challenge) follow: single axes with an encoder or a
-// tachometer, two-mass drives with both encoders, that of the motor, or a tachometer alone.
+// Those of the set `any_motion` (bench/any_motion_challenge) follow: single axes with an encoder or
+// a tachometer, two-mass drives with both encoders, that of the motor, or a tachometer alone.
 enum class Family : std::int8_t {
   kRobot,
   kThreeAxis,

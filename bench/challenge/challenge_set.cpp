@@ -5,15 +5,14 @@
 namespace graybox::bench {
 
 const ChallengeSet& periodic_set() {
-  static const ChallengeSet set{
-      .name = std::string(kPeriodicSet),
-      .all_cases = 400,
-      .quick_cases = 40,
-      .families = {Family::kRobot, Family::kThreeAxis, Family::kOneMass, Family::kTwoMass,
-                   Family::kOscillator, Family::kChain},
-      .compose = compose_challenge,
-      .draw = draw_case,
-      .write = write_case};
+  static const ChallengeSet set{.name = std::string(kPeriodicSet),
+                                .all_cases = 400,
+                                .quick_cases = 40,
+                                .families = {Family::kRobot, Family::kThreeAxis, Family::kOneMass,
+                                             Family::kTwoMass, Family::kOscillator, Family::kChain},
+                                .compose = compose_challenge,
+                                .draw = draw_case,
+                                .write = write_case};
   return set;
 }
 

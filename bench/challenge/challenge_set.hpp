@@ -17,8 +17,8 @@
 namespace graybox::bench {
 
 struct ChallengeSet {
-  std::string name;                             // in challenge.json and the history
-  std::size_t all_cases = 0, quick_cases = 0;   // without and with `--quick`
+  std::string name;                            // in challenge.json and the history
+  std::size_t all_cases = 0, quick_cases = 0;  // without and with `--quick`
   std::vector<Family> families;
   // As compose_challenge() of case_draw.hpp.
   std::function<std::vector<CaseOutline>(std::size_t cases, std::uint64_t seed,

@@ -154,12 +154,9 @@ bool holds_nothing(const fs::path& folder) {
 
 // The truth's folder is of this challenge, or becomes so.
 void claim_folders(const MakeOptions& options) {
-  const Json stamp{{"format", "graybox-challenge-plan/1"},
-                   {"set", options.origin.set},
-                   {"seed", options.origin.seed},
-                   {"commit", options.origin.commit},
-                   {"cases", options.origin.cases},
-                   {"family", options.origin.family}};
+  const Json stamp{{"format", "graybox-challenge-plan/1"}, {"set", options.origin.set},
+                   {"seed", options.origin.seed},          {"commit", options.origin.commit},
+                   {"cases", options.origin.cases},        {"family", options.origin.family}};
   const fs::path file = options.truth / "plan.json";
   if (std::ifstream stream(file); stream) {
     if (Json::parse(stream, nullptr, false) == stamp) return;

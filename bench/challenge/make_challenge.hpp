@@ -25,7 +25,7 @@
 namespace graybox::bench {
 
 struct MakeOptions {
-  ChallengeOrigin origin;                   // its `set` is the name of the next
+  ChallengeOrigin origin;  // its `set` is the name of the next
   const ChallengeSet* set = &periodic_set();
   std::filesystem::path cases, truth;
   int threads = 1;
@@ -43,7 +43,6 @@ struct MakeOutcome {
 // gives it its name. False, and nothing left, where `fill` says so. Throws InputError.
 bool write_whole_folder(const std::filesystem::path& folder,
                         const std::function<bool(const std::filesystem::path&)>& fill);
-
 
 // Throws InputError where a folder can't be made, holds something else, or lies in the other.
 MakeOutcome make_challenge(const MakeOptions& options);

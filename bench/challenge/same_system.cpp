@@ -12,8 +12,8 @@ bool is_signal(const std::string& place) { return is_actuator(place) || is_senso
 
 bool is_friction(const std::string& law) {
   static const std::set<std::string> kFrictions{
-      "coulomb", "asymmetric_coulomb", "stribeck", "viscous", "asymmetric_viscous",
-      "quadratic_drag", "sublinear_friction", "dahl", "lugre", "offset"};
+      "coulomb",        "asymmetric_coulomb", "stribeck", "viscous", "asymmetric_viscous",
+      "quadratic_drag", "sublinear_friction", "dahl",     "lugre",   "offset"};
   return kFrictions.contains(law);
 }
 

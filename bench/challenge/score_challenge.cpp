@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kLargestClass = 3;
-constexpr double kNoiseFloor = 1.1;   // chi-square over degrees of freedom, held-out
+constexpr double kNoiseFloor = 1.1;     // chi-square over degrees of freedom, held-out
 constexpr double kLargestError = 0.15;  // over the signal, held-out, in any motion
 
 double number_in(const Json& json, const char* key) {
@@ -95,14 +95,14 @@ bool names(const AnsweredLaw& law, const HiddenEffect& effect) {
 
 bool is_same(const CaseTruth& truth, const AnsweredLaw& law, const HiddenEffect& effect) {
   return names(law, effect) ||
-         (counts_systems(truth) && system_of(truth, law.place, law.law) ==
-                                       system_of(truth, effect.place, effect.law));
+         (counts_systems(truth) &&
+          system_of(truth, law.place, law.law) == system_of(truth, effect.place, effect.law));
 }
 
 bool holds(const CaseTruth& truth, const std::vector<AnsweredLaw>& effect_class,
            const HiddenEffect& effect) {
-  return std::ranges::any_of(
-      effect_class, [&](const AnsweredLaw& law) { return is_same(truth, law, effect); });
+  return std::ranges::any_of(effect_class,
+                             [&](const AnsweredLaw& law) { return is_same(truth, law, effect); });
 }
 
 // By the very law and place, whose parameters can be compared.
@@ -240,7 +240,7 @@ Answer read_answer(const fs::path& folder) {
       answer.effects.push_back(std::move(members));
     }
     answer.validation = validation_of(verdict, "chi_square_per_dof");
-    answer.error_kept_out = validation_of(verdict, "nrmse");
+    answer.error_kept_out = 0.01 * validation_of(verdict, "nrmse");  // given in per cent
   } catch (const nlohmann::json::exception& error) {
     throw InputError(fmt::format("{}: is no verdict: {}", file.string(), error.what()));
   }
@@ -275,6 +275,7 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& given) {
     const AnsweredLaw* member = member_of(*found[e], truth.effects[e]);
     if (member != nullptr) compare_parameters(truth.effects[e], *member, scored);
   }
+  scored.all_listed = !found.empty() && std::ranges::count(found, nullptr) == 0;
   scored.named_as_system =
       is_final(answer) && !found.empty() && !(scored.extra && truth.kind == CaseKind::kOneEffect) &&
       std::ranges::count(found, nullptr) == 0 && scored.systems <= kLargestClass;
@@ -355,6 +356,8 @@ bool is_named(const ScoredCase& each) {
   return each.outcome == "right" || (each.outcome == "in_class" && !each.extra);
 }
 bool is_named_as_system(const ScoredCase& each) { return each.named_as_system; }
+// All effects are in classes of at most 3, also of an answer whose verdict is `unknown`.
+bool is_found(const ScoredCase& each) { return each.all_listed && each.systems <= kLargestClass; }
 bool is_detected(const ScoredCase& each) {
   return each.answer.given && each.answer.verdict != "none";
 }
@@ -463,10 +466,9 @@ std::string rates_table(const Score& score) {
   std::string text{kRatesHeader};
   for (const NamedRate& each : rates_of(score)) {
     const Interval interval = wilson_interval(each.rate);
-    text +=
-        fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f}\n", score.origin.set, each.name,
-                    csv_field(each.target), each.rate.hits, each.rate.of, each.rate.value(),
-                    interval.low, interval.high);
+    text += fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f}\n", score.origin.set, each.name,
+                        csv_field(each.target), each.rate.hits, each.rate.of, each.rate.value(),
+                        interval.low, interval.high);
   }
   return text;
 }
@@ -504,8 +506,8 @@ std::string refusal_table(const Score& score) {
           return is_detectable_one(each) && each.answer.given && each.class_size > 0;
         },
         refused);
-    text += fmt::format("{:g},{},{},{},{}\n", limit, outside.hits, outside.of, inside.hits,
-                        inside.of);
+    text +=
+        fmt::format("{:g},{},{},{},{}\n", limit, outside.hits, outside.of, inside.hits, inside.of);
   }
   return text;
 }
@@ -672,6 +674,13 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"hidden_no_false_law", "-",
        rate_of(cases, is_hidden, [](const ScoredCase& each) { return !is_detected(each); })},
   };
+  if (in_any_motion) {
+    // By the laws listed, whatever the verdict.
+    const auto lists_laws = [](const ScoredCase& each) { return !each.answer.effects.empty(); };
+    rates.push_back({"false_laws", "-", rate_of(cases, is_null, lists_laws)});
+    rates.push_back({"detectable_found", "-", rate_of(cases, is_detectable_one, is_found)});
+    rates.push_back({"two_effects_found", "-", rate_of(cases, is_two, is_found)});
+  }
   if (!score.left_out.empty()) {
     rates.push_back(
         {"left_out_unknown", "-",
@@ -749,8 +758,7 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   if (in_any_motion) write("refusal", refusal_table(score));
   if (!score.left_out.empty()) write("left_out", left_out_table(score));
   const fs::path rates = folder / "challenge_rates.csv";
-  write_text_file(rates.string(),
-                  rates_table(score) + rows_of_other_sets(rates, score.origin.set));
+  write_text_file(rates.string(), rates_table(score) + rows_of_other_sets(rates, score.origin.set));
 }
 
 namespace {
@@ -758,6 +766,7 @@ namespace {
 // The columns that every scored run has had.
 bool is_in_history(const NamedRate& rate) {
   return !rate.name.starts_with("left_out") && !rate.name.ends_with("_as_systems") &&
+         !rate.name.ends_with("_found") && rate.name != "false_laws" &&
          rate.name != "parameters_determined";
 }
 

@@ -24,15 +24,16 @@
 // In the set `any_motion` names count as systems (same_system.hpp) everywhere above: the truth is
 // named by any law and place that are the same system, and classes are as large as they have
 // systems. An asymmetric dry friction is also named by a dry friction and an offset, two effects at
-// its place. An explained case holds on recordings kept out if the answer says so and their error is
-// below 15 % of the signal (or chi-square over degrees of freedom below 1.1, the rule of the periodic
-// set).
+// its place. An explained case holds on recordings kept out if the answer says so and their error
+// is below 15 % of the signal (or chi-square over degrees of freedom below 1.1, the rule of the
+// periodic set). Besides, `false_laws`, `detectable_found` and `two_effects_found` go by the laws
+// that an answer lists, whatever its verdict: an `unknown` that lists the truth is no name, but it
+// is found.
 //
-// Rates that end in `_as_systems` count a law
-// at places that make one system (a delay of the only actuator or the only sensor) as one member,
-// and so alternatives that the answer only names, as the same in such recordings. Parameters that
-// an answer gives without a standard error, as not determined by the data, are no claim: counted
-// apart.
+// Rates that end in `_as_systems` count a law at places that make one system (a delay of the only
+// actuator or the only sensor) as one member, and so alternatives that the answer only names, as the
+// same in such recordings. Parameters that an answer gives without a standard error, as not
+// determined by the data, are no claim: counted apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once
@@ -92,6 +93,7 @@ struct ScoredCase {
   std::size_t class_size = 0;    // of the class that holds the truth
   std::size_t systems = 0;       // in that class
   bool named_as_system = false;  // all effects in classes of at most 3 systems, in a final verdict
+  bool all_listed = false;       // all effects are in classes, in any verdict
   bool named_alone = false;      // one effect is there and named, without alternatives
   bool extra = false;            // more effects than there are
   bool place_right = false;      // the first effect's place is a true one
@@ -129,16 +131,17 @@ struct NamedRate {
 [[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
 [[nodiscard]] std::string score_text(const Score& score);
 
-// challenge_cases.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv and, where
-// laws were left out, challenge_left_out.csv in `folder`; of the set `any_motion` with names
+// challenge_cases.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv and,
+// where laws were left out, challenge_left_out.csv in `folder`; of the set `any_motion` with names
 // challenge_any_motion_cases.csv ..., and challenge_any_motion_refusal.csv besides: what a limit on
 // the error of recordings kept out would refuse, outside the catalogue and inside. The rates of all
 // sets are in challenge_rates.csv: those of other sets that are there stay.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
-// Appends one line, with the name of the set, to a CSV file, with its header where it is new: counts, the seal, and in how
-// many of the cases the diagnosis was confined. Throws InputError unless the challenge's seed is
-// that of its commit and all cases have been run, and for a file with other columns.
+// Appends one line, with the name of the set, to a CSV file, with its header where it is new:
+// counts, the seal, and in how many of the cases the diagnosis was confined. Throws InputError
+// unless the challenge's seed is that of its commit and all cases have been run, and for a file
+// with other columns.
 void append_history(const Score& score, const std::filesystem::path& file);
 
 }  // namespace graybox::bench

@@ -52,9 +52,12 @@ std::string seal_truth(const fs::path& folder, const ChallengeOrigin& origin,
                        const std::vector<std::string>& names) {
   Json files = Json::object();
   for (const std::string& name : names) files[name] = digest(text_of(truth_file(folder, name)));
-  const Json index{{"format", "graybox-truth-index/1"}, {"set", origin.set},
-                   {"seed", origin.seed},               {"commit", origin.commit},
-                   {"cases", origin.cases},             {"family", origin.family},
+  const Json index{{"format", "graybox-truth-index/1"},
+                   {"set", origin.set},
+                   {"seed", origin.seed},
+                   {"commit", origin.commit},
+                   {"cases", origin.cases},
+                   {"family", origin.family},
                    {"sha256", files}};
   const std::string text = index.dump(2) + "\n";
   write_text_file((folder / "index.json").string(), text);

@@ -34,8 +34,8 @@ void require_family(const bench::ChallengeSet& set, const std::string& family) {
     if (bench::to_string(each) == family) return;
     names += fmt::format("{}{}", names.empty() ? "" : ", ", bench::to_string(each));
   }
-  throw InputError(fmt::format("challenge make: --family {}: the set {} has {}", family, set.name,
-                               names));
+  throw InputError(
+      fmt::format("challenge make: --family {}: the set {} has {}", family, set.name, names));
 }
 
 // ---- make ---------------------------------------------------------------------------------------

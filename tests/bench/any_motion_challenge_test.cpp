@@ -42,9 +42,8 @@ const std::vector<Family>& families() { return any_motion_set().families; }
 
 Element element_at(const AnyMotionSystem& system, const std::string& place, const char* law,
                    const std::vector<double>& parameters) {
-  const auto found = std::ranges::find_if(system.places(), [&](const ChallengePlace& each) {
-    return each.location.name == place;
-  });
+  const auto found = std::ranges::find_if(
+      system.places(), [&](const ChallengePlace& each) { return each.location.name == place; });
   return element_of(*find_any_motion_law(law, place.find(' ') != std::string::npos), *found,
                     parameters);
 }
@@ -101,7 +100,7 @@ TEST(StiffIntegrator, HasTheOrderThatItPromises) {
     EXPECT_NEAR(x(0), 1.0 / 11.0, 20.0 * tolerance);
     calls[tolerance] = count;
   }
-  EXPECT_LT(calls[1e-10], 4 * calls[1e-8]);
+  EXPECT_LT(calls[1e-10], 3 * calls[1e-8]);  // 2.5, and a little
 }
 
 // ---- laws and recordings ------------------------------------------------------------------------
@@ -203,8 +202,9 @@ TEST(InnovationDetectability, FilterWhitensTheNoise) {
   }
 }
 
-// A damping that the model leaves out is linear: with it the innovations are those of a machine with
-// other parameters, and grow with the square of its size. What the fit can take up is not seen.
+// A damping that the model leaves out is linear: with it the innovations are those of a machine
+// with other parameters, and grow with the square of its size. What the fit can take up is not
+// seen.
 TEST(InnovationDetectability, GrowsWithTheSquareOfALinearEffect) {
   const AnyMotionSystem system(Family::kDriveTachometer, 5);
   const InnovationDetectability detectability(system, 5);
@@ -306,8 +306,8 @@ HiddenEffect effect_of(const std::string& place, const std::string& law,
   effect.at_signal = place.find(' ') != std::string::npos;
   const HiddenLaw* hidden = find_any_motion_law(law, effect.at_signal);
   for (std::size_t k = 0; k < values.size(); ++k) {
-    effect.parameters.push_back({hidden->parameters[k].name, "N m", values[k],
-                                 hidden->parameters[k].in_catalogue});
+    effect.parameters.push_back(
+        {hidden->parameters[k].name, "N m", values[k], hidden->parameters[k].in_catalogue});
   }
   effect.size = effect.smallest_size = 1.0;
   effect.detectable = true;
@@ -383,9 +383,9 @@ TEST(AnyMotionScore, ClassesAreAsLargeAsTheyHaveSystems) {
   const CaseTruth truth =
       truth_of(Family::kAxisEncoder, 3, {effect_of("sensor angle", "delay", {1e-3})});
   const ScoredCase scored = score_case(
-      truth, answer_of("ambiguous", {{named("actuator torque", "delay"),
-                                      named("sensor angle", "delay"), named("sensor angle", "lag"),
-                                      named("actuator torque", "lag")}}));
+      truth,
+      answer_of("ambiguous", {{named("actuator torque", "delay"), named("sensor angle", "delay"),
+                               named("sensor angle", "lag"), named("actuator torque", "lag")}}));
   EXPECT_EQ(scored.class_size, 4U);
   EXPECT_EQ(scored.systems, 1U);
   EXPECT_EQ(scored.outcome, "in_class");
@@ -447,9 +447,10 @@ TEST(AnyMotionScore, PairsAndRatesCountWhatTheyName) {
   };
   EXPECT_EQ(count("\nperiodic,answered"), 1U);
   EXPECT_EQ(count("\nany_motion,answered"), 1U);
-  EXPECT_EQ(read_text(folder.file("tables/challenge_any_motion_refusal.csv"))
-                .find("0.01,2,2,0,0\n") != std::string::npos,
-            true);
+  EXPECT_EQ(
+      read_text(folder.file("tables/challenge_any_motion_refusal.csv")).find("0.01,2,2,0,0\n") !=
+          std::string::npos,
+      true);
 }
 
 }  // namespace
