@@ -31,8 +31,8 @@
 // is found.
 //
 // Rates that end in `_as_systems` count a law at places that make one system (a delay of the only
-// actuator or the only sensor) as one member, and so alternatives that the answer only names, as the
-// same in such recordings. Parameters that an answer gives without a standard error, as not
+// actuator or the only sensor) as one member, and so alternatives that the answer only names, as
+// the same in such recordings. Parameters that an answer gives without a standard error, as not
 // determined by the data, are no claim: counted apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
