@@ -84,6 +84,15 @@ HiddenLaw weight() {
   return law;
 }
 
+// No machine has a negative spring against the ground.
+HiddenLaw missing_spring() {
+  HiddenLaw law = moved("stiffness", kHeldAxisPlace, 1.0);
+  law.parameters_of = [](double size, const PlaceScale& scale, Shape) {
+    return std::vector{size * scale.force / scale.deflection};
+  };
+  return law;
+}
+
 HiddenLaw cogging() {
   HiddenLaw law = moved("ripple", kAxisPlace, 1.5);
   law.parameters_of = [](double size, const PlaceScale& scale, Shape shape) {
@@ -129,7 +138,7 @@ std::vector<HiddenLaw> all_laws() {
           moved("offset", kAxisPlace, 1.5),
           weight(),
           cogging(),
-          moved("stiffness", kHeldAxisPlace, 1.0),
+          missing_spring(),
           moved("cubic_spring", kSpringPlace, 1.0),
           moved("backlash", kSpringPlace, 3.0),
           moved("dead_zone", kSpringPlace, 10.0),
