@@ -9,7 +9,8 @@
 //
 // Size as in the periodic set (case_draw.hpp): the smallest detectable size
 // (innovation_detectability.hpp) times 20^U. Where a place hides a law at any size, or the machine
-// does not move with it in all recordings, the case takes another law and place.
+// does not move with it in all recordings, or in a limit cycle, the case takes another law and
+// place.
 #pragma once
 
 #include <cstdint>

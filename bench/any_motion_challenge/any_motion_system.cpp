@@ -191,13 +191,16 @@ DriveDynamics AnyMotionSystem::dynamics(const VectorXd& values) const {
   return result;
 }
 
-std::vector<std::vector<std::string>> AnyMotionSystem::same_places() const {
-  std::vector<std::vector<std::string>> groups{{"actuator torque", mass_name(0)}};
+std::map<std::string, std::vector<std::string>> AnyMotionSystem::same_places() const {
+  const std::string actuator = "actuator torque", sensor = "sensor " + outputs_[0].name;
+  std::map<std::string, std::vector<std::string>> groups{{"offset", {actuator, mass_name(0)}}};
   if (outputs_.size() > 1) return groups;
-  groups.push_back({"actuator torque", "sensor " + outputs_[0].name});
+  if (is_drive_) groups["offset"].push_back(mass_name(1));
+  if (has_tachometer_) groups["offset"].push_back(sensor);
+  groups["late"] = {actuator, sensor};
   if (is_drive_) {
     const double on_shaft = std::sqrt(parameters_[2].believed / parameters_[1].believed);
-    if (on_shaft > 6.0 * bandwidth_) groups.push_back({"motor", "load"});
+    if (on_shaft > 6.0 * bandwidth_) groups["force"] = {mass_name(0), mass_name(1)};
   }
   return groups;
 }

@@ -20,6 +20,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -84,11 +85,9 @@ class AnyMotionSystem {
   [[nodiscard]] double force_noise_memory() const { return force_noise_memory_; }  // s
   [[nodiscard]] double jitter() const { return jitter_; }        // standard deviation, of a step
   [[nodiscard]] bool has_stamps() const { return has_stamps_; }  // recorded with the true times
-  // Places that what is measured can't tell apart (same_system.hpp): the actuator and the mass that
-  // it drives, for constant forces. Where there is one sensor, also the actuator and it, for what
-  // is late; and the motor and the load behind a stiff shaft, for friction. Stiff: the load's
-  // frequency on the shaft is above six times the loop's bandwidth.
-  [[nodiscard]] std::vector<std::vector<std::string>> same_places() const;
+  // Places that what is measured can't tell apart, by the kinds of same_system.hpp. A shaft is
+  // stiff where the load's frequency on it is above six times the loop's bandwidth.
+  [[nodiscard]] std::map<std::string, std::vector<std::string>> same_places() const;
 
   // model.yaml, as the user believes; numbers of one width.
   [[nodiscard]] std::string model_text() const;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
@@ -49,9 +50,9 @@ struct CaseTruth {
   double required_noncentrality = 0.0;
   double noncentrality = 0.0;  // of all effects together
   std::vector<HiddenEffect> effects;
-  // Groups of places that the recordings can't tell apart by what is measured; none in the periodic
-  // set.
-  std::vector<std::vector<std::string>> same_places{};
+  // Places that the recordings can't tell apart by what is measured, by kind of law
+  // (same_system.hpp); none in the periodic set.
+  std::map<std::string, std::vector<std::string>> same_places{};
 
   // All of its effects are, each alone.
   [[nodiscard]] bool detectable() const;

@@ -405,11 +405,11 @@ TEST(AnyMotionScore, NamesCountAsSystems) {
   const auto outcome = [&](std::vector<std::vector<AnsweredLaw>> effects) {
     return score_case(truth, answer_of("explained", std::move(effects))).outcome;
   };
-  truth.same_places = {{"actuator torque", "motor"}, {"motor", "load"}};
+  truth.same_places = {{"force", {"motor", "load"}}, {"offset", {"actuator torque", "motor"}}};
   EXPECT_EQ(outcome({{named("load", "coulomb", 0.5)}}), "right");
   EXPECT_EQ(outcome({{named("motor", "coulomb", 0.5)}}), "right");
   EXPECT_EQ(outcome({{named("motor", "viscous")}}), "wrong_confident");
-  truth.same_places = {{"actuator torque", "motor"}};  // a soft shaft
+  truth.same_places.erase("force");  // a soft shaft
   EXPECT_EQ(outcome({{named("motor", "coulomb", 0.5)}}), "wrong_confident");
 
   truth.effects = {effect_of("motor", "offset", {0.1})};
@@ -420,9 +420,23 @@ TEST(AnyMotionScore, NamesCountAsSystems) {
   truth.effects = {effect_of("sensor motor_angle", "delay", {1e-3})};
   EXPECT_EQ(outcome({{named("sensor motor_angle", "lag")}}), "right");
   EXPECT_EQ(outcome({{named("actuator torque", "lag")}}), "wrong_confident");
-  truth.same_places.push_back({"actuator torque", "sensor motor_angle"});
+  truth.same_places["late"] = {"actuator torque", "sensor motor_angle"};
   EXPECT_EQ(outcome({{named("actuator torque", "lag")}}), "right");
   EXPECT_EQ(outcome({{named("actuator torque", "saturation")}}), "wrong_confident");
+}
+
+TEST(AnyMotionScore, WhatGoesTogetherFollowsFromWhatIsMeasured) {
+  for (const Family family : families()) {
+    const auto groups = AnyMotionSystem(family, 3).same_places();
+    const bool is_alone = family != Family::kDriveEncoders;
+    EXPECT_EQ(groups.contains("late"), is_alone) << to_string(family);
+    const bool has_tachometer =
+        family == Family::kAxisTachometer || family == Family::kDriveTachometer;
+    const bool is_drive = family != Family::kAxisEncoder && family != Family::kAxisTachometer;
+    EXPECT_EQ(groups.at("offset").size(),
+              2U + (has_tachometer ? 1U : 0U) + (is_drive && is_alone ? 1U : 0U));
+    EXPECT_FALSE((!is_drive || !is_alone) && groups.contains("force"));
+  }
 }
 
 TEST(AnyMotionScore, ClassesAreAsLargeAsTheyHaveSystems) {
