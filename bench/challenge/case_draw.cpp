@@ -43,20 +43,18 @@ std::vector<std::size_t> apportion(std::size_t total, const std::vector<double>&
   return counts;
 }
 
-// Kinds and families so that both have their shares: both lists are apportioned and dealt out, the
-// kinds in turn over the families.
-std::vector<CaseOutline> outlines_of(std::size_t cases, std::optional<Family> family) {
-  std::vector<double> shares{120, 80, 50, 50, 50, 50};
-  if (family) {
-    std::ranges::fill(shares, 0.0);
-    shares[static_cast<std::size_t>(*family)] = 1.0;
-  }
+}  // namespace
+
+std::vector<CaseOutline> deal_outlines(std::size_t cases,
+                                       const std::vector<std::pair<Family, double>>& family_shares,
+                                       const std::array<double, 4>& kind_shares) {
+  std::vector<double> shares;
+  for (const auto& [family, share] : family_shares) shares.push_back(share);
   const auto families = apportion(cases, shares);
-  const auto kinds = apportion(cases, {100, 230, 40, 30});
+  const auto kinds = apportion(cases, {kind_shares.begin(), kind_shares.end()});
   std::vector<Family> family_of;
-  for (int f = 0; f < kFamilies; ++f) {
-    family_of.insert(family_of.end(), families[static_cast<std::size_t>(f)],
-                     static_cast<Family>(f));
+  for (std::size_t f = 0; f < family_shares.size(); ++f) {
+    family_of.insert(family_of.end(), families[f], family_shares[f].first);
   }
   // Case k of the list sorted by families gets the kind whose share is most behind.
   std::vector<CaseOutline> outlines(cases);
@@ -78,6 +76,8 @@ std::vector<CaseOutline> outlines_of(std::size_t cases, std::optional<Family> fa
   }
   return outlines;
 }
+
+namespace {
 
 bool is_offset(const HiddenLaw& law) { return law.name == "offset"; }
 
@@ -160,14 +160,10 @@ struct SizeSearch {
   }
 };
 
-struct SizedEffect {
-  HiddenEffect effect;
-  Element element;
-};
+}  // namespace
 
-SizedEffect effect_of(const LawAtPlace& pair, const ChallengePlace& place, double size,
-                      const PlaceScale& scale, const std::array<double, 6>& shape) {
-  const HiddenLaw& law = *pair.law;
+SizedEffect sized_at(const HiddenLaw& law, const ChallengePlace& place, double size,
+                     const PlaceScale& scale, const std::array<double, 6>& shape) {
   const std::vector<double> values = law.parameters_of(size, scale, shape);
   SizedEffect result;
   result.effect.place = place.location.name;
@@ -185,39 +181,7 @@ SizedEffect effect_of(const LawAtPlace& pair, const ChallengePlace& place, doubl
   return result;
 }
 
-// The smallest detectable size, lambda within 25 % of what is required, by steps of sqrt(lambda)
-// kept within the bracket so far. None up to the law's largest.
-template <typename Lambda>
-std::optional<double> smallest_size(const Lambda& lambda_at, double required, double largest,
-                                    const std::function<bool()>& keep_going) {
-  constexpr int kTrials = 9;
-  double size = 0.02 * largest, low = 0.0, high = std::numeric_limits<double>::infinity();
-  bool from_failure = false;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    if (keep_going && !keep_going()) return {};
-    const double lambda = lambda_at(size);
-    if (lambda >= 0.8 * required && lambda <= 1.25 * required) return size;
-    if (!(lambda < required)) {
-      high = size;
-      from_failure = std::isnan(lambda);
-    } else {
-      low = size;
-      if (size >= largest) return {};
-    }
-    double step = std::isnan(lambda)
-                      ? 0.1
-                      : std::clamp(std::sqrt(required / std::max(lambda, 1e-300)), 0.01, 100.0);
-    double next = std::min(size * step, largest);
-    if (low > 0.0 && std::isfinite(high)) {
-      const double middle = std::sqrt(low * high);
-      if (next <= low * 1.02 || next >= high / 1.02) next = middle;
-    }
-    size = next;
-  }
-  // A law that sets in at once: the upper end is detectable.
-  if (std::isfinite(high) && !from_failure && low > 0.0) return high;
-  return {};
-}
+namespace {
 
 std::optional<SizedEffect> sized_effect(const SizeSearch& search, const LawAtPlace& pair,
                                         Random& random) {
@@ -226,11 +190,11 @@ std::optional<SizedEffect> sized_effect(const SizeSearch& search, const LawAtPla
   std::array<double, 6> shape{};
   for (double& value : shape) value = random.uniform();
   const double relative = std::pow(kLargestRelativeSize, random.uniform());
-  const auto at = [&](double size) { return effect_of(pair, place, size, scale, shape); };
+  const auto at = [&](double size) { return sized_at(*pair.law, place, size, scale, shape); };
   const auto lambda_at = [&](double size) { return search.noncentrality({at(size).element}); };
   const double largest = pair.law->largest_size;
   const std::optional<double> smallest =
-      smallest_size(lambda_at, search.required, largest, search.keep_going);
+      smallest_detectable_size(lambda_at, search.required, largest, search.keep_going);
   if (!smallest) {
     if (!is_offset(*pair.law)) return {};
     SizedEffect hidden = at(0.3 * largest);
@@ -292,7 +256,11 @@ std::vector<LawAtPlace> possible_effects(const CaseSystem& system, bool in_catal
 
 std::vector<CaseOutline> compose_challenge(std::size_t cases, std::uint64_t seed,
                                            std::optional<Family> family) {
-  std::vector<CaseOutline> outlines = outlines_of(cases, family);
+  std::vector<std::pair<Family, double>> shares{
+      {Family::kRobot, 120.0},  {Family::kThreeAxis, 80.0},  {Family::kOneMass, 50.0},
+      {Family::kTwoMass, 50.0}, {Family::kOscillator, 50.0}, {Family::kChain, 50.0}};
+  if (family) shares = {{*family, 1.0}};
+  std::vector<CaseOutline> outlines = deal_outlines(cases, shares, {100.0, 230.0, 40.0, 30.0});
   Random random(derived_seed(seed, {10}));
   shuffle(outlines, random);
   Turns turns(derived_seed(seed, {11}));

@@ -12,10 +12,12 @@
 // detectable.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/challenge/case_truth.hpp"
@@ -34,6 +36,20 @@ struct CaseOutline {
   std::uint64_t seed = 0;
   std::vector<LawAtPlace> effects;  // first choices
 };
+
+struct SizedEffect {
+  HiddenEffect effect;  // its size and parameters; detectability is still to be told
+  Element element;
+};
+// The effect that a law makes at a place at this size; `shape` as for HiddenLaw::parameters_of.
+[[nodiscard]] SizedEffect sized_at(const HiddenLaw& law, const ChallengePlace& place, double size,
+                                   const PlaceScale& scale, const std::array<double, 6>& shape);
+
+// Outlines without name, seed and effects, so that families and kinds (in the order of CaseKind)
+// both have their shares: both lists are apportioned, the kinds in turn over the families.
+[[nodiscard]] std::vector<CaseOutline> deal_outlines(
+    std::size_t cases, const std::vector<std::pair<Family, double>>& family_shares,
+    const std::array<double, 4>& kind_shares);
 
 // `family`: the only one, where given.
 [[nodiscard]] std::vector<CaseOutline> compose_challenge(std::size_t cases, std::uint64_t seed,

@@ -9,8 +9,10 @@
 namespace graybox::bench {
 
 std::string_view to_string(Family family) {
-  constexpr std::array<std::string_view, kFamilies> kNames{"robot",    "three_axis", "one_mass",
-                                                           "two_mass", "oscillator", "chain"};
+  constexpr std::array<std::string_view, kFamilies> kNames{
+      "robot",           "three_axis",   "one_mass",        "two_mass",       "oscillator",
+      "chain",           "axis_encoder", "axis_tachometer", "drive_encoders", "drive_motor_encoder",
+      "drive_tachometer"};
   return kNames[static_cast<std::size_t>(family)];
 }
 
@@ -19,6 +21,10 @@ std::optional<Family> family_named(std::string_view name) {
     if (to_string(static_cast<Family>(k)) == name) return static_cast<Family>(k);
   }
   return {};
+}
+
+std::string_view set_of(Family family) {
+  return static_cast<int>(family) < kPeriodicFamilies ? kPeriodicSet : kAnyMotionSet;
 }
 
 std::uint64_t derived_seed(std::uint64_t seed, std::initializer_list<std::uint64_t> place) {

@@ -24,10 +24,30 @@
 
 namespace graybox::bench {
 
-enum class Family : std::int8_t { kRobot, kThreeAxis, kOneMass, kTwoMass, kOscillator, kChain };
-inline constexpr int kFamilies = 6;
+// Those of the set `any_motion` (bench/any_motion_challenge) follow: single axes with an encoder or
+// a tachometer, two-mass drives with both encoders, that of the motor, or a tachometer alone.
+enum class Family : std::int8_t {
+  kRobot,
+  kThreeAxis,
+  kOneMass,
+  kTwoMass,
+  kOscillator,
+  kChain,
+  kAxisEncoder,
+  kAxisTachometer,
+  kDriveEncoders,
+  kDriveMotorEncoder,
+  kDriveTachometer
+};
+inline constexpr int kPeriodicFamilies = 6;
+inline constexpr int kFamilies = 11;
 [[nodiscard]] std::string_view to_string(Family family);
 [[nodiscard]] std::optional<Family> family_named(std::string_view name);
+
+// Names of the sets of cases.
+inline constexpr std::string_view kPeriodicSet = "periodic";
+inline constexpr std::string_view kAnyMotionSet = "any_motion";
+[[nodiscard]] std::string_view set_of(Family family);
 
 // n_u recordings that make up one frequency response.
 struct ExperimentSet {
@@ -113,7 +133,8 @@ class CaseSystem {
   std::vector<std::string> parameter_names_;
 };
 
-// Draws the system. The model files of the robots are those beside default_robot_file().
+// Draws the system, of the periodic set. The model files of the robots are those beside
+// default_robot_file().
 [[nodiscard]] std::unique_ptr<CaseSystem> draw_system(Family family, std::uint64_t seed);
 
 // A seed of its own for each purpose.

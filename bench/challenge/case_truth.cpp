@@ -46,11 +46,8 @@ HiddenEffect effect_from(const nlohmann::ordered_json& json) {
   effect.smallest_size = json.at("smallest_size").get<double>();
   effect.noncentrality = json.at("noncentrality").get<double>();
   effect.detectable = json.at("detectable").get<bool>();
-  const HiddenLaw* law = find_hidden_law(effect.law, effect.at_signal);
-  if (law == nullptr) throw InputError(fmt::format("no hidden law '{}'", effect.law));
-  for (const HiddenParameter& parameter : law->parameters) {
-    const Json& entry = json.at("parameters").at(parameter.name);
-    effect.parameters.push_back({parameter.name, entry.at("unit").get<std::string>(),
+  for (const auto& [name, entry] : json.at("parameters").items()) {  // in the order of the law
+    effect.parameters.push_back({name, entry.at("unit").get<std::string>(),
                                  entry.at("value").get<double>(),
                                  entry.at("in_catalogue").get<bool>()});
   }
@@ -85,16 +82,18 @@ Json to_json(const CaseTruth& truth) {
   }
   Json effects = Json::array();
   for (const HiddenEffect& effect : truth.effects) effects.push_back(effect_json(effect));
-  return {{"format", "graybox-truth/1"},
-          {"case", truth.name},
-          {"family", to_string(truth.family)},
-          {"kind", to_string(truth.kind)},
-          {"seed", truth.seed},
-          {"true_over_believed", factors},
-          {"degrees_of_freedom", truth.degrees_of_freedom},
-          {"required_noncentrality", truth.required_noncentrality},
-          {"noncentrality", truth.noncentrality},
-          {"effects", effects}};
+  Json json{{"format", "graybox-truth/1"},
+            {"case", truth.name},
+            {"family", to_string(truth.family)},
+            {"kind", to_string(truth.kind)},
+            {"seed", truth.seed},
+            {"true_over_believed", factors},
+            {"degrees_of_freedom", truth.degrees_of_freedom},
+            {"required_noncentrality", truth.required_noncentrality},
+            {"noncentrality", truth.noncentrality},
+            {"effects", effects}};
+  if (!truth.same_places.empty()) json["same_places"] = truth.same_places;
+  return json;
 }
 
 CaseTruth truth_from_json(const Json& json, const std::string& file) {
@@ -113,6 +112,7 @@ CaseTruth truth_from_json(const Json& json, const std::string& file) {
     truth.required_noncentrality = json.at("required_noncentrality").get<double>();
     truth.noncentrality = json.at("noncentrality").get<double>();
     for (const Json& effect : json.at("effects")) truth.effects.push_back(effect_from(effect));
+    truth.same_places = json.value("same_places", truth.same_places);
     return truth;
   } catch (const nlohmann::json::exception& error) {
     throw InputError(fmt::format("{}: is no truth of a case: {}", file, error.what()));
@@ -133,19 +133,22 @@ Element element_of(const HiddenLaw& law, const ChallengePlace& place,
   return element;
 }
 
-std::vector<Element> elements_of(const CaseTruth& truth, const CaseSystem& system) {
+std::vector<Element> elements_of(const CaseTruth& truth, const std::vector<ChallengePlace>& places,
+                                 const LawFinder& find) {
   std::vector<Element> elements;
   for (const HiddenEffect& effect : truth.effects) {
-    const auto& places = system.places();
     const auto place = std::ranges::find_if(
         places, [&](const ChallengePlace& each) { return each.location.name == effect.place; });
     if (place == places.end()) {
       throw InputError(fmt::format("{}: no place '{}'", truth.name, effect.place));
     }
+    const HiddenLaw* law = find(effect.law, effect.at_signal);
+    if (law == nullptr || law->parameters.size() != effect.parameters.size()) {
+      throw InputError(fmt::format("{}: no hidden law '{}'", truth.name, effect.law));
+    }
     std::vector<double> parameters;
     for (const TrueParameter& parameter : effect.parameters) parameters.push_back(parameter.value);
-    elements.push_back(
-        element_of(*find_hidden_law(effect.law, effect.at_signal), *place, parameters));
+    elements.push_back(element_of(*law, *place, parameters));
   }
   return elements;
 }

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
@@ -48,6 +50,9 @@ struct CaseTruth {
   double required_noncentrality = 0.0;
   double noncentrality = 0.0;  // of all effects together
   std::vector<HiddenEffect> effects;
+  // Places that the recordings can't tell apart by what is measured, by kind of law
+  // (same_system.hpp); none in the periodic set.
+  std::map<std::string, std::vector<std::string>> same_places{};
 
   // All of its effects are, each alone.
   [[nodiscard]] bool detectable() const;
@@ -58,8 +63,14 @@ struct CaseTruth {
 [[nodiscard]] CaseTruth truth_from_json(const nlohmann::ordered_json& json,
                                         const std::string& file);
 
-// The elements that the effects are on this system.
-[[nodiscard]] std::vector<Element> elements_of(const CaseTruth& truth, const CaseSystem& system);
+// How a set of cases finds its laws by name and `at_signal`; null if there is none.
+using LawFinder = std::function<const HiddenLaw*(std::string_view, bool)>;
+
+// The elements that the effects are on a system with these places. Throws InputError where it has
+// no such place, or the set no such law.
+[[nodiscard]] std::vector<Element> elements_of(const CaseTruth& truth,
+                                               const std::vector<ChallengePlace>& places,
+                                               const LawFinder& find = find_hidden_law);
 [[nodiscard]] Element element_of(const HiddenLaw& law, const ChallengePlace& place,
                                  const std::vector<double>& parameters);
 

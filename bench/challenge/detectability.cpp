@@ -2,8 +2,10 @@
 
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -60,6 +62,38 @@ double required_noncentrality(double degrees_of_freedom, double level, double po
     (reached < power ? low : high) = middle;
   }
   return high;
+}
+
+std::optional<double> smallest_detectable_size(const std::function<double(double)>& lambda_at,
+                                               double required, double largest,
+                                               const std::function<bool()>& keep_going) {
+  constexpr int kTrials = 9;
+  double size = 0.02 * largest, low = 0.0, high = std::numeric_limits<double>::infinity();
+  bool from_failure = false;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    if (keep_going && !keep_going()) return {};
+    const double lambda = lambda_at(size);
+    if (lambda >= 0.8 * required && lambda <= 1.25 * required) return size;
+    if (!(lambda < required)) {
+      high = size;
+      from_failure = std::isnan(lambda);
+    } else {
+      low = size;
+      if (size >= largest) return {};
+    }
+    double step = std::isnan(lambda)
+                      ? 0.1
+                      : std::clamp(std::sqrt(required / std::max(lambda, 1e-300)), 0.01, 100.0);
+    double next = std::min(size * step, largest);
+    if (low > 0.0 && std::isfinite(high)) {
+      const double middle = std::sqrt(low * high);
+      if (next <= low * 1.02 || next >= high / 1.02) next = middle;
+    }
+    size = next;
+  }
+  // A law that sets in at once: the upper end is detectable.
+  if (std::isfinite(high) && !from_failure && low > 0.0) return high;
+  return {};
 }
 
 namespace {

@@ -26,6 +26,8 @@
 #include <array>
 #include <complex>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "bench/challenge/case_system.hpp"
@@ -44,6 +46,14 @@ inline constexpr double kDirectedNoncentrality = 10.5;
 [[nodiscard]] double required_noncentrality(double degrees_of_freedom,
                                             double level = kDetectionLevel,
                                             double power = kDetectionPower);
+
+// The smallest size at which lambda is within 25 % of what is required (so the size to 12 %). It is
+// searched by steps of sqrt(lambda) kept within the bracket so far. `lambda_at` is not a number where the
+// system can't move with an effect of that size. None up to the largest size, or where `keep_going`
+// says no. At most nine calls.
+[[nodiscard]] std::optional<double> smallest_detectable_size(
+    const std::function<double(double)>& lambda_at, double required, double largest,
+    const std::function<bool()>& keep_going = {});
 
 struct ResponseAt {
   Eigen::MatrixXcd response;

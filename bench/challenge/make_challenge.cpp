@@ -154,11 +154,9 @@ bool holds_nothing(const fs::path& folder) {
 
 // The truth's folder is of this challenge, or becomes so.
 void claim_folders(const MakeOptions& options) {
-  const Json stamp{{"format", "graybox-challenge-plan/1"},
-                   {"seed", options.origin.seed},
-                   {"commit", options.origin.commit},
-                   {"cases", options.origin.cases},
-                   {"family", options.origin.family}};
+  const Json stamp{{"format", "graybox-challenge-plan/1"}, {"set", options.origin.set},
+                   {"seed", options.origin.seed},          {"commit", options.origin.commit},
+                   {"cases", options.origin.cases},        {"family", options.origin.family}};
   const fs::path file = options.truth / "plan.json";
   if (std::ifstream stream(file); stream) {
     if (Json::parse(stream, nullptr, false) == stamp) return;
@@ -186,15 +184,15 @@ class Rounds {
  public:
   explicit Rounds(const MakeOptions& options)
       : options_(&options),
-        outlines_(compose_challenge(options.origin.cases, options.origin.seed,
-                                    family_named(options.origin.family))) {}
+        outlines_(options.set->compose(options.origin.cases, options.origin.seed,
+                                       family_named(options.origin.family))) {}
 
   // False where asked to stop.
   bool draw() {
     return for_each([&](const CaseOutline& outline) {
       const fs::path file = truth_file(options_->truth, outline.name);
       if (fs::exists(file)) return;
-      const CaseTruth truth = draw_case(outline, options_->keep_going);
+      const CaseTruth truth = options_->set->draw(outline, options_->keep_going);
       if (truth.name.empty()) {
         stopped_ = true;
         return;
@@ -208,7 +206,7 @@ class Rounds {
     for (const CaseOutline& outline : outlines_) names.push_back(outline.name);
     const std::string sha256 = seal_truth(options_->truth, options_->origin, names);
     make_folder(options_->cases);
-    write_header(options_->cases, {outlines_.size(), sha256});
+    write_header(options_->cases, {outlines_.size(), sha256, options_->origin.set});
     return sha256;
   }
 
@@ -216,8 +214,8 @@ class Rounds {
     const bool complete = for_each([&](const CaseOutline& outline) {
       const fs::path folder = options_->cases / outline.name;
       if (fs::exists(folder)) return;
-      if (!write_case(read_truth(truth_file(options_->truth, outline.name)), folder,
-                      options_->keep_going)) {
+      if (!options_->set->write(read_truth(truth_file(options_->truth, outline.name)), folder,
+                                options_->keep_going)) {
         stopped_ = true;
       }
     });
@@ -271,30 +269,37 @@ class Rounds {
 
 }  // namespace
 
-bool write_case(const CaseTruth& truth, const fs::path& folder,
-                const std::function<bool()>& keep_going) {
-  const auto system = draw_system(truth.family, truth.seed);
-  const std::vector<Element> elements = elements_of(truth, *system);
+bool write_whole_folder(const fs::path& folder, const std::function<bool(const fs::path&)>& fill) {
   const fs::path partial =
       folder.parent_path() / fmt::format(".{}.partial", folder.filename().string());
   std::error_code ignored;
   fs::remove_all(partial, ignored);
   make_folder(partial / "campaign");
-  system->write_model(partial);
-  write_text_file((partial / "campaign" / "campaign.yaml").string(), campaign_text(*system));
-  for (const ExperimentSet& set : system->plan().sets) {
-    for (Eigen::Index e = 0; e < system->input_count(); ++e) {
-      const Recording recording =
-          simulate_experiment(*system, elements, set, e, true, truth.seed, keep_going);
-      if (recording.output.size() == 0) {
-        fs::remove_all(partial, ignored);
-        return false;
-      }
-      write_case_recording(*system, recording, partial / "campaign" / recording_name(set, e));
-    }
+  if (!fill(partial)) {
+    fs::remove_all(partial, ignored);
+    return false;
   }
   fs::rename(partial, folder);
   return true;
+}
+
+bool write_case(const CaseTruth& truth, const fs::path& folder,
+                const std::function<bool()>& keep_going) {
+  const auto system = draw_system(truth.family, truth.seed);
+  const std::vector<Element> elements = elements_of(truth, system->places());
+  return write_whole_folder(folder, [&](const fs::path& partial) {
+    system->write_model(partial);
+    write_text_file((partial / "campaign" / "campaign.yaml").string(), campaign_text(*system));
+    for (const ExperimentSet& set : system->plan().sets) {
+      for (Eigen::Index e = 0; e < system->input_count(); ++e) {
+        const Recording recording =
+            simulate_experiment(*system, elements, set, e, true, truth.seed, keep_going);
+        if (recording.output.size() == 0) return false;
+        write_case_recording(*system, recording, partial / "campaign" / recording_name(set, e));
+      }
+    }
+    return true;
+  });
 }
 
 MakeOutcome make_challenge(const MakeOptions& options) {

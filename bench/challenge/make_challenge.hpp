@@ -19,12 +19,14 @@
 #include <functional>
 #include <string>
 
+#include "bench/challenge/challenge_set.hpp"
 #include "bench/challenge/seal.hpp"
 
 namespace graybox::bench {
 
 struct MakeOptions {
-  ChallengeOrigin origin;
+  ChallengeOrigin origin;  // its `set` is the name of the next
+  const ChallengeSet* set = &periodic_set();
   std::filesystem::path cases, truth;
   int threads = 1;
   std::function<bool()> keep_going;                      // asked often, from any thread
@@ -37,10 +39,15 @@ struct MakeOutcome {
   std::string truth_sha256;
 };
 
+// Makes folder/campaign anew beside where `folder` will be, lets `fill` write into that folder, and
+// gives it its name. False, and nothing left, where `fill` says so. Throws InputError.
+bool write_whole_folder(const std::filesystem::path& folder,
+                        const std::function<bool(const std::filesystem::path&)>& fill);
+
 // Throws InputError where a folder can't be made, holds something else, or lies in the other.
 MakeOutcome make_challenge(const MakeOptions& options);
 
-// One case's folder, complete; also for tests. False where asked to stop.
+// One case's folder of the periodic set, complete; also for tests. False where asked to stop.
 bool write_case(const CaseTruth& truth, const std::filesystem::path& folder,
                 const std::function<bool()>& keep_going = {});
 

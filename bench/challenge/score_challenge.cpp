@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 
+#include "bench/challenge/same_system.hpp"
 #include "bench/study/environment.hpp"
 #include "problems/base/distributions.hpp"
 #include "problems/base/error.hpp"
@@ -24,7 +25,8 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kLargestClass = 3;
-constexpr double kNoiseFloor = 1.1;  // chi-square over degrees of freedom, held-out
+constexpr double kNoiseFloor = 1.1;     // chi-square over degrees of freedom, held-out
+constexpr double kLargestError = 0.15;  // over the signal, held-out, in any motion
 
 double number_in(const Json& json, const char* key) {
   const auto found = json.find(key);
@@ -57,30 +59,80 @@ void add_members(const Json& json, std::vector<AnsweredLaw>& members) {
   }
 }
 
-std::size_t systems_in(const std::vector<AnsweredLaw>& members) {
-  return static_cast<std::size_t>(std::ranges::count(members, false, &AnsweredLaw::is_same_system));
+bool counts_systems(const CaseTruth& truth) { return set_of(truth.family) != kPeriodicSet; }
+
+std::size_t systems_in(const CaseTruth& truth, const std::vector<AnsweredLaw>& members) {
+  if (!counts_systems(truth)) {
+    return static_cast<std::size_t>(
+        std::ranges::count(members, false, &AnsweredLaw::is_same_system));
+  }
+  std::set<std::string> systems;
+  for (const AnsweredLaw& law : members) {
+    if (!law.is_same_system) systems.insert(system_of(truth, law.place, law.law));
+  }
+  return std::max<std::size_t>(systems.size(), members.empty() ? 0 : 1);
 }
 
-// fit.after.validation.chi_square_per_dof, if all of it is there.
-double validation_of(const Json& verdict) {
+// What a class counts as.
+std::size_t size_of(const CaseTruth& truth, const std::vector<AnsweredLaw>& members) {
+  return counts_systems(truth) ? systems_in(truth, members) : members.size();
+}
+
+// A number of fit.after.validation, if all of it is there.
+double validation_of(const Json& verdict, const char* name) {
   const Json* at = &verdict;
   for (const char* key : {"fit", "after", "validation"}) {
     const auto found = at->is_object() ? at->find(key) : at->end();
     if (found == at->end() || !found->is_object()) return std::numeric_limits<double>::quiet_NaN();
     at = &*found;
   }
-  return number_in(*at, "chi_square_per_dof");
+  return number_in(*at, name);
 }
 
 bool names(const AnsweredLaw& law, const HiddenEffect& effect) {
   return law.place == effect.place && law.law == effect.law;
 }
 
+bool is_same(const CaseTruth& truth, const AnsweredLaw& law, const HiddenEffect& effect) {
+  return names(law, effect) ||
+         (counts_systems(truth) &&
+          system_of(truth, law.place, law.law) == system_of(truth, effect.place, effect.law));
+}
+
+bool holds(const CaseTruth& truth, const std::vector<AnsweredLaw>& effect_class,
+           const HiddenEffect& effect) {
+  return std::ranges::any_of(effect_class,
+                             [&](const AnsweredLaw& law) { return is_same(truth, law, effect); });
+}
+
+// By the very law and place, whose parameters can be compared.
 const AnsweredLaw* member_of(const std::vector<AnsweredLaw>& effect_class,
                              const HiddenEffect& effect) {
   const auto found = std::ranges::find_if(
       effect_class, [&](const AnsweredLaw& law) { return names(law, effect); });
   return found == effect_class.end() ? nullptr : &*found;
+}
+
+// A dry friction that differs by direction, answered as a dry friction and an offset at its place:
+// both become one effect of that name. Only where the truth is so, and the answer does not say it.
+Answer with_asymmetric_friction(const CaseTruth& truth, Answer answer) {
+  if (!counts_systems(truth) || truth.effects.size() != 1 ||
+      truth.effects[0].law != "asymmetric_coulomb") {
+    return answer;
+  }
+  const HiddenEffect& effect = truth.effects[0];
+  const auto find = [&](const char* law) {
+    HiddenEffect part = effect;
+    part.law = law;
+    return std::ranges::find_if(answer.effects, [&](const std::vector<AnsweredLaw>& members) {
+      return !members.empty() && is_same(truth, members.front(), part);
+    });
+  };
+  const auto friction = find("coulomb"), offset = find("offset");
+  if (friction == answer.effects.end() || offset == answer.effects.end()) return answer;
+  friction->front() = {effect.place, effect.law, {}};
+  answer.effects.erase(offset);
+  return answer;
 }
 
 // The effects of the answer whose class holds each true effect, the smallest class first; none
@@ -92,8 +144,8 @@ std::vector<const std::vector<AnsweredLaw>*> classes_with(const CaseTruth& truth
   for (const HiddenEffect& effect : truth.effects) {
     const std::vector<AnsweredLaw>* best = nullptr;
     for (const auto& candidate : answer.effects) {
-      if (member_of(candidate, effect) == nullptr || used.contains(&candidate)) continue;
-      if (best == nullptr || candidate.size() < best->size()) best = &candidate;
+      if (!holds(truth, candidate, effect) || used.contains(&candidate)) continue;
+      if (best == nullptr || size_of(truth, candidate) < size_of(truth, *best)) best = &candidate;
     }
     if (best != nullptr) used.insert(best);
     found.push_back(best);
@@ -129,16 +181,19 @@ bool is_final(const Answer& answer) {
 std::string outcome_of_one(const ScoredCase& scored, bool found) {
   const std::string& verdict = scored.answer.verdict;
   if (verdict == "none" || verdict == "unknown") return verdict;
-  if (found && scored.class_size > kLargestClass) return "in_large_class";
+  const std::size_t size = counts_systems(scored.truth) ? scored.systems : scored.class_size;
+  if (found && size > kLargestClass) return "in_large_class";
   if (found) return scored.named_alone ? "right" : "in_class";
   return verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
 }
 
-std::string outcome_of_two(const std::vector<const std::vector<AnsweredLaw>*>& found,
+std::string outcome_of_two(const CaseTruth& truth,
+                           const std::vector<const std::vector<AnsweredLaw>*>& found,
                            const Answer& answer) {
   if (answer.verdict == "none") return "none";
-  const auto count = std::ranges::count_if(
-      found, [](const auto* each) { return each != nullptr && each->size() <= kLargestClass; });
+  const auto count = std::ranges::count_if(found, [&](const auto* each) {
+    return each != nullptr && size_of(truth, *each) <= kLargestClass;
+  });
   if (count == 2 && is_final(answer)) return "both";
   if (answer.verdict == "unknown") return "unknown";
   return count >= 1 ? "one" : answer.verdict == "explained" ? "wrong_confident" : "wrong_ambiguous";
@@ -162,7 +217,7 @@ Interval wilson_interval(const Rate& rate) {
 
 Answer read_answer(const fs::path& folder) {
   Answer answer;
-  answer.validation = std::numeric_limits<double>::quiet_NaN();
+  answer.validation = answer.error_kept_out = std::numeric_limits<double>::quiet_NaN();
   std::ifstream record_stream(folder / "run.json");
   const Json record = Json::parse(record_stream, nullptr, false);
   if (!record.is_object() || record.value("status", "") != "answered") return answer;
@@ -184,7 +239,8 @@ Answer read_answer(const fs::path& folder) {
       }
       answer.effects.push_back(std::move(members));
     }
-    answer.validation = validation_of(verdict);
+    answer.validation = validation_of(verdict, "chi_square_per_dof");
+    answer.error_kept_out = 0.01 * validation_of(verdict, "nrmse");  // given in per cent
   } catch (const nlohmann::json::exception& error) {
     throw InputError(fmt::format("{}: is no verdict: {}", file.string(), error.what()));
   }
@@ -196,7 +252,8 @@ Answer read_answer(const fs::path& folder) {
   return answer;
 }
 
-ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
+ScoredCase score_case(const CaseTruth& truth, const Answer& given) {
+  const Answer answer = with_asymmetric_friction(truth, given);
   ScoredCase scored{truth, answer};
   if (!answer.given) {
     scored.outcome = "no_answer";
@@ -209,13 +266,16 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
   }
   const auto found = classes_with(truth, answer);
   scored.named_alone = answer.verdict == "explained" && answer.effects.size() == 1 &&
-                       truth.effects.size() == 1 && names(answer.effects[0][0], truth.effects[0]);
+                       truth.effects.size() == 1 &&
+                       is_same(truth, answer.effects[0][0], truth.effects[0]);
   for (std::size_t e = 0; e < found.size(); ++e) {
     if (found[e] == nullptr) continue;
     scored.class_size = std::max(scored.class_size, found[e]->size());
-    scored.systems = std::max(scored.systems, systems_in(*found[e]));
-    compare_parameters(truth.effects[e], *member_of(*found[e], truth.effects[e]), scored);
+    scored.systems = std::max(scored.systems, systems_in(truth, *found[e]));
+    const AnsweredLaw* member = member_of(*found[e], truth.effects[e]);
+    if (member != nullptr) compare_parameters(truth.effects[e], *member, scored);
   }
+  scored.all_listed = !found.empty() && std::ranges::count(found, nullptr) == 0;
   scored.named_as_system =
       is_final(answer) && !found.empty() && !(scored.extra && truth.kind == CaseKind::kOneEffect) &&
       std::ranges::count(found, nullptr) == 0 && scored.systems <= kLargestClass;
@@ -227,7 +287,7 @@ ScoredCase score_case(const CaseTruth& truth, const Answer& answer) {
       scored.outcome = outcome_of_one(scored, found.front() != nullptr);
       break;
     case CaseKind::kTwoEffects:
-      scored.outcome = outcome_of_two(found, answer);
+      scored.outcome = outcome_of_two(truth, found, answer);
       break;
     case CaseKind::kOutside:
       scored.outcome = outcome_outside(answer);
@@ -296,6 +356,8 @@ bool is_named(const ScoredCase& each) {
   return each.outcome == "right" || (each.outcome == "in_class" && !each.extra);
 }
 bool is_named_as_system(const ScoredCase& each) { return each.named_as_system; }
+// All effects are in classes of at most 3, also of an answer whose verdict is `unknown`.
+bool is_found(const ScoredCase& each) { return each.all_listed && each.systems <= kLargestClass; }
 bool is_detected(const ScoredCase& each) {
   return each.answer.given && each.answer.verdict != "none";
 }
@@ -361,10 +423,6 @@ std::map<std::size_t, std::size_t> class_sizes_of(const Score& score) {
   return counts;
 }
 
-void write(const fs::path& folder, const char* name, const std::string& text) {
-  write_text_file((folder / name).string(), text);
-}
-
 std::string csv_field(const std::string& text) {
   return text.find_first_of(",\"") == std::string::npos ? text : '"' + text + '"';
 }
@@ -402,13 +460,54 @@ std::string cases_table(const Score& score) {
   return text;
 }
 
+constexpr std::string_view kRatesHeader = "set,rate,target,hits,of,value,low,high\n";
+
 std::string rates_table(const Score& score) {
-  std::string text = "rate,target,hits,of,value,low,high\n";
+  std::string text{kRatesHeader};
   for (const NamedRate& each : rates_of(score)) {
     const Interval interval = wilson_interval(each.rate);
+    text += fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f}\n", score.origin.set, each.name,
+                        csv_field(each.target), each.rate.hits, each.rate.of, each.rate.value(),
+                        interval.low, interval.high);
+  }
+  return text;
+}
+
+// The rows of a table of rates that are of other sets; none where it has other columns.
+std::string rows_of_other_sets(const fs::path& file, const std::string& set) {
+  std::ifstream stream(file);
+  std::string line, text;
+  if (!std::getline(stream, line) || line + "\n" != kRatesHeader) return text;
+  while (std::getline(stream, line)) {
+    if (!line.starts_with(set + ",")) text += line + "\n";
+  }
+  return text;
+}
+
+// The operating curve: what would be refused if answers had to predict recordings kept out to an
+// error, outside the catalogue (to be refused) and of single effects that are named (to be kept).
+std::string refusal_table(const Score& score) {
+  constexpr std::array<double, 8> kLimits{0.01, 0.02, 0.05, 0.1, 0.15, 0.3, 0.6, 1e9};
+  std::string text = "largest_error,outside_refused,outside_of,named_refused,named_of\n";
+  for (const double limit : kLimits) {
+    const auto refused = [limit](const ScoredCase& each) {
+      const Answer& answer = each.answer;
+      return answer.verdict == "unknown" || !answer.predicts || !(answer.error_kept_out <= limit);
+    };
+    const Rate outside = rate_of(
+        score.cases,
+        [](const ScoredCase& each) {
+          return is_kind(each, CaseKind::kOutside) && each.answer.given;
+        },
+        refused);
+    const Rate inside = rate_of(
+        score.cases,
+        [](const ScoredCase& each) {
+          return is_detectable_one(each) && each.answer.given && each.class_size > 0;
+        },
+        refused);
     text +=
-        fmt::format("{},{},{},{},{:.4f},{:.4f},{:.4f}\n", each.name, csv_field(each.target),
-                    each.rate.hits, each.rate.of, each.rate.value(), interval.low, interval.high);
+        fmt::format("{:g},{},{},{},{}\n", limit, outside.hits, outside.of, inside.hits, inside.of);
   }
   return text;
 }
@@ -541,7 +640,12 @@ std::vector<NamedRate> rates_of(const Score& score) {
   const auto outcome_is = [](const char* outcome) {
     return [outcome](const ScoredCase& each) { return each.outcome == outcome; };
   };
-  const auto at_floor = [](const ScoredCase& each) { return each.answer.validation < kNoiseFloor; };
+  const bool in_any_motion = score.origin.set == kAnyMotionSet;
+  const auto at_floor = [&](const ScoredCase& each) {
+    const Answer& answer = each.answer;
+    const bool is_close = in_any_motion && answer.predicts && answer.error_kept_out < kLargestError;
+    return is_close || answer.validation < kNoiseFloor;
+  };
   std::vector<NamedRate> rates{
       {"answered", "100 %",
        rate_of(
@@ -550,14 +654,16 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"false_alarms", "5 % within its interval", rate_of(cases, is_null, is_detected)},
       {"detectable_detected", "90 % at the smallest size",
        rate_of(cases, is_detectable_one, is_detected)},
-      {"detectable_named", "95 %", rate_of(cases, is_detectable_one, is_named)},
+      {"detectable_named", in_any_motion ? "90 %" : "95 %",
+       rate_of(cases, is_detectable_one, is_named)},
       {"detectable_named_as_systems", "-", rate_of(cases, is_detectable_one, is_named_as_system)},
       {"detectable_right_alone", "-", rate_of(cases, is_detectable_one, outcome_is("right"))},
       {"wrong_and_confident", "at most 2 %",
        rate_of(cases, is_detectable_one, outcome_is("wrong_confident"))},
       {"parameters_within_3", "95 %", parameter_rate(cases)},
       {"parameters_determined", "-", determined_rate(cases)},
-      {"two_effects_both", "80 %", rate_of(cases, is_two, outcome_is("both"))},
+      {"two_effects_both", in_any_motion ? "75 %" : "80 %",
+       rate_of(cases, is_two, outcome_is("both"))},
       {"two_effects_both_as_systems", "-", rate_of(cases, is_two, is_named_as_system)},
       {"outside_unknown", "90 %",
        rate_of(cases, is_outside,
@@ -568,6 +674,13 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"hidden_no_false_law", "-",
        rate_of(cases, is_hidden, [](const ScoredCase& each) { return !is_detected(each); })},
   };
+  if (in_any_motion) {
+    // By the laws listed, whatever the verdict.
+    const auto lists_laws = [](const ScoredCase& each) { return !each.answer.effects.empty(); };
+    rates.push_back({"false_laws", "-", rate_of(cases, is_null, lists_laws)});
+    rates.push_back({"detectable_found", "-", rate_of(cases, is_detectable_one, is_found)});
+    rates.push_back({"two_effects_found", "-", rate_of(cases, is_two, is_found)});
+  }
   if (!score.left_out.empty()) {
     rates.push_back(
         {"left_out_unknown", "-",
@@ -592,6 +705,7 @@ Json score_json(const Score& score) {
   Json sizes = Json::object();
   for (const auto& [size, count] : class_sizes_of(score)) sizes[std::to_string(size)] = count;
   return {{"format", "graybox-challenge-score/1"},
+          {"set", score.origin.set},
           {"cases", score.cases.size()},
           {"not_run", score.not_run},
           {"seed", score.origin.seed},
@@ -602,7 +716,8 @@ Json score_json(const Score& score) {
 }
 
 std::string score_text(const Score& score) {
-  std::string text = fmt::format("{} cases, seed {}\n\n", score.cases.size(), score.origin.seed);
+  std::string text = fmt::format("{} cases of the set {}, seed {}\n\n", score.cases.size(),
+                                 score.origin.set, score.origin.seed);
   if (score.not_run > 0) {
     text += fmt::format(
         "{} of them have not been run to their end, and count as no answer: "
@@ -631,12 +746,19 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   if (error) {
     throw InputError(fmt::format("{}: can't be made: {}", folder.string(), error.message()));
   }
-  write(folder, "challenge_cases.csv", cases_table(score));
-  write(folder, "challenge_rates.csv", rates_table(score));
-  write(folder, "challenge_confusion.csv", confusion_table(score));
-  write(folder, "challenge_sizes.csv", sizes_table(score));
-  write(folder, "challenge_classes.csv", classes_table(score));
-  if (!score.left_out.empty()) write(folder, "challenge_left_out.csv", left_out_table(score));
+  const bool in_any_motion = score.origin.set == kAnyMotionSet;
+  const std::string prefix = in_any_motion ? "challenge_any_motion_" : "challenge_";
+  const auto write = [&](const char* name, const std::string& text) {
+    write_text_file((folder / (prefix + name + ".csv")).string(), text);
+  };
+  write("cases", cases_table(score));
+  write("confusion", confusion_table(score));
+  write("sizes", sizes_table(score));
+  write("classes", classes_table(score));
+  if (in_any_motion) write("refusal", refusal_table(score));
+  if (!score.left_out.empty()) write("left_out", left_out_table(score));
+  const fs::path rates = folder / "challenge_rates.csv";
+  write_text_file(rates.string(), rates_table(score) + rows_of_other_sets(rates, score.origin.set));
 }
 
 namespace {
@@ -644,6 +766,7 @@ namespace {
 // The columns that every scored run has had.
 bool is_in_history(const NamedRate& rate) {
   return !rate.name.starts_with("left_out") && !rate.name.ends_with("_as_systems") &&
+         !rate.name.ends_with("_found") && rate.name != "false_laws" &&
          rate.name != "parameters_determined";
 }
 
@@ -669,7 +792,7 @@ void append_history(const Score& score, const fs::path& file) {
     text = old.str();
   }
   const auto rates = rates_of(score);
-  std::string header = "date,commit,seed,cases";
+  std::string header = "date,set,commit,seed,cases";
   for (const NamedRate& each : rates) {
     if (is_in_history(each)) header += fmt::format(",{0},{0}_of", each.name);
   }
@@ -680,8 +803,8 @@ void append_history(const Score& score, const fs::path& file) {
         fmt::format("{}: has other columns than a history of challenges; its first line must be {}",
                     file.string(), header.substr(0, header.size() - 1)));
   }
-  text += fmt::format("{},{},{},{}", utc_now(), score.origin.commit, score.origin.seed,
-                      score.cases.size());
+  text += fmt::format("{},{},{},{},{}", utc_now(), score.origin.set, score.origin.commit,
+                      score.origin.seed, score.cases.size());
   for (const NamedRate& each : rates) {
     if (!is_in_history(each)) continue;
     text += fmt::format(",{},{}", each.rate.hits, each.rate.of);

@@ -19,11 +19,21 @@
 // ambiguous. Cases outside the catalogue: right is `unknown`, or a nearest law whose own held-out
 // test fails (`nearest_law_fails`: the answer is ambiguous and says that it does not predict what
 // was kept out, `predicts_kept_out`); what passed on held-out data is `nearest_law`. Effects that
-// are not detectable are tabulated apart. Rates that end in `_as_systems` count a law at places
-// that make one system (a delay of the only actuator or the only sensor) as one member.
-// Alternatives that the answer only names, as the same in such recordings, count so too. Parameters
-// that an answer gives without a standard error, as not determined by the data, are no claim:
-// counted apart.
+// are not detectable are tabulated apart.
+//
+// In the set `any_motion` names count as systems (same_system.hpp) everywhere above: the truth is
+// named by any law and place that are the same system, and classes are as large as they have
+// systems. An asymmetric dry friction is also named by a dry friction and an offset, two effects at
+// its place. An explained case holds on recordings kept out if the answer says so and their error
+// is below 15 % of the signal (or chi-square over degrees of freedom below 1.1, the rule of the
+// periodic set). Three rates go by the laws that an answer lists, whatever its verdict:
+// `false_laws`, `detectable_found` and `two_effects_found`. An `unknown` that lists the truth is no
+// name, but it is found.
+//
+// Rates that end in `_as_systems` count a law at places that make one system (a delay of the only
+// actuator or the only sensor) as one member. Alternatives that the answer only names, as the same
+// in such recordings, count so too. Parameters that an answer gives without a standard error, as
+// not determined by the data, are no claim: counted apart.
 //
 // Rates come with Wilson's 95 % interval (Wilson 1927).
 #pragma once
@@ -66,6 +76,7 @@ struct Answer {
   std::string verdict;                            // none | explained | ambiguous | unknown
   std::vector<std::vector<AnsweredLaw>> effects;  // classes, the law named first
   double validation = 0.0;  // chi-square over degrees of freedom after, held-out; NaN: not given
+  double error_kept_out = 0.0;  // over the signal, rms, of what was held out; NaN: not given
   double seconds = 0.0;
   bool predicts = true;   // what was kept out, to the noise floor
   bool confined = false;  // the diagnosis could open nothing but its case
@@ -82,6 +93,7 @@ struct ScoredCase {
   std::size_t class_size = 0;    // of the class that holds the truth
   std::size_t systems = 0;       // in that class
   bool named_as_system = false;  // all effects in classes of at most 3 systems, in a final verdict
+  bool all_listed = false;       // all effects are in classes, in any verdict
   bool named_alone = false;      // one effect is there and named, without alternatives
   bool extra = false;            // more effects than there are
   bool place_right = false;      // the first effect's place is a true one
@@ -119,13 +131,18 @@ struct NamedRate {
 [[nodiscard]] nlohmann::ordered_json score_json(const Score& score);
 [[nodiscard]] std::string score_text(const Score& score);
 
-// challenge_cases.csv, challenge_rates.csv, challenge_confusion.csv, challenge_sizes.csv,
-// challenge_classes.csv and, where laws were left out, challenge_left_out.csv in `folder`.
+// Writes challenge_cases.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv
+// and, where laws were left out, challenge_left_out.csv into `folder`. Those of the set `any_motion`
+// are named challenge_any_motion_cases.csv and so on. It has challenge_any_motion_refusal.csv
+// besides: what a limit on the error of recordings kept out would refuse, outside the catalogue and
+// inside. The rates of all sets are in challenge_rates.csv: those of other sets that are there
+// stay.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
-// Appends one line to a CSV file, with its header where it is new: counts, the seal, and in how
-// many of the cases the diagnosis was confined. Throws InputError unless the challenge's seed is
-// that of its commit and all cases have been run, and for a file with other columns.
+// Appends one line, with the name of the set, to a CSV file, with its header where it is new:
+// counts, the seal, and in how many of the cases the diagnosis was confined. Throws InputError
+// unless the challenge's seed is that of its commit and all cases have been run, and for a file
+// with other columns.
 void append_history(const Score& score, const std::filesystem::path& file);
 
 }  // namespace graybox::bench

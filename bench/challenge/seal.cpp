@@ -52,9 +52,13 @@ std::string seal_truth(const fs::path& folder, const ChallengeOrigin& origin,
                        const std::vector<std::string>& names) {
   Json files = Json::object();
   for (const std::string& name : names) files[name] = digest(text_of(truth_file(folder, name)));
-  const Json index{{"format", "graybox-truth-index/1"}, {"seed", origin.seed},
-                   {"commit", origin.commit},           {"cases", origin.cases},
-                   {"family", origin.family},           {"sha256", files}};
+  const Json index{{"format", "graybox-truth-index/1"},
+                   {"set", origin.set},
+                   {"seed", origin.seed},
+                   {"commit", origin.commit},
+                   {"cases", origin.cases},
+                   {"family", origin.family},
+                   {"sha256", files}};
   const std::string text = index.dump(2) + "\n";
   write_text_file((folder / "index.json").string(), text);
   return digest(text);
@@ -62,6 +66,7 @@ std::string seal_truth(const fs::path& folder, const ChallengeOrigin& origin,
 
 void write_header(const fs::path& cases, const ChallengeHeader& header) {
   const Json json{{"format", "graybox-challenge/1"},
+                  {"set", header.set},
                   {"cases", header.cases},
                   {"truth_sha256", header.truth_sha256}};
   write_text_file((cases / "challenge.json").string(), json.dump(2) + "\n");
@@ -75,7 +80,8 @@ ChallengeHeader read_header(const fs::path& cases) {
   }
   const Json json = parsed(file, text_of(file), "graybox-challenge/1");
   try {
-    return {json.at("cases").get<std::size_t>(), json.at("truth_sha256").get<std::string>()};
+    return {json.at("cases").get<std::size_t>(), json.at("truth_sha256").get<std::string>(),
+            json.value("set", std::string(kPeriodicSet))};
   } catch (const nlohmann::json::exception& error) {
     throw InputError(fmt::format("{}: {}", file.string(), error.what()));
   }
@@ -95,7 +101,8 @@ UnsealedTruth unseal(const fs::path& folder, const ChallengeHeader& header) {
   const Json index = parsed(file, text, "graybox-truth-index/1");
   UnsealedTruth truth;
   truth.origin = {index.at("seed").get<std::uint64_t>(), index.at("commit").get<std::string>(),
-                  index.at("cases").get<std::size_t>(), index.at("family").get<std::string>()};
+                  index.at("cases").get<std::size_t>(), index.at("family").get<std::string>(),
+                  index.value("set", std::string(kPeriodicSet))};
   for (const auto& [name, sha256] : index.at("sha256").items()) {
     const fs::path case_file = truth_file(folder, name);
     const std::string case_text = text_of(case_file);

@@ -12,10 +12,12 @@
 
 namespace graybox::bench {
 
-// What is published with the cases: nothing that depends on the seed but the seal.
+// What is published with the cases: nothing that depends on the seed but the seal. A file without
+// `set` is of the periodic one, here and in the index.
 struct ChallengeHeader {
   std::size_t cases = 0;
   std::string truth_sha256;
+  std::string set{kPeriodicSet};
 };
 // Where a challenge came from; sealed.
 struct ChallengeOrigin {
@@ -23,6 +25,7 @@ struct ChallengeOrigin {
   std::string commit;  // whose SHA-256 the seed is; empty: the seed was given
   std::size_t cases = 0;
   std::string family;  // the only one; empty: all
+  std::string set{kPeriodicSet};
 };
 
 // First 16 hexadecimal digits of the SHA-256 of the commit's name (40 digits, no newline).

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/any_motion_challenge/any_motion_set.hpp"
 #include "bench/challenge/make_challenge.hpp"
 #include "bench/challenge/run_challenge.hpp"
 #include "bench/challenge/score_challenge.hpp"
@@ -21,14 +22,27 @@
 namespace graybox::cli {
 namespace {
 
-constexpr std::size_t kAllCases = 400;
-constexpr std::size_t kQuickCases = 40;
+const bench::ChallengeSet& set_named(const std::string& name) {
+  return name == bench::kAnyMotionSet ? bench::any_motion_set() : bench::periodic_set();
+}
+
+// Throws InputError for a family that the set has not.
+void require_family(const bench::ChallengeSet& set, const std::string& family) {
+  if (family.empty()) return;
+  std::string names;
+  for (const bench::Family each : set.families) {
+    if (bench::to_string(each) == family) return;
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", bench::to_string(each));
+  }
+  throw InputError(
+      fmt::format("challenge make: --family {}: the set {} has {}", family, set.name, names));
+}
 
 // ---- make ---------------------------------------------------------------------------------------
 
 struct MakeArguments {
   bench::MakeOptions options;
-  std::string seed, cases, truth, family;
+  std::string seed, cases, truth, family, set{bench::kPeriodicSet};
   std::size_t count = 0;
   bool quick = false;
   bool json = false;
@@ -36,8 +50,13 @@ struct MakeArguments {
 
 bench::ChallengeOrigin origin_of(const MakeArguments& arguments) {
   bench::ChallengeOrigin origin;
-  origin.cases = arguments.count > 0 ? arguments.count : arguments.quick ? kQuickCases : kAllCases;
+  const bench::ChallengeSet& set = set_named(arguments.set);
+  require_family(set, arguments.family);
+  origin.cases = arguments.count > 0 ? arguments.count
+                 : arguments.quick   ? set.quick_cases
+                                     : set.all_cases;
   origin.family = arguments.family;
+  origin.set = set.name;
   const std::string& seed = arguments.seed;
   if (seed == "commit") {
     origin.commit = bench::current_commit();
@@ -59,6 +78,7 @@ bench::ChallengeOrigin origin_of(const MakeArguments& arguments) {
 int make(MakeArguments& arguments) {
   bench::MakeOptions& options = arguments.options;
   options.origin = origin_of(arguments);
+  options.set = &set_named(arguments.set);
   options.cases = arguments.cases;
   options.truth = arguments.truth;
   catch_interrupts(OnStop::kLosesNothing);
@@ -95,15 +115,24 @@ void add_make(CLI::App& app, Invocation& invocation) {
   command->add_option("--truth", arguments->truth, "folder of the truth, apart from the cases")
       ->required();
   auto* quick = command->add_flag("--quick", arguments->quick,
-                                  fmt::format("{} cases, not {}", kQuickCases, kAllCases));
+                                  "a tenth of the cases: 40 of 400, of any_motion 24 of 240");
   command->add_option("--cases", arguments->count, "so many cases, in the same proportions")
       ->check(CLI::Range(1, 100000))
       ->excludes(quick);
   command
       ->add_option("--family", arguments->family,
-                   "only cases of robot, three_axis, one_mass, two_mass, oscillator or chain")
-      ->check(
-          CLI::IsMember({"robot", "three_axis", "one_mass", "two_mass", "oscillator", "chain"}));
+                   "only cases of robot, three_axis, one_mass, two_mass, oscillator or chain; of "
+                   "any_motion axis_encoder, axis_tachometer, drive_encoders, drive_motor_encoder "
+                   "or drive_tachometer")
+      ->check(CLI::IsMember({"robot", "three_axis", "one_mass", "two_mass", "oscillator", "chain",
+                             "axis_encoder", "axis_tachometer", "drive_encoders",
+                             "drive_motor_encoder", "drive_tachometer"}));
+  command
+      ->add_option("--set", arguments->set,
+                   "periodic: robots and drives under multisines; any_motion: axes and drives in "
+                   "closed loop")
+      ->check(CLI::IsMember({std::string(bench::kPeriodicSet), std::string(bench::kAnyMotionSet)}))
+      ->capture_default_str();
   command->add_option("--threads", arguments->options.threads, "threads; the result is the same")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();

@@ -1,5 +1,5 @@
 """The diagnosis on concealed data: what is named for each true law, and how often an effect is
-detected and named, by its size."""
+detected and named, by its size; a figure for each set of cases."""
 
 import math
 
@@ -54,7 +54,7 @@ def confusion(axes, rows):
                    "classes of up to three names, of effects that can be seen", fontsize=9)
 
 
-def rates(axes, rows):
+def rates(axes, rows, target):
     rows = [row for row in rows if int(row["cases"]) > 0]
     x = [math.sqrt(float(row["from"]) * min(float(row["to"]), 20.0)) for row in rows]
     for name, colour, label, shift in (("detected", BLUE, "detected", 0.985),
@@ -66,8 +66,8 @@ def rates(axes, rows):
                       fmt="o-", color=colour, ms=4.5, capsize=2.5, lw=1.2, label=label)
     for position, row in zip(x, rows):
         axes.text(position, -6, f"n = {row['cases']}", ha="center", fontsize=7, color=GREY)
-    axes.axhline(95, color=GREY, lw=0.8, ls="--")
-    axes.text(1.03, 95.8, "target 95 %", ha="left", fontsize=7, color=GREY)
+    axes.axhline(target, color=GREY, lw=0.8, ls="--")
+    axes.text(1.03, target + 0.8, f"target {target} %", ha="left", fontsize=7, color=GREY)
     axes.set_xscale("log")
     axes.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axes.minorticks_off()
@@ -79,14 +79,19 @@ def rates(axes, rows):
     axes.set_title("Detection and naming by size (bars: Wilson's 95 % intervals)", fontsize=9.5)
 
 
-def draw(folder):
+def draw_set(folder, name, target):
     tables = folder / "tables"
-    pairs = read_table(tables / "challenge_confusion.csv")
-    sizes = read_table(tables / "challenge_sizes.csv")
+    pairs = read_table(tables / f"{name}_confusion.csv")
+    sizes = read_table(tables / f"{name}_sizes.csv")
     if not pairs or not sizes:
         return
     figure, (left, right) = plt.subplots(1, 2, figsize=(12.5, 6.2), width_ratios=[1.25, 1.0],
                                          layout="constrained")
     confusion(left, pairs)
-    rates(right, sizes)
-    save(folder, figure, "challenge")
+    rates(right, sizes, target)
+    save(folder, figure, name)
+
+
+def draw(folder):
+    draw_set(folder, "challenge", 95)
+    draw_set(folder, "challenge_any_motion", 90)

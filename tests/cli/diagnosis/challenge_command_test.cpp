@@ -106,6 +106,33 @@ TEST_F(ChallengeCommand, MakesRunsAndScores) {
   expect_refused("challenge score cases answers --truth truth", "not the truth that was sealed");
 }
 
+// Two machines in closed loop: the same on any number of threads, diagnosed by this program, scored
+// with the name of their set.
+TEST_F(ChallengeCommand, MakesRunsAndScoresInAnyMotion) {
+  const std::string make =
+      "challenge make --set any_motion --seed 4 --cases 2 --family "
+      "axis_tachometer ";
+  ASSERT_EQ(graybox(make + "-o cases --truth truth").exit_code, 0);
+  ASSERT_EQ(graybox(make + "-o cases_2 --truth truth_2 --threads 2").exit_code, 0);
+  EXPECT_EQ(contents("cases"), contents("cases_2"));
+  EXPECT_EQ(contents("truth"), contents("truth_2"));
+  const auto header = nlohmann::json::parse(read_text(folder_.file("cases/challenge.json")));
+  EXPECT_EQ(header["set"], "any_motion");
+  for (const auto& [name, text] : contents("cases")) {
+    EXPECT_EQ(text.find("seed"), std::string::npos) << name;
+    EXPECT_EQ(text.find("controller"), std::string::npos) << name;
+  }
+  ASSERT_EQ(graybox("challenge run cases -o answers --threads 2").exit_code, 0);
+  const Outcome scored = graybox("challenge score cases answers --truth truth --json -o tables");
+  ASSERT_EQ(scored.exit_code, 0) << scored.err;
+  const auto score = nlohmann::json::parse(scored.out);
+  EXPECT_EQ(score["set"], "any_motion");
+  EXPECT_EQ(score["rates"]["answered"]["hits"], 2);
+  EXPECT_NE(read_text(folder_.file("tables/challenge_rates.csv")).find("\nany_motion,answered,"),
+            std::string::npos);
+  EXPECT_TRUE(fs::exists(folder_.file("tables/challenge_any_motion_refusal.csv")));
+}
+
 // A handful of cases by the program's own diagnosis, and once more without the laws that it named:
 // what was named then is not named now, and no answer is both wrong and sure.
 TEST_F(ChallengeCommand, DiagnosesAHandfulAndAgainWithoutTheLawsItNamed) {
@@ -174,6 +201,9 @@ TEST_F(ChallengeCommand, RefusesBadInput) {
   expect_refused("challenge make --seed 1 -o c", "--truth");
   expect_refused("challenge make --seed 1 -o c --truth c/t", "must not lie in each other");
   expect_refused("challenge make --seed 1 -o c --truth t --family cars", "--family");
+  expect_refused("challenge make --seed 1 -o c --truth t --set cars", "--set");
+  expect_refused("challenge make --seed 1 -o c --truth t --set any_motion --family robot",
+                 "the set any_motion has axis_encoder");
   expect_refused("challenge make --seed 1 -o c --truth t --quick --cases 3", "--cases");
   expect_refused("challenge make --seed 1 -o . --truth t", "not lie in each other");
   expect_refused("challenge make --seed commit -o c --truth t", "all is committed");
