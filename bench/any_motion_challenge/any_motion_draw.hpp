@@ -3,8 +3,8 @@
 // Of 240 cases (24 with `--quick`) 60 are axes with an encoder and 40 with a tachometer. 60 are
 // drives with both encoders, 50 with that of the motor and 30 with a tachometer. In each family the
 // proportions are the same: of all 40 have nothing missing, 120 one effect, 40 two, and 40 one that
-// the catalogue lacks. Laws and places come in turn from a list that is shuffled for each family. Two
-// effects are a pair of machines: viscous and dry friction at one place, dry friction at both
+// the catalogue lacks. Laws and places come in turn from a list that is shuffled for each family.
+// Two effects are a pair of machines: viscous and dry friction at one place, dry friction at both
 // masses, dry friction and a late channel, and others (kPairs in the source).
 //
 // Size as in the periodic set (case_draw.hpp): the smallest detectable size

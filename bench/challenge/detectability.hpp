@@ -48,9 +48,9 @@ inline constexpr double kDirectedNoncentrality = 10.5;
                                             double power = kDetectionPower);
 
 // The smallest size at which lambda is within 25 % of what is required (so the size to 12 %). It is
-// searched by steps of sqrt(lambda) kept within the bracket so far. `lambda_at` is not a number where the
-// system can't move with an effect of that size. None up to the largest size, or where `keep_going`
-// says no. At most nine calls.
+// searched by steps of sqrt(lambda) kept within the bracket so far. `lambda_at` is not a number
+// where the system can't move with an effect of that size. None up to the largest size, or where
+// `keep_going` says no. At most nine calls.
 [[nodiscard]] std::optional<double> smallest_detectable_size(
     const std::function<double(double)>& lambda_at, double required, double largest,
     const std::function<bool()>& keep_going = {});
