@@ -134,9 +134,9 @@ struct NamedRate {
 // Writes challenge_cases.csv, challenge_confusion.csv, challenge_sizes.csv, challenge_classes.csv
 // and, where laws were left out, challenge_left_out.csv into `folder`. Those of the set
 // `any_motion` are named challenge_any_motion_cases.csv and so on. It has
-// challenge_any_motion_refusal.csv besides: what a limit on the error of recordings kept out would refuse, outside the catalogue and
-// inside. The rates of all sets are in challenge_rates.csv: those of other sets that are there
-// stay.
+// challenge_any_motion_refusal.csv besides: what a limit on the error of recordings kept out
+// would refuse, outside the catalogue and inside. The rates of all sets are in
+// challenge_rates.csv: those of other sets that are there stay.
 void write_score_tables(const Score& score, const std::filesystem::path& folder);
 
 // Appends one line, with the name of the set, to a CSV file, with its header where it is new:
