@@ -62,7 +62,7 @@ class OutputPrediction {
   void add_run(const PredictionTask& task, Index horizon, bool with_curves) {
     const PredictionRun& run = task.runs.front();
     const OutputErrorRecording& recording = data_.recording(run.recording);
-    const bool is_long_enough = std::ranges::count(run.counted, 1) > 0;
+    const bool is_long_enough = run.counted() > 0;
     const PredictionFit run_fit = fit(task);
     VectorXd errors =
         VectorXd::Constant(data_.output_count(), std::numeric_limits<double>::infinity());
@@ -93,10 +93,9 @@ class OutputPrediction {
           recording.name, model_.model.output_names[at], model_.model.output_units[at],
           recording.time, recording.outputs.col(j),      recording.outputs.col(j)};
       for (Index k = 0; k < run.samples; ++k) {
-        const bool counts = run.counted[static_cast<std::size_t>(k)] != 0;
-        curve.predicted(k) =
-            counts ? curve.measured(k) - fit.residuals(k * outputs + j) * data_.output_scale()(j)
-                   : std::numeric_limits<double>::quiet_NaN();
+        curve.predicted(k) = run.counts(k) ? curve.measured(k) - fit.residuals(k * outputs + j) *
+                                                                     data_.output_scale()(j)
+                                           : std::numeric_limits<double>::quiet_NaN();
       }
       result_.curves.push_back(std::move(curve));
     }

@@ -80,6 +80,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   take_plainer_laws();
   estimate_deviations(found_);
   judge_held_out(found_);
+  rest_.emplace(data, findings, found_.fit.model, threads);
   as_given_ = judged(findings.as_given, kIterations);
   judge_held_out(as_given_);
 }
@@ -131,6 +132,16 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
     samples += static_cast<double>(outputs.rows());
   }
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
+}
+
+std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
+  const std::optional<Index> horizon = rest_->foreseeable(share);
+  if (!horizon || *horizon == 0 || !data_->has_validation()) return {};
+  const PredictionTask task = data_->windows(*horizon, ExperimentRole::kValidation);
+  const PredictionFitter fitter(*data_, task, findings_->intensity, threads_);
+  const PredictionFit run = fitter.fit(found_.fit.model, weights_, {}, 0, false);
+  if (!run.usable || task.runs.front().counted() == 0) return {};
+  return HeldOutError{*horizon, fitter.errors(run, weights_)};
 }
 
 // A law without which the fit does as well; or one that few machines have and that takes less

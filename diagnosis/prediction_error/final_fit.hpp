@@ -16,6 +16,7 @@
 
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/remaining_force.hpp"
 #include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
@@ -28,6 +29,12 @@ struct JudgedModel {
   Eigen::VectorXd by_noise;    // what the sensors' noise alone would leave
   std::optional<Eigen::VectorXd> held_out_error;
   Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
+};
+
+// An error on recordings kept out, so far ahead.
+struct HeldOutError {
+  Eigen::Index horizon = 0;  // samples
+  Eigen::VectorXd error;     // rms by output
 };
 
 class FinalFit {
@@ -44,6 +51,11 @@ class FinalFit {
   [[nodiscard]] JudgedModel without(std::size_t law) const;
   // The model refitted with the last law of `rival` in place of one of its laws.
   [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
+  [[nodiscard]] const RemainingForce& rest() const { return *rest_; }
+  // Of the model found, as far ahead as what remains lets anybody foresee (the remaining force costs
+  // at most `share` of each output's signal); none: no recordings were kept out, or it is nowhere
+  // so.
+  [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
@@ -68,6 +80,7 @@ class FinalFit {
   PredictionTask task_;
   Eigen::VectorXd weights_;
   JudgedModel found_, as_given_;
+  std::optional<RemainingForce> rest_;
   std::map<std::size_t, std::size_t> accepted_as_;  // plainer laws: what they were accepted as
 };
 

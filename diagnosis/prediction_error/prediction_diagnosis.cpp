@@ -28,11 +28,14 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
 constexpr const char* kLawsTest = "laws found";
 constexpr const char* kHeldOutTest = "error kept out";
-constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
-constexpr double kHeldOutLimit = 15.0;           // % of the signal
-constexpr double kNoiseLimit = 1.5;              // times the stated noise
-constexpr double kNoiseMultiple = 2.0;           // of the sensors' noise
-constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+constexpr double kVanished = 1e-6;                 // of a parameter's scale: as good as zero
+constexpr double kHeldOutLimit = 15.0;             // % of the signal
+constexpr double kNoiseLimit = 1.5;                // times the stated noise
+constexpr double kNoiseMultiple = 2.0;             // of what is to be expected
+constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
+constexpr double kStructureLimit = 3.0;            // % of the forces that act
+constexpr double kRestLimit = 15.0;                // % of them
+constexpr Eigen::Index kSearchedSamples = 8000;    // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
   return 100.0 * std::sqrt((error.array() / scale.array()).square().mean());
@@ -87,7 +90,7 @@ class DiagnosisBuilder {
     add_effects();
     add_channels();
     add_ranking();
-    result_.detection.detected = !result_.effects.empty() || largest_multiple() > kNoiseMultiple;
+    result_.detection.detected = !result_.effects.empty() || !is_disturbance();
     result_.checked = checked();
     result_.implausible =
         implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
@@ -318,14 +321,12 @@ class DiagnosisBuilder {
     return own;
   }
 
-  // The most that any rung leaves in any output, over what the sensors' noise alone would.
-  [[nodiscard]] double largest_multiple() const {
-    double largest = 0.0;
-    for (const Rung& rung : findings_->rungs) {
-      largest = std::max(largest, (rung.error.array() / rung.by_noise.array()).maxCoeff());
-    }
-    const JudgedModel& found = final_->found();
-    return std::max(largest, (found.error.array() / found.by_noise.array()).maxCoeff());
+  // What is left could be the sensors' noise and a disturbance.
+  [[nodiscard]] bool is_disturbance() const {
+    const RemainingForce& rest = final_->rest();
+    if (rest.multiple_of_noise() <= kNoiseMultiple) return true;
+    return rest.multiple_of_rest() <= kNoiseMultiple &&
+           100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kRestLimit;
   }
 
   static VerdictReason test(std::string name, std::optional<double> value, double limit,
@@ -355,14 +356,26 @@ class DiagnosisBuilder {
       list.push_back(std::move(reason));
       return;
     }
-    for (Index j = 0; j < data_->output_count(); ++j) {
-      const double error = 100.0 * (*found.held_out_error)(j) / found.held_out_scale(j);
+    const auto limits = [&](Index j) {
       const double noise = 100.0 * kNoiseLimit * data_->noise()(j) / found.held_out_scale(j);
-      const double limit = std::max(kHeldOutLimit, noise);
-      const std::string ahead =
-          found.horizon == 0 ? "in free run"
-                             : fmt::format("{:.3g} s ahead", static_cast<double>(found.horizon) *
-                                                                 data_->sample_time());
+      return std::max(kHeldOutLimit, noise);
+    };
+    const auto percent = [&](const VectorXd& error, Index j) {
+      return 100.0 * error(j) / found.held_out_scale(j);
+    };
+    HeldOutError judged{found.horizon, *found.held_out_error};
+    for (Index j = 0; j < data_->output_count(); ++j) {
+      if (percent(judged.error, j) <= limits(j)) continue;
+      // Nobody foresees a disturbance: as far ahead as it matters little.
+      if (const auto ahead = final_->held_out_ahead(kForeseen / 100.0)) judged = *ahead;
+      break;
+    }
+    const std::string ahead =
+        judged.horizon == 0 ? "in free run"
+                            : fmt::format("{:.3g} s ahead", static_cast<double>(judged.horizon) *
+                                                                data_->sample_time());
+    for (Index j = 0; j < data_->output_count(); ++j) {
+      const double error = percent(judged.error, j), limit = limits(j);
       list.push_back(
           test(fmt::format("{} of {} {}, % of its signal", kHeldOutTest,
                            stated_->output_names[static_cast<std::size_t>(j)], ahead),
@@ -370,6 +383,43 @@ class DiagnosisBuilder {
                "put recordings like those kept out into the fit, and look at when the error is "
                "largest"));
     }
+  }
+
+  // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
+  void add_rest(std::vector<VerdictReason>& list) const {
+    const RemainingForce& rest = final_->rest();
+    const double of_noise = rest.multiple_of_noise();
+    if (of_noise <= kNoiseMultiple || rest.force() == nullptr) {
+      list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
+                          of_noise, kNoiseMultiple, of_noise <= kNoiseMultiple,
+                          "a disturbance, or physics that none of these laws describes: look at "
+                          "which channel and when it is largest"));
+      return;
+    }
+    const double structured = 100.0 * rest.structured_share(), share = 100.0 * rest.share();
+    const LatentStructure* const structure = rest.structure();
+    list.push_back(
+        test(structure == nullptr
+                 ? std::string("force left that depends on the motion, % of the forces that act")
+                 : fmt::format("force left that depends on {}, % of the forces that act",
+                               structure->words),
+             structured, kStructureLimit, structured <= kStructureLimit,
+             structure == nullptr
+                 ? std::string()
+                 : fmt::format("look for a law that depends on {}, and try laws of your own there "
+                               "(--laws)",
+                               structure->words)));
+    const std::string place =
+        stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
+    list.push_back(test(fmt::format("force left at {}, % of the forces that act", place), share,
+                        kRestLimit, share <= kRestLimit,
+                        "record what may disturb the machine (temperature, supply, floor, hoses)"));
+    const double multiple = rest.multiple_of_rest();
+    list.push_back(test(
+        "rest over what the sensors' noise and that force leave, most of all horizons", multiple,
+        kNoiseMultiple, multiple <= kNoiseMultiple,
+        "more than one disturbance, or physics that none of these laws describes: look at which "
+        "channel and when it is largest"));
   }
 
   [[nodiscard]] std::vector<VerdictReason> reasons() const {
@@ -392,11 +442,7 @@ class DiagnosisBuilder {
     found.is_lower_limit = true;
     list.push_back(std::move(found));
     add_held_out(list);
-    const double multiple = largest_multiple();
-    list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
-                        multiple, kNoiseMultiple, multiple <= kNoiseMultiple,
-                        "a disturbance, or physics that none of these laws describes: look at "
-                        "which channel and when it is largest"));
+    add_rest(list);
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
     list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals),

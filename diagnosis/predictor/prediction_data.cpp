@@ -15,14 +15,17 @@ namespace {
 
 using Eigen::Index;
 
-constexpr Index kFewestSeen = 20, kMostSeen = 100;
-constexpr double kLeastNoise = 1e-7;   // of an output's scale
+constexpr Index kFewestSeen = 20, kMostSeen = 100;  // before the first forecast
+constexpr double kLeastNoise = 1e-7;                // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
 constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
 constexpr double kThinnedPhase = 0.3;  // rad a thinned sample
 
-Index seen_of(Index horizon) { return std::clamp(horizon / 3, kFewestSeen, kMostSeen); }
+Index seen_before(Index horizon, Index samples) {
+  return std::max(std::clamp(horizon / 3, kFewestSeen, kMostSeen),
+                  std::min(kMostSeen, samples / 10));
+}
 
 // rad/s of the fastest linear mode, as stated.
 double fastest_mode(const LumpedModel& model) {
@@ -144,16 +147,16 @@ Index PredictionTask::rows(Index outputs) const {
 BlockEdges PredictionTask::edges(Index outputs) const {
   std::vector<Index> starts;
   const Index whole = rows(1);
-  const Index length =
-      is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : seen_of(horizon) + horizon;
+  const Index length = is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : horizon;
   Index first = 0;
   for (const PredictionRun& run : runs) {
-    for (Index k = 0; k + length / 2 < run.samples; k += length) {
+    for (Index k = run.forecasts.first; k + length / 2 < run.samples; k += length) {
       starts.push_back((first + k) * outputs);
     }
     first += run.samples;
   }
   if (starts.empty()) starts.push_back(0);
+  starts.front() = 0;
   return block_edges(starts, whole * outputs);
 }
 
@@ -246,7 +249,8 @@ Index PredictionData::window_count(Index horizon) const {
   Index count = 0;
   for (const OutputErrorRecording& recording : recordings()) {
     if (recording.role != ExperimentRole::kEstimation) continue;
-    count += recording.time.size() / (seen_of(horizon) + horizon);
+    const Index samples = recording.time.size();
+    count += std::max<Index>(samples - seen_before(horizon, samples), 0) / horizon;
   }
   return count;
 }
@@ -255,32 +259,19 @@ PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const
   PredictionTask task = windows(0, role);
   for (PredictionRun& run : task.runs) {
     task.horizon = std::max(task.horizon, run.samples);
-    run.seen.assign(run.counted.size(), 0);
-    const auto first = static_cast<std::ptrdiff_t>(std::min(seen, run.samples / 2));
-    std::fill_n(run.seen.begin(), first, std::uint8_t{1});
-    std::fill_n(run.counted.begin(), first, std::uint8_t{0});
+    const Index first = std::min(seen, run.samples / 2);
+    run.forecasts = {first, run.samples - first};
   }
   return task;
 }
 
 PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const {
   PredictionTask task{horizon, {}};
-  const Index on = seen_of(horizon);
   for (std::size_t r = 0; r < recording_count(); ++r) {
     if (recording(r).role != role) continue;
-    PredictionRun run{r, recording(r).time.size(), {}, {}};
-    run.counted.assign(static_cast<std::size_t>(run.samples), 1);
-    if (horizon > 0) {
-      const Index first =
-          std::max(on, std::min(kMostSeen, run.samples / 10));  // a start from nothing
-      run.seen.assign(run.counted.size(), 0);
-      for (Index k = 0; k < run.samples; ++k) {
-        const bool sees = (k + on - first) % (on + horizon) < on || k < first;
-        run.seen[static_cast<std::size_t>(k)] = sees ? 1 : 0;
-        run.counted[static_cast<std::size_t>(k)] = sees ? 0 : 1;
-      }
-    }
-    task.runs.push_back(std::move(run));
+    PredictionRun run{r, recording(r).time.size(), {}};
+    if (horizon > 0) run.forecasts = {seen_before(horizon, run.samples), horizon};
+    task.runs.push_back(run);
   }
   return task;
 }

@@ -1,29 +1,34 @@
-// The recordings of a diagnosis by prediction error, and which of their samples a predictor sees.
+// The recordings of a diagnosis by prediction error, and from where a predictor looks ahead.
 //
 //   const PredictionData data(model, campaign);
 //   const PredictionTask task = data.windows(10);         // ten samples ahead
 //
-// A task cuts recordings into cycles: `on` samples that the predictor sees, then h that it does
-// not, and only those count. h = 0 is the free run: nothing is seen, everything counts, initial
-// states are estimated.
+// A task cuts recordings into windows of h samples. Each is forecast from a filter that has seen
+// all samples before it. Samples before the first window do not count: the filter starts from
+// nothing. h = 0 is the free run: everything counts, initial states are estimated.
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "diagnosis/output_error/output_error_problem.hpp"
 #include "diagnosis/predictor/drive_signals.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
+#include "diagnosis/predictor/predictor.hpp"
 
 namespace graybox {
 
 struct PredictionRun {
   std::size_t recording = 0;
-  Eigen::Index samples = 0;                 // from its first
-  std::vector<std::uint8_t> seen, counted;  // of each sample; empty `seen`: none
+  Eigen::Index samples = 0;  // from its first
+  Forecasts forecasts;
+  [[nodiscard]] bool counts(Eigen::Index sample) const { return sample >= forecasts.first; }
+  [[nodiscard]] Eigen::Index counted() const {
+    return std::max<Eigen::Index>(samples - forecasts.first, 0);
+  }
 };
 
 struct PredictionTask {

@@ -90,8 +90,8 @@ bool PredictionFitter::run_all(
     const OutputErrorRecording& recording = data_->recording(run.recording);
     const bool whole = run.samples == recording.outputs.rows();
     const MatrixXd part = whole ? MatrixXd() : MatrixXd(recording.outputs.topRows(run.samples));
-    if (!predictor.run(drive, whole ? recording.outputs : part, run.seen, gain, initials[r], errors,
-                       with_states ? &states : nullptr)) {
+    if (!predictor.run(drive, whole ? recording.outputs : part, run.forecasts, gain, initials[r],
+                       errors, with_states ? &states : nullptr)) {
       return false;
     }
     take(r, errors, states);
@@ -110,7 +110,7 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
       [&](std::size_t r, const MatrixXd& errors, const MatrixXd&) {
         const PredictionRun& run = task_->runs[r];
         for (Index k = 0; k < run.samples; ++k) {
-          const bool counts = run.counted[static_cast<std::size_t>(k)] != 0;
+          const bool counts = run.counts(k);
           for (Index j = 0; j < outputs; ++j) {
             result(next++) = counts ? errors(k, j) / weights(j) : 0.0;
           }
@@ -119,12 +119,13 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
       false);
 }
 
-VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit,
-                                           const VectorXd& weights) const {
+VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit, const VectorXd& weights,
+                                           const DisturbanceForce& disturbance) const {
+  Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
   if (!task_->is_free()) {
-    Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
     if (fit.gain.rows() != predictor.state_count()) return data_->noise();
-    return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon);
+    return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon, data_->sample_time(),
+                          disturbance);
   }
   VectorXd noise = data_->noise();
   const Index outputs = data_->output_count();
@@ -135,7 +136,7 @@ VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit,
     const VectorXd rest = table.row(j).transpose() * weights(j);
     noise(j) = std::min(noise(j), std::max(noise_by_differences(rest), 1e-300));
   }
-  return noise;
+  return error_by_noise(predictor, {}, noise, 0, data_->sample_time(), disturbance);
 }
 
 MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {
@@ -154,7 +155,7 @@ VectorXd PredictionFitter::errors(const PredictionFit& fit, const VectorXd& weig
   const Index outputs = data_->output_count();
   double counted = 0.0;
   for (const PredictionRun& run : task_->runs) {
-    counted += static_cast<double>(std::ranges::count(run.counted, 1));
+    counted += static_cast<double>(run.counted());
   }
   const Eigen::Map<const MatrixXd> table(fit.residuals.data(), outputs,
                                          fit.residuals.size() / outputs);

@@ -22,6 +22,7 @@
 
 #include "diagnosis/predictor/extended_lumped_model.hpp"
 #include "diagnosis/predictor/prediction_data.hpp"
+#include "diagnosis/predictor/stationary_gain.hpp"
 
 namespace graybox {
 
@@ -68,11 +69,12 @@ class PredictionFitter {
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
                  Eigen::VectorXd& result) const;
-  // What the sensors' noise alone does to the predictions (stationary_gain.hpp). In free run noise
-  // that is not stated is no more than the differences of the residuals say: fast signals hide it
-  // in their own.
+  // What the sensors' noise, and a disturbance, do to the predictions (stationary_gain.hpp). In free
+  // run noise that is not stated is no more than the differences of the residuals say: fast signals
+  // hide it in their own.
   [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit,
-                                                const Eigen::VectorXd& weights) const;
+                                                const Eigen::VectorXd& weights,
+                                                const DisturbanceForce& disturbance = {}) const;
   // q and q' of all coordinates, sample by sample over all runs.
   [[nodiscard]] Eigen::MatrixXd motion(const PredictionFit& fit) const;
   // rms of each output's errors over what counts, in its unit.

@@ -179,7 +179,8 @@ void Predictor::allocate() {
   q_.setZero(m_);
   v_ = a_ = force_ = q_;
   y_.setZero(output_count());
-  kept_y_ = y_;
+  kept_y_ = error_ = remembered_y_ = y_;
+  remembered_x_ = x_;
   turned_.setOnes(output_count());
   std::size_t lags = 0;
   for (const auto& list : sensors_) {
@@ -188,6 +189,7 @@ void Predictor::allocate() {
   }
   followed_.reserve(lags);
   followed_before_.reserve(lags);
+  remembered_followed_.reserve(lags);
 }
 
 void Predictor::spread(const double* x, const double* inputs) {
@@ -224,7 +226,9 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
   spread(x, inputs);
   force_.noalias() = -(stiffness_.lazyProduct(q_)) - damping_.lazyProduct(v_);
   std::fill(dx, dx + states_, 0.0);
-  if (!linear_) {
+  if (linear_) {
+    if (pushed_ >= 0) force_(pushed_) += push_;
+  } else {
     for (std::size_t j = 0; j < inputs_.size(); ++j) {
       if (inputs_[j].kind == LumpedInput::Kind::kForce) force_(inputs_[j].mass) += inputs[j];
     }
@@ -475,9 +479,9 @@ void Predictor::start(const VectorXd& initial, const double* inputs) {
   }
 }
 
-void Predictor::correct(const Eigen::MatrixXd& gain, Index sample, const Eigen::MatrixXd& errors) {
-  for (Index j = 0; j < errors.cols(); ++j) {
-    const double error = turned_(j) * errors(sample, j);
+void Predictor::correct(const Eigen::MatrixXd& gain) {
+  for (Index j = 0; j < error_.size(); ++j) {
+    const double error = turned_(j) * error_(j);
     for (Index i = 0; i < states_; ++i) x_(i) += gain(i, j) * error;
   }
 }
@@ -488,37 +492,69 @@ void Predictor::store_states(Index sample, const double* inputs, Eigen::MatrixXd
   states.row(sample).tail(m_) = v_;
 }
 
-bool Predictor::run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
-                    std::span<const std::uint8_t> seen, const Eigen::MatrixXd& gain,
-                    const VectorXd& initial, Eigen::MatrixXd& errors, Eigen::MatrixXd* states) {
-  const Index samples = outputs.rows();
-  errors.resize(samples, output_count());
-  if (states != nullptr) states->resize(samples, 2 * m_);
-  start(initial, drive.samples.col(0).data());
-  for (Index k = 0; k < samples; ++k) {
-    const double* inputs = drive.samples.col(k).data();
+bool Predictor::advance(const Recorded& recorded, Index from, Index to) {
+  const Eigen::MatrixXd& outputs = *recorded.outputs;
+  for (Index k = from; k < to; ++k) {
+    const double* inputs = recorded.drive->samples.col(k).data();
     sense(inputs, followed_);
     if (k > 0) {
       follow_lags();
       sense(inputs, followed_before_);  // the lags' outputs
     }
     delay();
-    for (Index j = 0; j < output_count(); ++j) errors(k, j) = outputs(k, j) - y_(j);
-    if (!(errors.row(k).cwiseAbs().maxCoeff() < kOutOfBounds)) return false;
-    if (!seen.empty() && seen[static_cast<std::size_t>(k)] != 0 && gain.size() > 0) {
-      correct(gain, k, errors);
-    }
-    if (states != nullptr) store_states(k, inputs, *states);
-    if (k + 1 == samples) break;
+    error_ = outputs.row(k).transpose() - y_;
+    if (!(error_.cwiseAbs().maxCoeff() < kOutOfBounds)) return false;
+    if (recorded.errors != nullptr) recorded.errors->row(k) = error_.transpose();
+    if (recorded.gain != nullptr && recorded.gain->size() > 0) correct(*recorded.gain);
+    if (recorded.states != nullptr) store_states(k, inputs, *recorded.states);
+    if (k + 1 == outputs.rows()) break;
     sense(inputs, followed_before_);  // after the correction
     kept_y_ = y_;
-    between_samples(drive, k);
+    between_samples(*recorded.drive, k);
   }
   return true;
 }
 
-void Predictor::linear_step(VectorXd& state) {
+void Predictor::remember() {
+  remembered_x_ = x_;
+  remembered_y_ = kept_y_;
+  remembered_followed_ = followed_before_;
+}
+
+void Predictor::return_to_remembered() {
+  x_ = remembered_x_;
+  kept_y_ = remembered_y_;
+  followed_before_ = remembered_followed_;
+}
+
+bool Predictor::run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
+                    const Forecasts& forecasts, const Eigen::MatrixXd& gain,
+                    const VectorXd& initial, Eigen::MatrixXd& errors, Eigen::MatrixXd* states) {
+  const Index samples = outputs.rows(), horizon = forecasts.horizon;
+  errors.resize(samples, output_count());
+  if (states != nullptr) states->resize(samples, 2 * m_);
+  start(initial, drive.samples.col(0).data());
+  const Recorded forecast{&drive, &outputs, nullptr, &errors, nullptr};
+  if (horizon == 0) return advance({&drive, &outputs, nullptr, &errors, states}, 0, samples);
+  const bool is_filter_alone = horizon == 1;  // its errors are the forecasts'
+  const Index first = is_filter_alone ? samples : std::min(forecasts.first, samples);
+  if (!advance({&drive, &outputs, &gain, &errors, states}, 0, first)) return false;
+  for (Index from = first; from < samples; from += horizon) {
+    const Index to = std::min(from + horizon, samples);
+    remember();
+    if (!advance(forecast, from, to)) return false;
+    const bool is_last = to == samples;
+    if (is_last && states == nullptr) break;
+    return_to_remembered();
+    if (!advance({&drive, &outputs, &gain, nullptr, states}, from, to)) return false;
+  }
+  return true;
+}
+
+void Predictor::linear_step(VectorXd& state, Index pushed, double force) {
   linear_ = true;
+  pushed_ = pushed;
+  push_ = force;
   x_ = state;
   sense(no_inputs_.data(), followed_before_);
   kept_y_ = y_;
@@ -528,6 +564,7 @@ void Predictor::linear_step(VectorXd& state) {
   follow_lags();
   state = x_;
   linear_ = false;
+  pushed_ = -1;
 }
 
 void Predictor::linear_outputs(const VectorXd& state, VectorXd& outputs) {

@@ -1,10 +1,11 @@
 // Predictor: what a lumped model says of the next measurements, sample by sample.
 //
-//   e_k = y_k - y(x_k),     x_k <- x_k + K e_k   where sample k is seen,   nothing where it is not,
+//   e_k = y_k - y(x_k),     x_k <- x_k + K e_k,
 //
-// x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). K = 0 is the free
-// run (output error); a seen sample everywhere is the innovations form (Ljung, System
-// Identification, 2nd ed. 1999, ch. 4); cycles of seen and unseen samples predict so far ahead.
+// x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). A filter corrects
+// at every sample. From it forecasts branch off, one after the other, each h samples long: e_k of a
+// forecast is what counts, and nothing is corrected there. h = 1 is the innovations form (Ljung,
+// System Identification, 2nd ed. 1999, ch. 4); h = 0, the free run, has no filter (output error).
 //
 // Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
 // curve: at rest it holds with any force up to its level. What moves along b slides on with F(v)
@@ -19,22 +20,26 @@
 // is corrected there, since earlier outputs are part of the state.
 //
 //   Predictor predictor(model, sample_time, steps);
-//   predictor.run(drive, outputs, seen, gain, initial, errors);   // false: out of all bounds
+//   predictor.run(drive, outputs, {first, h}, gain, initial, errors);   // false: out of all bounds
 //
 // One object serves one thread; run() allocates nothing but the results. Cost: 4 (1 + laws) law
-// evaluations a step.
+// evaluations a step, once in free run and for h = 1, else twice: for filter and forecasts.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "diagnosis/output_error/node_inputs.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
+
+// Forecasts of `horizon` samples, from sample `first` on one after the other. 0: the free run.
+struct Forecasts {
+  Eigen::Index first = 0, horizon = 0;
+};
 
 class Predictor {
  public:
@@ -46,18 +51,17 @@ class Predictor {
     return static_cast<Eigen::Index>(outputs_.size());
   }
 
-  // The measured `outputs` and the `errors` are samples x outputs. The flag `seen` is of each
-  // sample; empty: none. The `gain` is states x outputs, or empty. The `initial` values are q and
-  // q' of the free coordinates. The `states`, if not null, are samples x (q, q' of all
-  // coordinates), after each correction.
-  bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
-           std::span<const std::uint8_t> seen, const Eigen::MatrixXd& gain,
-           const Eigen::VectorXd& initial, Eigen::MatrixXd& errors,
+  // The measured `outputs` and the `errors` are samples x outputs; errors before the first forecast
+  // are the filter's. The `gain` is states x outputs, or empty: no sample corrects. The `initial`
+  // values are q and q' of the free coordinates. The `states`, if not null, are samples x (q, q' of
+  // all coordinates): of the filter, after each correction.
+  bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs, const Forecasts& forecasts,
+           const Eigen::MatrixXd& gain, const Eigen::VectorXd& initial, Eigen::MatrixXd& errors,
            Eigen::MatrixXd* states = nullptr);
 
-  // For the gain: one sample onward from `state` without inputs, linear elements and sensors alone;
-  // and what is measured in that state.
-  void linear_step(Eigen::VectorXd& state);
+  // For the gain: one sample onward from `state` without inputs, linear elements and sensors alone,
+  // with a constant force on a coordinate or none (-1); and what is measured in that state.
+  void linear_step(Eigen::VectorXd& state, Eigen::Index pushed = -1, double force = 1.0);
   void linear_outputs(const Eigen::VectorXd& state, Eigen::VectorXd& outputs);
 
  private:
@@ -106,11 +110,22 @@ class Predictor {
   void break_away(double step, const double* inputs);
   void step(const NodeInputs& drive, Eigen::Index step);
   void between_samples(const NodeInputs& drive, Eigen::Index sample);
+  // From sample `from` to `to`, which is not read: the filter, or a forecast. False: out of bounds.
+  struct Recorded {
+    const NodeInputs* drive;
+    const Eigen::MatrixXd* outputs;
+    const Eigen::MatrixXd* gain;  // null: a forecast
+    Eigen::MatrixXd* errors;      // null: not kept
+    Eigen::MatrixXd* states;      // null: not kept
+  };
+  bool advance(const Recorded& recorded, Eigen::Index from, Eigen::Index to);
+  void remember();
+  void return_to_remembered();
   [[nodiscard]] double output_of(std::size_t output) const;
   // Through the laws of the sensors up to their delays; what lags follow goes to `followed`.
   void sense(const double* inputs, std::vector<double>& followed);
   void delay();
-  void correct(const Eigen::MatrixXd& gain, Eigen::Index sample, const Eigen::MatrixXd& errors);
+  void correct(const Eigen::MatrixXd& gain);
   void shift_registers();
   void follow_lags();
   void store_states(Eigen::Index sample, const double* inputs, Eigen::MatrixXd& states);
@@ -118,6 +133,8 @@ class Predictor {
   double sample_time_, step_;
   int steps_;
   bool linear_ = false;  // for the gain
+  Eigen::Index pushed_ = -1;
+  double push_ = 0.0;
   bool has_set_valued_ = false;
   Eigen::Index n_ = 0, m_ = 0, states_ = 0;
   std::vector<Eigen::Index> free_, slot_, position_, velocity_, acceleration_;
@@ -133,7 +150,9 @@ class Predictor {
 
   Eigen::VectorXd x_, k1_, k2_, k3_, k4_, trial_;
   Eigen::VectorXd q_, v_, a_, force_;  // of all coordinates
-  Eigen::VectorXd y_, kept_y_;
+  Eigen::VectorXd y_, kept_y_, error_;
+  Eigen::VectorXd remembered_x_, remembered_y_;  // where a forecast branches off
+  std::vector<double> remembered_followed_;
   Eigen::VectorXd turned_;  // -1 where a sensor reads less when its signal grows, else 1
   std::vector<double> followed_before_, followed_;
   std::vector<double> no_inputs_;

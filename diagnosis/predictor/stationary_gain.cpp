@@ -15,24 +15,6 @@ constexpr int kDoublings = 40;
 constexpr double kSettled = 1e-10;    // relative change of P
 constexpr double kForgetting = 1e-6;  // for what is neither seen nor dies away
 
-struct LinearModel {
-  MatrixXd a, c;
-};
-
-LinearModel linear_model(Predictor& predictor) {
-  const Index n = predictor.state_count();
-  LinearModel model{MatrixXd(n, n), MatrixXd(predictor.output_count(), n)};
-  VectorXd outputs, state;
-  for (Index i = 0; i < n; ++i) {
-    state = VectorXd::Unit(n, i);
-    predictor.linear_outputs(state, outputs);
-    model.c.col(i) = outputs;
-    predictor.linear_step(state);
-    model.a.col(i) = state;
-  }
-  return model;
-}
-
 // Covariance of white force noise that is spread over each sample: on velocities by h/m, on
 // positions by h^2/(2 m).
 MatrixXd process_noise(const LumpedModel& model, Index states, double sample_time,
@@ -54,6 +36,21 @@ MatrixXd process_noise(const LumpedModel& model, Index states, double sample_tim
 }
 
 }  // namespace
+
+LinearPredictor linear_predictor(Predictor& predictor, Index pushed) {
+  const Index n = predictor.state_count();
+  LinearPredictor model{MatrixXd(n, n), MatrixXd(predictor.output_count(), n), VectorXd::Zero(n)};
+  VectorXd outputs, state;
+  for (Index i = 0; i < n; ++i) {
+    state = VectorXd::Unit(n, i);
+    predictor.linear_outputs(state, outputs);
+    model.c.col(i) = outputs;
+    predictor.linear_step(state);
+    model.a.col(i) = state;
+  }
+  if (pushed >= 0) predictor.linear_step(model.b, pushed);
+  return model;
+}
 
 MatrixXd stationary_covariance(const MatrixXd& a, const MatrixXd& c, const MatrixXd& q,
                                const VectorXd& r) {
@@ -78,7 +75,7 @@ MatrixXd stationary_covariance(const MatrixXd& a, const MatrixXd& c, const Matri
 
 MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double sample_time,
                          double intensity, const VectorXd& noise) {
-  const LinearModel linear = linear_model(predictor);
+  const LinearPredictor linear = linear_predictor(predictor);
   const Index n = predictor.state_count();
   const MatrixXd zero = MatrixXd::Zero(n, linear.c.rows());
   // States differ by orders of magnitude: each by its own noise, outputs by theirs.
@@ -94,26 +91,44 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
 }
 
 VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const VectorXd& noise,
-                        Index horizon) {
-  if (horizon == 0 || gain.size() == 0) return noise;
+                        Index horizon, double sample_time, const DisturbanceForce& disturbance) {
+  const bool is_free = horizon == 0 || gain.size() == 0;
+  if (is_free && disturbance.coordinate < 0) return noise;
   constexpr Index kMost = 3000;  // samples: from there on it hardly grows, or is no use
-  const LinearModel linear = linear_model(predictor);
+  const LinearPredictor linear = linear_predictor(predictor, disturbance.coordinate);
   const Index n = linear.a.rows();
   const VectorXd variance = noise.cwiseAbs2();
-  const MatrixXd keep = MatrixXd::Identity(n, n) - gain * linear.c;
-  MatrixXd f = (1.0 - kForgetting) * keep * linear.a;
-  MatrixXd s = gain * variance.asDiagonal() * gain.transpose();
+  // The error before a correction, then the disturbance.
+  const double kept =
+      disturbance.coordinate < 0 ? 0.0 : std::exp(-sample_time / disturbance.memory);
+  MatrixXd open = MatrixXd::Zero(n + 1, n + 1), noises = open;
+  open.topLeftCorner(n, n) = linear.a;
+  open.topRightCorner(n, 1) = linear.b;
+  open(n, n) = kept;
+  MatrixXd f = open;
+  const double size = disturbance.deviation;
+  noises(n, n) = size * size * (1.0 - kept * kept);
+  if (!is_free) {
+    f.topLeftCorner(n, n) -= linear.a * gain * linear.c;
+    const MatrixXd corrected = linear.a * gain;
+    noises.topLeftCorner(n, n) = corrected * variance.asDiagonal() * corrected.transpose();
+  }
+  f *= 1.0 - kForgetting;
+  MatrixXd s = noises;
   for (int doubling = 0; doubling < kDoublings; ++doubling) {
     const MatrixXd change = f * s * f.transpose();
     s += change;
     f = (f * f).eval();
     if (!s.allFinite() || change.norm() <= kSettled * s.norm()) break;
   }
+  // The first sample of a forecast has the error before its correction.
+  const Index count = is_free ? 1 : std::min(horizon, kMost);
   VectorXd sum = VectorXd::Zero(noise.size());
-  const Index count = std::min(horizon, kMost);
+  MatrixXd forced = MatrixXd::Zero(n + 1, n + 1);
+  forced(n, n) = noises(n, n);
   for (Index i = 0; i < count; ++i) {
-    s = linear.a * s * linear.a.transpose();
-    sum += (linear.c * s * linear.c.transpose()).diagonal() + variance;
+    sum += (linear.c * s.topLeftCorner(n, n) * linear.c.transpose()).diagonal() + variance;
+    s = open * s * open.transpose() + forced;
   }
   const VectorXd error = (sum / static_cast<double>(count)).cwiseSqrt();
   return error.allFinite() ? error : noise;

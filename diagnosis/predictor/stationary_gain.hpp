@@ -27,13 +27,30 @@ namespace graybox {
                                               double sample_time, double intensity,
                                               const Eigen::VectorXd& noise);
 
-// What sensor noise alone does to predictions: rms of each output's error over the samples 1 ... h
-// after the last one seen, for an estimate that has seen samples with this gain for long,
+// A model taken linear, a sample: x_(k+1) = A x_k + B d_k, y_k = C x_k, d the force on a coordinate.
+struct LinearPredictor {
+  Eigen::MatrixXd a, c;
+  Eigen::VectorXd b;  // zero without a coordinate
+};
+[[nodiscard]] LinearPredictor linear_predictor(Predictor& predictor, Eigen::Index pushed = -1);
+
+// A force with memory that no input shows: d_(k+1) = exp(-T/memory) d_k + white noise.
+struct DisturbanceForce {
+  Eigen::Index coordinate = -1;          // -1: none
+  double deviation = 0.0, memory = 0.0;  // N or N m, s
+};
+
+// What sensor noise, and a disturbance, do to predictions: rms of each output's error over the
+// samples 1 ... h after the last one seen, for an estimate that has seen samples with this gain for
+// long. With x the error before a correction and d the disturbance,
 //
-//   S = (I - K C) A S A' (I - K C)' + K R K',     var_i = C A^i S A'^i C' + R.
+//   x_(k+1) = A ((I - K C) x_k - K v_k) + B d_k,     var_i = C A^i S A'^i C' + R without d.
 //
-// An error near that has nothing left to explain. `horizon` 0: the noise itself.
+// An error near that has nothing left to explain. `horizon` 0: in free run, of a plant that forgets
+// (without a disturbance, the noise itself).
 [[nodiscard]] Eigen::VectorXd error_by_noise(Predictor& predictor, const Eigen::MatrixXd& gain,
-                                             const Eigen::VectorXd& noise, Eigen::Index horizon);
+                                             const Eigen::VectorXd& noise, Eigen::Index horizon,
+                                             double sample_time,
+                                             const DisturbanceForce& disturbance = {});
 
 }  // namespace graybox

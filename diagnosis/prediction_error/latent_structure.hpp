@@ -1,0 +1,38 @@
+// Whether what is left of a model depends on the motion: the latent force (latent_force.hpp) against
+// free curves, each asked by itself:
+//
+//   position       of the place: a curve through knots, and 24 orders of a period of its range
+//   speed          of the place: a curve, with a step at zero
+//   drive          the forces that act: now, and in exponential means of longer and longer memory
+//   load           the size of the force that acts, against the velocity
+//   reversals      of the position: play of 2, 10 and 30 % of its range
+//
+// `share`: of the variance of blocks that were left out, what the others' curve foretells. A
+// disturbance has none but by chance: it is asked by z, too (left_out_blocks.hpp). Curves of two of
+// these at once are not asked: in a closed loop they would tell the disturbance from what the
+// controller does against it.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/predictor/latent_force.hpp"
+
+namespace graybox {
+
+struct LatentStructure {
+  std::string on;      // "position", ...
+  std::string words;   // "the position of carriage"
+  double share = 0.0;  // of the force's variance, in blocks left out
+  double z = 0.0;
+};
+
+// Those at the force's coordinate and at the shafts that end there; the largest share first.
+[[nodiscard]] std::vector<LatentStructure> latent_structures(const PredictionData& data,
+                                                             ExperimentRole role,
+                                                             const LumpedModel& model,
+                                                             const LatentForce& force);
+
+}  // namespace graybox

@@ -1,0 +1,91 @@
+#include "diagnosis/prediction_error/remaining_force.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kTold = 3.0;        // z
+constexpr double kLeastShare = 0.1;  // of the force's variance
+
+double largest_ratio(const std::vector<HorizonError>& horizons, VectorXd HorizonError::*expected) {
+  double largest = 0.0;
+  for (const HorizonError& each : horizons) {
+    largest = std::max(largest, (each.error.array() / (each.*expected).array()).maxCoeff());
+  }
+  return largest;
+}
+
+}  // namespace
+
+RemainingForce::RemainingForce(const PredictionData& data, const PredictionFindings& findings,
+                               const ExtendedLumpedModel& model, int threads)
+    : output_scale_(data.output_scale()) {
+  find_force(data, model, findings.intensity, threads);
+  const double thinned = findings.sample_time / data.sample_time();
+  std::vector<Index> horizons;
+  for (const Rung& rung : findings.rungs) {
+    horizons.push_back(std::lround(thinned * static_cast<double>(rung.horizon)));
+  }
+  const DisturbanceForce disturbance = force_ ? force_->disturbance : DisturbanceForce{};
+  for (const Index horizon : horizons) {
+    const PredictionTask task = data.windows(horizon);
+    const PredictionFitter fitter(data, task, findings.intensity, threads);
+    const VectorXd& weights = data.output_scale();
+    const PredictionFit fit = fitter.fit(model, weights, {}, horizon == 0 ? 5 : 0, horizon == 0);
+    if (!fit.usable) continue;
+    horizons_.push_back({horizon, fitter.errors(fit, weights), fitter.errors_by_noise(fit, weights),
+                         fitter.errors_by_noise(fit, weights, disturbance)});
+  }
+}
+
+void RemainingForce::find_force(const PredictionData& data, const ExtendedLumpedModel& model,
+                                double intensity, int threads) {
+  const double acting = data.force_scale();
+  if (!std::isfinite(data.largest_force()) || !(intensity > 0.0)) return;
+  for (std::size_t i = 0; i < model.model.imposed.size(); ++i) {
+    if (model.model.imposed[i]) continue;
+    LatentForce force = latent_force(data, ExperimentRole::kEstimation, model, intensity,
+                                     static_cast<Index>(i), threads);
+    if (!force.usable || (force_ && force.log_likelihood <= force_->log_likelihood)) continue;
+    force_ = std::move(force);
+  }
+  if (!force_) return;
+  share_ = force_->disturbance.deviation / acting;
+  structures_ = latent_structures(data, ExperimentRole::kEstimation, model.model, *force_);
+}
+
+const LatentStructure* RemainingForce::structure() const {
+  const auto told = std::ranges::find_if(structures_, [](const LatentStructure& structure) {
+    return structure.z > kTold && structure.share > kLeastShare;
+  });
+  return told == structures_.end() ? nullptr : &*told;
+}
+
+double RemainingForce::structured_share() const {
+  const LatentStructure* const most = structure();
+  return most == nullptr ? 0.0 : share_ * std::sqrt(std::min(most->share, 1.0));
+}
+
+double RemainingForce::multiple_of_noise() const {
+  return largest_ratio(horizons_, &HorizonError::by_noise);
+}
+
+double RemainingForce::multiple_of_rest() const {
+  return largest_ratio(horizons_, &HorizonError::by_rest);
+}
+
+std::optional<Index> RemainingForce::foreseeable(double share) const {
+  std::optional<Index> longest;
+  for (const HorizonError& each : horizons_) {
+    const auto by_force = (each.by_rest.array().square() - each.by_noise.array().square()).max(0.0);
+    if ((by_force.sqrt() <= share * output_scale_.array()).all()) longest = each.horizon;
+  }
+  return longest;
+}
+
+}  // namespace graybox

@@ -1,0 +1,224 @@
+#include "diagnosis/predictor/latent_force.hpp"
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "problems/base/stop.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index kMostStates = 60;  // a sensor that is late by many samples has as many
+constexpr Index kSettling = 50;    // samples of a run, from its first, that do not count
+constexpr double kLeastShare = 1e-5, kMostShare = 3.0;  // of the forces that act
+constexpr double kLongestMemory = 0.25;                 // of the shortest run
+
+// How far the filter is off, and the disturbance: a linear model with noise of one kind.
+struct ErrorModel {
+  MatrixXd a, c, corrected;  // z_(k+1) = a z_k - corrected e_k + noise, e_k = c z_k + v_k
+  MatrixXd covariance, gain, innovation;
+  double log_determinant = 0.0;
+};
+
+ErrorModel error_model(const LinearPredictor& linear, const MatrixXd& gain, const VectorXd& noise,
+                       const DisturbanceForce& disturbance, double sample_time) {
+  const Index n = linear.a.rows(), outputs = linear.c.rows();
+  const double kept = std::exp(-sample_time / disturbance.memory);
+  ErrorModel model;
+  // In units of the disturbance's deviation and the outputs' noise.
+  model.a = MatrixXd::Zero(n + 1, n + 1);
+  model.a.topLeftCorner(n, n) = linear.a;
+  model.a.topRightCorner(n, 1) = linear.b * disturbance.deviation;
+  model.a(n, n) = kept;
+  model.c = MatrixXd::Zero(outputs, n + 1);
+  model.c.leftCols(n) = noise.cwiseInverse().asDiagonal() * linear.c;
+  model.corrected = MatrixXd::Zero(n + 1, outputs);
+  model.corrected.topRows(n) = linear.a * gain * noise.asDiagonal();
+  MatrixXd q = MatrixXd::Zero(n + 1, n + 1);
+  q(n, n) = 1.0 - kept * kept;
+  model.covariance = stationary_covariance(model.a, model.c, q, VectorXd::Ones(outputs));
+  const MatrixXd s =
+      model.c * model.covariance * model.c.transpose() + MatrixXd::Identity(outputs, outputs);
+  const Eigen::LLT<MatrixXd> factor(s);
+  model.innovation = factor.solve(MatrixXd::Identity(outputs, outputs));
+  model.gain = model.covariance * model.c.transpose() * model.innovation;
+  model.log_determinant = 2.0 * MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+  return model;
+}
+
+// Errors of errors: v of each sample; what they say of the likelihood. `errors` in units of noise.
+double filter(const ErrorModel& model, const MatrixXd& errors, MatrixXd* innovations,
+              VectorXd* predicted) {
+  VectorXd z = VectorXd::Zero(model.a.rows()), next = z, v(errors.rows());
+  double sum = 0.0;
+  for (Index k = 0; k < errors.cols(); ++k) {
+    v.noalias() = errors.col(k) - model.c * z;
+    if (k >= kSettling) {
+      sum -= 0.5 * (model.log_determinant + v.dot(model.innovation.lazyProduct(v)));
+    }
+    if (innovations != nullptr) {
+      innovations->col(k) = v;
+      (*predicted)(k) = z(z.size() - 1);
+    }
+    z.noalias() += model.gain * v;
+    next.noalias() = model.a * z;
+    next.noalias() -= model.corrected * errors.col(k);
+    z.swap(next);
+  }
+  return sum;
+}
+
+double log_likelihood(const ErrorModel& model, const std::vector<MatrixXd>& runs) {
+  if (!model.covariance.allFinite() || !std::isfinite(model.log_determinant)) {
+    return -std::numeric_limits<double>::infinity();
+  }
+  double sum = 0.0;
+  for (const MatrixXd& errors : runs) sum += filter(model, errors, nullptr, nullptr);
+  return std::isfinite(sum) ? sum : -std::numeric_limits<double>::infinity();
+}
+
+// The disturbance of one run, smoothed, in units of its deviation.
+VectorXd smoothed(const ErrorModel& model, const MatrixXd& errors) {
+  const Index n = model.a.rows(), samples = errors.cols();
+  MatrixXd innovations(errors.rows(), samples);
+  VectorXd disturbance(samples);
+  filter(model, errors, &innovations, &disturbance);
+  const MatrixXd kept = model.a * (MatrixXd::Identity(n, n) - model.gain * model.c);
+  const MatrixXd back = kept.transpose(), weighted = model.c.transpose() * model.innovation;
+  VectorXd r = VectorXd::Zero(n);
+  for (Index k = samples - 1; k >= 0; --k) {
+    r = weighted * innovations.col(k) + back * r;
+    disturbance(k) += model.covariance.row(n - 1).dot(r);
+  }
+  return disturbance;
+}
+
+// Its standard deviation.
+double smoothing_error(const ErrorModel& model) {
+  const Index n = model.a.rows();
+  MatrixXd f = model.a * (MatrixXd::Identity(n, n) - model.gain * model.c);
+  MatrixXd information = model.c.transpose() * model.innovation * model.c;
+  for (int doubling = 0; doubling < 40; ++doubling) {
+    const MatrixXd change = f.transpose() * information * f;
+    information += change;
+    f = (f * f).eval();
+    if (!(change.norm() > 1e-9 * information.norm())) break;
+  }
+  const VectorXd p = model.covariance.col(n - 1);
+  return std::sqrt(std::max(0.0, p(n - 1) - p.dot(information * p)));
+}
+
+class LatentForceFit {
+ public:
+  LatentForceFit(const LinearPredictor& linear, const MatrixXd& gain, const VectorXd& noise,
+                 std::vector<MatrixXd> runs, double sample_time, Index coordinate)
+      : linear_(linear),
+        gain_(gain),
+        noise_(noise),
+        runs_(std::move(runs)),
+        sample_time_(sample_time) {
+    best_.coordinate = coordinate;
+  }
+
+  // Coordinate by coordinate in the logarithms of deviation and memory, in steps that shrink.
+  void maximise(double scale, double longest) {
+    low_ = {kLeastShare * scale, sample_time_};
+    high_ = {kMostShare * scale, std::max(longest, 2.0 * sample_time_)};
+    constexpr std::array kFirst{1e-3, 1e-2, 1e-1};
+    for (const double share : kFirst) {
+      for (const double samples : {1.0, 10.0, 100.0}) try_at(share * scale, samples * sample_time_);
+    }
+    for (double step = 3.0; step > 1.1; step = std::sqrt(step)) {
+      for (bool better = true; better;) {
+        stop_if_requested();
+        const DisturbanceForce at = best_;
+        better = false;
+        for (const double factor : {step, 1.0 / step}) {
+          better |= try_at(at.deviation * factor, at.memory);
+          better |= try_at(at.deviation, at.memory * factor);
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] const DisturbanceForce& best() const { return best_; }
+  [[nodiscard]] double log_likelihood() const { return likelihood_; }
+  [[nodiscard]] ErrorModel model() const {
+    return error_model(linear_, gain_, noise_, best_, sample_time_);
+  }
+  [[nodiscard]] const std::vector<MatrixXd>& runs() const { return runs_; }
+
+ private:
+  bool try_at(double deviation, double memory) {
+    const bool is_inside =
+        deviation >= low_[0] && deviation <= high_[0] && memory >= low_[1] && memory <= high_[1];
+    if (!is_inside) return false;
+    const DisturbanceForce each{best_.coordinate, deviation, memory};
+    const double value =
+        graybox::log_likelihood(error_model(linear_, gain_, noise_, each, sample_time_), runs_);
+    if (!(value > likelihood_)) return false;
+    likelihood_ = value;
+    best_ = each;
+    return true;
+  }
+
+  LinearPredictor linear_;
+  MatrixXd gain_;
+  VectorXd noise_;
+  std::vector<MatrixXd> runs_;
+  double sample_time_;
+  std::array<double, 2> low_{}, high_{};
+  DisturbanceForce best_;
+  double likelihood_ = -std::numeric_limits<double>::infinity();
+};
+
+}  // namespace
+
+LatentForce latent_force(const PredictionData& data, ExperimentRole role,
+                         const ExtendedLumpedModel& model, double intensity, Index coordinate,
+                         int threads) {
+  LatentForce result;
+  PredictionTask task = data.windows(1, role);
+  for (PredictionRun& run : task.runs) run.forecasts.first = 0;
+  const PredictionFitter fitter(data, task, intensity, threads);
+  const PredictionFit fit = fitter.fit(model, data.noise(), {}, 0, false);
+  if (!fit.usable || fit.gain.rows() > kMostStates || task.runs.empty()) return result;
+  Predictor predictor(model.model, data.sample_time(), data.steps_per_sample());
+  const LinearPredictor linear = linear_predictor(predictor, coordinate);
+  std::vector<MatrixXd> runs;
+  Index next = 0, shortest = std::numeric_limits<Index>::max();
+  const Index outputs = data.output_count();
+  for (const PredictionRun& run : task.runs) {
+    runs.emplace_back(
+        Eigen::Map<const MatrixXd>(fit.residuals.data() + next, outputs, run.samples));
+    next += outputs * run.samples;
+    shortest = std::min(shortest, run.samples);
+  }
+  LatentForceFit search(linear, fit.gain, data.noise(), std::move(runs), data.sample_time(),
+                        coordinate);
+  search.maximise(data.force_scale(),
+                  kLongestMemory * static_cast<double>(shortest) * data.sample_time());
+  if (!std::isfinite(search.log_likelihood())) return result;
+  const ErrorModel best = search.model();
+  result.disturbance = search.best();
+  result.log_likelihood = search.log_likelihood();
+  result.force.resize(task.rows(1));
+  Index first = 0;
+  for (const MatrixXd& errors : search.runs()) {
+    result.force.segment(first, errors.cols()) =
+        result.disturbance.deviation * smoothed(best, errors);
+    first += errors.cols();
+  }
+  result.band = result.disturbance.deviation * smoothing_error(best);
+  result.motion = fitter.motion(fit);
+  result.usable = result.force.allFinite();
+  return result;
+}
+
+}  // namespace graybox

@@ -1,0 +1,42 @@
+// The force that a model lacks, seen from its prediction errors: what must push on a coordinate for
+// the filter's errors to come about.
+//
+// With e_k the filter's error at sample k, K its gain, and x_k how far its state is off before that
+// sample corrects it (A, B and C of stationary_gain.hpp),
+//
+//   x_(k+1) = A (x_k - K e_k) + B d_k,    d_(k+1) = exp(-T/memory) d_k + white,    e_k = C x_k + v_k.
+//
+// Deviation and memory of d are those of greatest likelihood (Kalman filter, stationary); d itself
+// is smoothed over the whole recording (de Jong, Journal of the American Statistical Association
+// 84, 1989). Laws that are not linear act in the filter, not in A: right while d is small beside
+// them.
+//
+//   const LatentForce force = latent_force(data, role, model, intensity, coordinate, threads);
+//
+// Cost: one pass of the filter, and some 60 passes of a Kalman filter of 1 + states.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "diagnosis/predictor/prediction_fit.hpp"
+
+namespace graybox {
+
+struct LatentForce {
+  bool usable = false;
+  DisturbanceForce disturbance;  // of greatest likelihood
+  double log_likelihood = 0.0;
+  // Samples of all runs, one after the other: the force, its standard deviation, and the filter's
+  // q and q' of all coordinates.
+  Eigen::VectorXd force;
+  double band = 0.0;
+  Eigen::MatrixXd motion;
+};
+
+// In the recordings of this role. `coordinate` must move freely; `intensity` is of the force noise
+// that the filter's gain is for.
+[[nodiscard]] LatentForce latent_force(const PredictionData& data, ExperimentRole role,
+                                       const ExtendedLumpedModel& model, double intensity,
+                                       Eigen::Index coordinate, int threads);
+
+}  // namespace graybox
