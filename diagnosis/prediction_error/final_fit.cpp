@@ -21,6 +21,7 @@ constexpr int kIterations = 25;
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
+constexpr double kDisturbed = 0.05;  // of the signal
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
@@ -76,6 +77,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   if (!found_.fit.usable) return;
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
+  fit_where_disturbed_less();
   drop_idle_laws();
   take_plainer_laws();
   estimate_deviations(found_);
@@ -89,6 +91,19 @@ bool FinalFit::has_skill(const VectorXd& error) const {
   const bool is_only_way = findings_->has_free_run;
   const double limit = task_.is_free() && !is_only_way ? kFreeSkill : kSkill;
   return (error.array() < limit * data_->output_scale().array()).all();
+}
+
+void FinalFit::fit_where_disturbed_less() {
+  const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
+  const std::optional<Index> horizon = rest.foreseeable(kDisturbed);
+  if (!horizon || *horizon == 0 || findings_->has_free_run) return;
+  if (!task_.is_free() && task_.horizon <= *horizon) return;
+  if (task_.is_free() && rest.is_foreseeable_to_the_end(kDisturbed)) return;
+  task_ = data_->windows(*horizon);
+  JudgedModel nearer = judged(found_.fit.model, kIterations);
+  if (!nearer.fit.usable) return;
+  weights_ = nearer.error.cwiseMax(1e-9 * data_->output_scale());
+  found_ = judged(nearer.fit.model, kIterations);
 }
 
 JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {

@@ -3,7 +3,10 @@
 // is worth.
 //
 // It is fitted in free run where free run has skill (errors below a fifth of the signal in every
-// output), else over the longest windows that have. Standard errors allow for residuals with memory
+// output), else over the longest windows that have. Where what remains is a force that costs more
+// than 5 % of an output's signal so far ahead (remaining_force.hpp), it is fitted anew over the
+// longest windows where that is less: a disturbance adds up, and what adds up hides a law's size.
+// Standard errors allow for residuals with memory
 // and of changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of
 // white residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free
 // to the end.
@@ -63,6 +66,7 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
+  void fit_where_disturbed_less();
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();

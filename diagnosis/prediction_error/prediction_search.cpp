@@ -8,6 +8,7 @@
 #include <set>
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
+#include "diagnosis/prediction_error/friction_group.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/prediction_error/unsigned_outputs.hpp"
 
@@ -41,6 +42,16 @@ bool has_run_away(const PredictionFit& fit) {
     if (fit.free[i] >= first && fit.at_bound[i]) return true;
   }
   return false;
+}
+
+// Whether the law added last is a Coulomb friction that nothing moves fast enough to saturate: it is
+// viscous.
+bool never_slides(const PredictionFit& fit, const MatrixXd& motion) {
+  constexpr double kSaturates = 0.5;  // of the fastest motion
+  const Element& law = fit.model.model.parts[fit.model.laws.back().part];
+  if (law.law_name != "coulomb") return false;
+  const VectorXd rate = motion.rightCols(motion.cols() / 2) * law.location.input;
+  return law.parameters[1] > kSaturates * rate.cwiseAbs().maxCoeff();
 }
 
 // Hypotheses of the laws, sorted.
@@ -191,12 +202,14 @@ PredictionFit PredictionSearch::refit(const State& state, const LawExtension& la
   return fitter.fit(best_start, state.weights, state.fit.initials, kRefitIterations);
 }
 
+double PredictionSearch::fed_in_by(const State& state, const PredictionFit& fit) const {
+  return fed_in_share(fit.model.model, fitter(state).motion(fit), data_->sample_time());
+}
+
 std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
                                                  const std::vector<LawExtension>& extensions,
                                                  const std::vector<ExtensionScore>& list) const {
-  const double fed_before =
-      fed_in_share(state.fit.model.model, fitter(state).motion(state.fit), data_->sample_time());
-  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_before);
+  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
   std::vector<TriedLaw> tried;
   for (const ExtensionScore& score : list) {
     const LawExtension& law = extensions[score.extension];
@@ -207,9 +220,8 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     if (!one.fit.usable) continue;
     one.z = z_between(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
-    one.feeds_energy = fed_in_share(one.fit.model.model, fitter(state).motion(one.fit),
-                                    data_->sample_time()) > fed_limit;
-    one.ran_away = has_run_away(one.fit);
+    one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
+    one.ran_away = has_run_away(one.fit) || never_slides(one.fit, fitter(state).motion(one.fit));
     tried.push_back(std::move(one));
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
@@ -279,8 +291,55 @@ bool PredictionSearch::add_law(State& state) {
       try_laws(state, extensions,
                shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
   const std::size_t taken = plainest(tried, extensions, state);
+  const double best = taken < tried.size() ? tried[taken].fit.cost : state.fit.cost;
+  if (findings_.laws.empty() && add_friction_group(state, extensions, best)) return true;
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
+  return true;
+}
+
+std::vector<TriedLaw> PredictionSearch::friction_elsewhere(
+    const State& state, const PlacedFinding& law, const std::vector<LawExtension>& group) const {
+  const std::string& name = state.fit.model.model.parts[law.part].law_name;
+  const PredictionFit without = fitter(state).fit(without_part(state.fit.model, law.part),
+                                                  state.weights, state.fit.initials, 0);
+  std::vector<TriedLaw> rivals;
+  for (const LawExtension& other : group) {
+    const bool is_found = std::ranges::any_of(state.fit.model.laws, [&](const PlacedFinding& each) {
+      return each.hypothesis == other.hypothesis;
+    });
+    if (is_found || other.law != name || !without.usable) continue;
+    TriedLaw tried;
+    tried.hypothesis = other.hypothesis;
+    tried.fit = fitter(state).fit(extended(without.model, other, 0.0), state.weights,
+                                  state.fit.initials, kRefitIterations);
+    if (!tried.fit.usable) continue;
+    tried.behind = z_between(tried.fit, state.fit);
+    forget_derivatives(tried.fit);
+    if (tried.behind < options_.rival_errors) rivals.push_back(std::move(tried));
+  }
+  return rivals;
+}
+
+bool PredictionSearch::add_friction_group(State& state, const std::vector<LawExtension>& extensions,
+                                          double best_single) {
+  const std::vector<LawExtension> group = friction_group(extensions, state.fit.model.model);
+  if (group.size() < 2) return false;
+  PredictionFit fit = with_group(fitter(state), state.fit, state.weights, group, kFirstIterations);
+  if (!fit.usable || !(fit.cost < options_.group_gain * best_single)) return false;
+  const double z = z_between(state.fit, fit), gain = 1.0 - fit.cost / state.fit.cost;
+  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
+  if (!(z > options_.errors_of_gain) || fed_in_by(state, fit) > fed_limit) return false;
+  state.fit = std::move(fit);
+  for (const LawExtension& law : group) {
+    findings_.laws.push_back({law.hypothesis, state.task.horizon, z, gain, {}, {}});
+  }
+  prune(state);
+  for (AcceptedLaw& law : findings_.laws) {
+    const auto placed =
+        std::ranges::find(state.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis);
+    law.rivals = friction_elsewhere(state, *placed, group);
+  }
   return true;
 }
 

@@ -8,10 +8,12 @@
 //   1. fit the model of the rung before; skip the rung where its errors are what the sensors' noise
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
-//   3. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 %, 10 % by a law that
+//   3. where no law was found yet, also viscous and Coulomb friction at all masses at once
+//      (friction_group.hpp); taken if they leave less than half of what the best single law does
+//   4. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 %, 10 % by a law that
 //      few machines have, and the frictions do not feed energy in (friction_energy.hpp); among
 //      those not told from the best, the plainest
-//   4. prune: drop every law found that is not missed (is_idle); again from 2
+//   5. prune: drop every law found that is not missed (is_idle); again from 2
 //
 // It begins where search_start.hpp says; masses and springs move by 10 about that.
 //
@@ -44,6 +46,7 @@ struct PredictionSearchOptions {
   double least_gain_near_noise = 0.15;  // so much of the cost
   double no_skill = 0.95;               // of the signal
   double fed_in = 0.02;                 // of the energy, at a place
+  double group_gain = 0.5;              // of the cost that the best single law leaves
   std::size_t shortlist = 5, whitened_shortlist = 3;
   std::size_t most_laws = 8;
   int threads = 1;
@@ -114,6 +117,12 @@ class PredictionSearch {
   void weigh(State& state) const;
   void search_rung(State& state);
   [[nodiscard]] bool add_law(State& state);
+  [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
+  [[nodiscard]] bool add_friction_group(State& state, const std::vector<LawExtension>& extensions,
+                                        double best_single);
+  // Frictions of the group that would do as well where this one stands.
+  [[nodiscard]] std::vector<TriedLaw> friction_elsewhere(
+      const State& state, const PlacedFinding& law, const std::vector<LawExtension>& group) const;
   [[nodiscard]] std::vector<TriedLaw> try_laws(const State& state,
                                                const std::vector<LawExtension>& extensions,
                                                const std::vector<ExtensionScore>& list) const;

@@ -32,15 +32,19 @@ RemainingForce::RemainingForce(const PredictionData& data, const PredictionFindi
     horizons.push_back(std::lround(thinned * static_cast<double>(rung.horizon)));
   }
   const DisturbanceForce disturbance = force_ ? force_->disturbance : DisturbanceForce{};
-  for (const Index horizon : horizons) {
+  const auto error_at = [&](Index horizon) -> std::optional<HorizonError> {
     const PredictionTask task = data.windows(horizon);
     const PredictionFitter fitter(data, task, findings.intensity, threads);
     const VectorXd& weights = data.output_scale();
     const PredictionFit fit = fitter.fit(model, weights, {}, horizon == 0 ? 5 : 0, horizon == 0);
-    if (!fit.usable) continue;
-    horizons_.push_back({horizon, fitter.errors(fit, weights), fitter.errors_by_noise(fit, weights),
-                         fitter.errors_by_noise(fit, weights, disturbance)});
+    if (!fit.usable) return {};
+    return HorizonError{horizon, fitter.errors(fit, weights), fitter.errors_by_noise(fit, weights),
+                        fitter.errors_by_noise(fit, weights, disturbance)};
+  };
+  for (const Index horizon : horizons) {
+    if (auto error = error_at(horizon)) horizons_.push_back(*std::move(error));
   }
+  if (auto error = error_at(data.shortest())) whole_ = *std::move(error);
 }
 
 void RemainingForce::find_force(const PredictionData& data, const ExtendedLumpedModel& model,
@@ -55,7 +59,8 @@ void RemainingForce::find_force(const PredictionData& data, const ExtendedLumped
     force_ = std::move(force);
   }
   if (!force_) return;
-  share_ = force_->disturbance.deviation / acting;
+  share_ =
+      std::sqrt(force_->force.squaredNorm() / static_cast<double>(force_->force.size())) / acting;
   structures_ = latent_structures(data, ExperimentRole::kEstimation, model.model, *force_);
 }
 
@@ -79,13 +84,23 @@ double RemainingForce::multiple_of_rest() const {
   return largest_ratio(horizons_, &HorizonError::by_rest);
 }
 
+bool RemainingForce::costs_at_most(double share, const HorizonError& at) const {
+  if (at.error.size() == 0) return false;
+  const Eigen::ArrayXd by_force =
+      (at.by_rest.array().square() - at.by_noise.array().square()).max(0.0).sqrt();
+  return (by_force <= share * output_scale_.array()).all();
+}
+
 std::optional<Index> RemainingForce::foreseeable(double share) const {
   std::optional<Index> longest;
   for (const HorizonError& each : horizons_) {
-    const auto by_force = (each.by_rest.array().square() - each.by_noise.array().square()).max(0.0);
-    if ((by_force.sqrt() <= share * output_scale_.array()).all()) longest = each.horizon;
+    if (costs_at_most(share, each)) longest = each.horizon;
   }
   return longest;
+}
+
+bool RemainingForce::is_foreseeable_to_the_end(double share) const {
+  return costs_at_most(share, whole_);
 }
 
 }  // namespace graybox

@@ -45,14 +45,18 @@ class RemainingForce {
   // The longest horizon at which the remaining force costs at most `share` of each output's signal;
   // none: not even the shortest.
   [[nodiscard]] std::optional<Eigen::Index> foreseeable(double share) const;
+  // Whether it costs no more over the whole of the shortest recording.
+  [[nodiscard]] bool is_foreseeable_to_the_end(double share) const;
 
  private:
+  [[nodiscard]] bool costs_at_most(double share, const HorizonError& at) const;
   void find_force(const PredictionData& data, const ExtendedLumpedModel& model, double intensity,
                   int threads);
 
   std::optional<LatentForce> force_;
   std::vector<LatentStructure> structures_;
-  std::vector<HorizonError> horizons_;  // short ones first, then the free run
+  std::vector<HorizonError> horizons_;  // of the search: short ones first
+  HorizonError whole_;                  // of the shortest recording
   Eigen::VectorXd output_scale_;
   double share_ = 0.0;
 };

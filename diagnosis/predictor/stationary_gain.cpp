@@ -94,7 +94,7 @@ VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const Vector
                         Index horizon, double sample_time, const DisturbanceForce& disturbance) {
   const bool is_free = horizon == 0 || gain.size() == 0;
   if (is_free && disturbance.coordinate < 0) return noise;
-  constexpr Index kMost = 3000;  // samples: from there on it hardly grows, or is no use
+  constexpr Index kMost = 30000;  // samples
   const LinearPredictor linear = linear_predictor(predictor, disturbance.coordinate);
   const Index n = linear.a.rows();
   const VectorXd variance = noise.cwiseAbs2();
