@@ -63,21 +63,14 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
       hypotheses_(&hypotheses),
       findings_(&findings),
       threads_(threads),
-      task_(data.windows(0)),
+      judged_by_(data.windows(0)),
+      task_(judged_by_),
       weights_(data.output_scale()) {
-  found_ = judged(findings.found, kIterations);
-  if (!found_.fit.usable || !has_skill(found_.error)) {
-    for (auto rung = findings.rungs.rbegin(); rung != findings.rungs.rend(); ++rung) {
-      const double ratio = findings.sample_time / data.sample_time();
-      task_ = data.windows(std::lround(ratio * static_cast<double>(rung->horizon)));
-      found_ = judged(findings.found, kIterations);
-      if (found_.fit.usable && has_skill(found_.error)) break;
-    }
-  }
+  choose_horizon();
   if (!found_.fit.usable) return;
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
-  fit_where_disturbed_less();
+  follow_disturbance();
   drop_idle_laws();
   take_plainer_laws();
   estimate_deviations(found_);
@@ -87,33 +80,60 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   judge_held_out(as_given_);
 }
 
+void FinalFit::choose_horizon() {
+  found_ = judged(findings_->found, kIterations);
+  if (found_.fit.usable && has_skill(found_.error)) return;
+  const double ratio = findings_->sample_time / data_->sample_time();
+  for (auto rung = findings_->rungs.rbegin(); rung != findings_->rungs.rend(); ++rung) {
+    task_ = judged_by_ = data_->windows(std::lround(ratio * static_cast<double>(rung->horizon)));
+    found_ = judged(findings_->found, kIterations);
+    if (found_.fit.usable && has_skill(found_.error)) return;
+  }
+}
+
+PredictionFitter FinalFit::fitter(const PredictionTask& task) const {
+  return {*data_, task, findings_->intensity, threads_, disturbance_};
+}
+
 bool FinalFit::has_skill(const VectorXd& error) const {
   const bool is_only_way = findings_->has_free_run;
-  const double limit = task_.is_free() && !is_only_way ? kFreeSkill : kSkill;
+  const double limit = judged_by_.is_free() && !is_only_way ? kFreeSkill : kSkill;
   return (error.array() < limit * data_->output_scale().array()).all();
 }
 
-void FinalFit::fit_where_disturbed_less() {
-  const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
-  const std::optional<Index> horizon = rest.foreseeable(kDisturbed);
-  if (!horizon || *horizon == 0 || findings_->has_free_run) return;
-  if (!task_.is_free() && task_.horizon <= *horizon) return;
-  if (task_.is_free() && rest.is_foreseeable_to_the_end(kDisturbed)) return;
-  task_ = data_->windows(*horizon);
-  JudgedModel nearer = judged(found_.fit.model, kIterations);
-  if (!nearer.fit.usable) return;
-  weights_ = nearer.error.cwiseMax(1e-9 * data_->output_scale());
-  found_ = judged(nearer.fit.model, kIterations);
+// The force is estimated anew with the laws that it leaves: what they lacked, it had.
+void FinalFit::follow_disturbance() {
+  constexpr int kRounds = 2;
+  if (findings_->has_free_run) return;
+  for (int round = 0; round < kRounds; ++round) {
+    const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
+    const std::optional<Index> horizon = rest.foreseeable(kDisturbed);
+    if (rest.force() == nullptr || !horizon || *horizon == 0) return;
+    const bool is_short_enough =
+        task_.is_free() ? rest.is_foreseeable_to_the_end(kDisturbed) : task_.horizon <= *horizon;
+    if (round == 0 && is_short_enough) return;
+    disturbance_ = rest.force()->disturbance;
+    task_ = data_->windows(*horizon);
+    const PredictionFitter nearer = fitter(task_);
+    const PredictionFit fit = nearer.fit(found_.fit.model, data_->output_scale(), {}, kIterations);
+    if (!fit.usable) return;
+    weights_ = nearer.errors(fit, data_->output_scale()).cwiseMax(1e-9 * data_->output_scale());
+    found_ = judged(fit.model, kIterations);
+  }
 }
 
 JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {
-  const PredictionFitter fitter(*data_, task_, findings_->intensity, threads_);
+  constexpr int kOfStates = 10;
   JudgedModel result;
-  result.horizon = task_.horizon;
-  result.fit = fitter.fit(model, weights_, {}, iterations);
+  result.horizon = judged_by_.horizon;
+  const PredictionFitter near = fitter(task_);
+  result.fit = near.fit(model, weights_, {}, iterations);
   if (!result.fit.usable) return result;
-  result.error = fitter.errors(result.fit, weights_);
-  result.by_noise = fitter.errors_by_noise(result.fit, weights_);
+  result.error = near.errors(result.fit, weights_);
+  if (judged_by_.horizon == task_.horizon) return result;
+  const PredictionFitter far = fitter(judged_by_);
+  const PredictionFit run = far.fit(result.fit.model, weights_, {}, kOfStates, false);
+  result.error = run.usable ? far.errors(run, weights_) : 1e3 * data_->output_scale();
   return result;
 }
 
@@ -132,10 +152,10 @@ void FinalFit::estimate_deviations(JudgedModel& model) const {
 
 void FinalFit::judge_held_out(JudgedModel& model) const {
   if (!data_->has_validation() || !model.fit.usable) return;
-  const PredictionTask task = task_.is_free()
+  const PredictionTask task = judged_by_.is_free()
                                   ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
-                                  : data_->windows(task_.horizon, ExperimentRole::kValidation);
-  const PredictionFitter whole(*data_, task, findings_->intensity, threads_);
+                                  : data_->windows(judged_by_.horizon, ExperimentRole::kValidation);
+  const PredictionFitter whole = fitter(task);
   const PredictionFit run = whole.fit(model.fit.model, weights_, {}, 0, false);
   if (run.usable) model.held_out_error = whole.errors(run, weights_);
   model.held_out_scale = VectorXd::Zero(data_->output_count());
@@ -153,10 +173,10 @@ std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
   const std::optional<Index> horizon = rest_->foreseeable(share);
   if (!horizon || *horizon == 0 || !data_->has_validation()) return {};
   const PredictionTask task = data_->windows(*horizon, ExperimentRole::kValidation);
-  const PredictionFitter fitter(*data_, task, findings_->intensity, threads_);
-  const PredictionFit run = fitter.fit(found_.fit.model, weights_, {}, 0, false);
+  const PredictionFitter ahead = fitter(task);
+  const PredictionFit run = ahead.fit(found_.fit.model, weights_, {}, 0, false);
   if (!run.usable || task.runs.front().counted() == 0) return {};
-  return HeldOutError{*horizon, fitter.errors(run, weights_)};
+  return HeldOutError{*horizon, ahead.errors(run, weights_)};
 }
 
 // A law without which the fit does as well; or one that few machines have and that takes less
@@ -248,8 +268,6 @@ double FinalFit::z_over(const JudgedModel& poorer) const {
   return z_between(poorer.fit, found_.fit);
 }
 
-MatrixXd FinalFit::motion() const {
-  return PredictionFitter(*data_, task_, findings_->intensity, threads_).motion(found_.fit);
-}
+MatrixXd FinalFit::motion() const { return fitter(task_).motion(found_.fit); }
 
 }  // namespace graybox

@@ -2,14 +2,13 @@
 // with errors, what it leaves on the recordings of the fit and on those kept out, and what each law
 // is worth.
 //
-// It is fitted in free run where free run has skill (errors below a fifth of the signal in every
-// output), else over the longest windows that have. Where what remains is a force that costs more
-// than 5 % of an output's signal so far ahead (remaining_force.hpp), it is fitted anew over the
-// longest windows where that is less: a disturbance adds up, and what adds up hides a law's size.
-// Standard errors allow for residuals with memory
-// and of changing size: H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of
-// white residuals. Of recordings kept out the predictor sees the first 200 samples, then runs free
-// to the end.
+// It is judged in free run where free run has skill (errors below a fifth of the signal in every
+// output), else over the longest windows that have, and fitted there too. But a disturbance adds up,
+// and what adds up hides the size of a law: where what remains is a force (remaining_force.hpp), the
+// filter follows it, and the fit is over the longest windows in which it costs less than 5 % of
+// every output's signal. Standard errors allow for residuals with memory and of changing size:
+// H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. Of
+// recordings kept out the predictor sees the first 200 samples, then runs free to the end.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,10 +25,9 @@ namespace graybox {
 
 struct JudgedModel {
   PredictionFit fit;
-  Eigen::Index horizon = 0;    // of this fit; 0: free run
+  Eigen::Index horizon = 0;    // of the errors; 0: free run
   Eigen::VectorXd deviations;  // of the free parameters, in their units; NaN: not seen
   Eigen::VectorXd error;       // rms by output, recordings of the fit
-  Eigen::VectorXd by_noise;    // what the sensors' noise alone would leave
   std::optional<Eigen::VectorXd> held_out_error;
   Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
 };
@@ -46,8 +44,6 @@ class FinalFit {
   FinalFit(const PredictionData& data, const PredictionHypotheses& hypotheses,
            const PredictionFindings& findings, int threads);
 
-  // Free run, or the longest rung, whichever `found` has skill in.
-  [[nodiscard]] Eigen::Index horizon() const { return task_.horizon; }
   [[nodiscard]] const JudgedModel& found() const { return found_; }
   [[nodiscard]] const JudgedModel& as_given() const { return as_given_; }
   // The model refitted without one of its laws.
@@ -66,8 +62,10 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
-  void fit_where_disturbed_less();
+  void follow_disturbance();
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
+  [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
+  void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
@@ -81,7 +79,8 @@ class FinalFit {
   const PredictionHypotheses* hypotheses_;
   const PredictionFindings* findings_;
   int threads_;
-  PredictionTask task_;
+  PredictionTask judged_by_, task_;  // of the errors, and of the fit
+  DisturbanceForce disturbance_;     // that the filter of the fit follows
   Eigen::VectorXd weights_;
   JudgedModel found_, as_given_;
   std::optional<RemainingForce> rest_;

@@ -109,16 +109,30 @@ MatrixXd of_reversals(const VectorXd& q, const std::vector<Index>& starts) {
   return columns;
 }
 
+// Samples that count: settled, and moving faster than so much of the fastest motion.
+std::vector<Index> moving_samples(const LatentForce& force) {
+  constexpr double kStands = 0.01;
+  const Index coordinates = force.motion.cols() / 2;
+  const VectorXd speed = force.motion.col(coordinates + force.disturbance.coordinate).cwiseAbs();
+  std::vector<Index> moving;
+  const double least = kStands * speed.maxCoeff();
+  for (Index k = 0; k < speed.size(); ++k) {
+    if (force.settled[static_cast<std::size_t>(k)] != 0 && speed(k) > least) moving.push_back(k);
+  }
+  return moving;
+}
+
 class Asked {
  public:
-  Asked(const VectorXd& force, BlockEdges edges)
-      : force_(force.array() - force.mean()), edges_(std::move(edges)) {
-    rows_ = static_cast<double>(force.size()) / static_cast<double>(edges_.size() - 1);
+  Asked(const VectorXd& force, std::vector<Index> rows, BlockEdges edges)
+      : moving_(std::move(rows)), force_(force(moving_)), edges_(std::move(edges)) {
+    force_.array() -= force_.mean();
+    rows_ = static_cast<double>(force_.size()) / static_cast<double>(edges_.size() - 1);
     alone_ = squares({});
   }
 
   void ask(std::string on, std::string words, const MatrixXd& columns) {
-    const VectorXd left = squares(columns);
+    const VectorXd left = squares(columns(moving_, Eigen::all));
     LatentStructure structure{std::move(on), std::move(words), 0.0, 0.0};
     structure.share = 1.0 - left.sum() / std::max(alone_.sum(), 1e-300);
     structure.z = left_out_z(alone_, left, rows_);
@@ -159,6 +173,7 @@ class Asked {
   }
 
   static constexpr double kRidge = 0.01;  // for curves that only this block shows
+  std::vector<Index> moving_;
   VectorXd force_;
   BlockEdges edges_;
   double rows_ = 1.0;
@@ -171,15 +186,14 @@ class Asked {
 std::vector<LatentStructure> latent_structures(const PredictionData& data, ExperimentRole role,
                                                const LumpedModel& model, const LatentForce& force) {
   const PredictionTask task = data.windows(1, role);
-  std::vector<Index> starts, blocks;
+  constexpr std::size_t kFewest = 100;  // samples that move
+  std::vector<Index> starts;
   MatrixXd inputs(force.force.size(), static_cast<Index>(model.inputs.size()));
-  const Index length = std::max<Index>(force.force.size() / kLeftOutBlocks, 1);
   Index first = 0;
   for (const PredictionRun& run : task.runs) {
     starts.push_back(first);
     inputs.middleRows(first, run.samples) =
         data.recording(run.recording).inputs.topRows(run.samples);
-    for (Index k = 0; k + length / 2 < run.samples; k += length) blocks.push_back(first + k);
     first += run.samples;
   }
   std::vector<Index> driven;
@@ -187,7 +201,11 @@ std::vector<LatentStructure> latent_structures(const PredictionData& data, Exper
     if (model.inputs[i].kind == LumpedInput::Kind::kForce) driven.push_back(static_cast<Index>(i));
   }
   const MatrixXd drive = inputs(Eigen::all, driven);
-  Asked asked(force.force, block_edges(blocks, force.force.size()));
+  std::vector<Index> moving = moving_samples(force), units;
+  if (moving.size() < kFewest) return {};
+  const auto count = static_cast<Index>(moving.size());
+  for (Index k = 0; k < count; ++k) units.push_back(k);
+  Asked asked(force.force, std::move(moving), block_edges(units, count));
   const Index coordinates = force.motion.cols() / 2, own = force.disturbance.coordinate;
   const auto name = [&](Index i) { return model.mass_names[static_cast<std::size_t>(i)]; };
   const auto ask_motion = [&](const VectorXd& q, const VectorXd& v, const std::string& place) {

@@ -7,8 +7,8 @@
 //   load           the size of the force that acts, against the velocity
 //   reversals      of the position: play of 2, 10 and 30 % of its range
 //
-// `share`: of the variance of blocks that were left out, what the others' curve foretells. A
-// disturbance has none but by chance: it is asked by z, too (left_out_blocks.hpp). Curves of two of
+// Only samples that move count: where friction holds a place, no force on it is seen. `share`: of
+// the variance of blocks that were left out, what the others' curve foretells. A disturbance has none but by chance: it is asked by z, too (left_out_blocks.hpp). Curves of two of
 // these at once are not asked: in a closed loop they would tell the disturbance from what the
 // controller does against it.
 #pragma once

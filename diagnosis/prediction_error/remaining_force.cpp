@@ -88,7 +88,8 @@ bool RemainingForce::costs_at_most(double share, const HorizonError& at) const {
   if (at.error.size() == 0) return false;
   const Eigen::ArrayXd by_force =
       (at.by_rest.array().square() - at.by_noise.array().square()).max(0.0).sqrt();
-  return (by_force <= share * output_scale_.array()).all();
+  // What the error is not, the force has not cost.
+  return (by_force.min(at.error.array()) <= share * output_scale_.array()).all();
 }
 
 std::optional<Index> RemainingForce::foreseeable(double share) const {

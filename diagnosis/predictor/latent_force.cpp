@@ -16,6 +16,7 @@ using Eigen::VectorXd;
 
 constexpr Index kMostStates = 60;  // a sensor that is late by many samples has as many
 constexpr Index kSettling = 50;    // samples of a run, from its first, that do not count
+constexpr Index kSettled = 100;    // for the force: a wrong start is a push at first
 constexpr double kLeastShare = 1e-5, kMostShare = 3.0;  // of the forces that act
 constexpr double kLongestMemory = 0.25;                 // of the shortest run
 
@@ -180,6 +181,16 @@ class LatentForceFit {
 
 }  // namespace
 
+double LatentForce::rms() const {
+  double squares = 0.0, count = 0.0;
+  for (std::size_t k = 0; k < settled.size(); ++k) {
+    if (settled[k] == 0) continue;
+    squares += force(static_cast<Index>(k)) * force(static_cast<Index>(k));
+    count += 1.0;
+  }
+  return std::sqrt(squares / std::max(count, 1.0));
+}
+
 LatentForce latent_force(const PredictionData& data, ExperimentRole role,
                          const ExtendedLumpedModel& model, double intensity, Index coordinate,
                          int threads) {
@@ -213,6 +224,9 @@ LatentForce latent_force(const PredictionData& data, ExperimentRole role,
   for (const MatrixXd& errors : search.runs()) {
     result.force.segment(first, errors.cols()) =
         result.disturbance.deviation * smoothed(best, errors);
+    for (Index k = 0; k < errors.cols(); ++k) {
+      result.settled.push_back(k >= std::min(kSettled, errors.cols() / 10) ? 1 : 0);
+    }
     first += errors.cols();
   }
   result.band = result.disturbance.deviation * smoothing_error(best);

@@ -17,6 +17,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <vector>
 
 #include "diagnosis/predictor/prediction_fit.hpp"
 
@@ -27,10 +29,12 @@ struct LatentForce {
   DisturbanceForce disturbance;  // of greatest likelihood
   double log_likelihood = 0.0;
   // Samples of all runs, one after the other: the force, its standard deviation, and the filter's
-  // q and q' of all coordinates.
+  // q and q' of all coordinates. At a run's first samples the filter has not settled.
   Eigen::VectorXd force;
   double band = 0.0;
   Eigen::MatrixXd motion;
+  std::vector<std::uint8_t> settled;  // of each sample
+  [[nodiscard]] double rms() const;   // of the settled ones
 };
 
 // In the recordings of this role. `coordinate` must move freely; `intensity` is of the force noise

@@ -43,8 +43,19 @@ double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
 }
 
 PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,
-                                   double intensity, int threads)
-    : data_(&data), task_(&task), intensity_(intensity), threads_(threads) {}
+                                   double intensity, int threads,
+                                   const DisturbanceForce& disturbance)
+    : data_(&data),
+      task_(&task),
+      intensity_(intensity),
+      threads_(threads),
+      disturbance_(disturbance) {}
+
+// In free run no sample says what a disturbance is.
+Predictor PredictionFitter::predictor_of(const ExtendedLumpedModel& model) const {
+  return {model.model, data_->sample_time(), data_->steps_per_sample(),
+          task_->is_free() ? DisturbanceForce{} : disturbance_};
+}
 
 InitialStates PredictionFitter::measured_initials(const LumpedModel& model) const {
   std::vector<Index> slots;  // of each coordinate among the free ones
@@ -69,7 +80,7 @@ InitialStates PredictionFitter::measured_initials(const LumpedModel& model) cons
 
 MatrixXd PredictionFitter::gain_of(const ExtendedLumpedModel& model) const {
   if (task_->is_free()) return {};
-  Predictor predictor(model.model, data_->sample_time(), data_->steps_per_sample());
+  Predictor predictor = predictor_of(model);
   return stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
 }
 
@@ -77,7 +88,7 @@ bool PredictionFitter::run_all(
     const ExtendedLumpedModel& model, const InitialStates& initials, const MatrixXd& given,
     const std::function<void(std::size_t, const MatrixXd&, const MatrixXd&)>& take,
     bool with_states) const {
-  Predictor predictor(model.model, data_->sample_time(), data_->steps_per_sample());
+  Predictor predictor = predictor_of(model);
   MatrixXd gain = given, errors, states;
   if (!task_->is_free() && gain.rows() != predictor.state_count()) {
     gain =
@@ -121,7 +132,7 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
 
 VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit, const VectorXd& weights,
                                            const DisturbanceForce& disturbance) const {
-  Predictor predictor(fit.model.model, data_->sample_time(), data_->steps_per_sample());
+  Predictor predictor = predictor_of(fit.model);
   if (!task_->is_free()) {
     if (fit.gain.rows() != predictor.state_count()) return data_->noise();
     return error_by_noise(predictor, fit.gain, data_->noise(), task_->horizon, data_->sample_time(),

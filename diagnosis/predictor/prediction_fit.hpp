@@ -51,10 +51,10 @@ struct PredictionFit {
 
 class PredictionFitter {
  public:
-  // `intensity` of the force noise (stationary_gain.hpp); not used in free run. References are
-  // kept.
+  // `intensity` of the force noise (stationary_gain.hpp), not used in free run; a disturbance that
+  // the filter follows. References are kept.
   PredictionFitter(const PredictionData& data, const PredictionTask& task, double intensity,
-                   int threads);
+                   int threads, const DisturbanceForce& disturbance = {});
 
   [[nodiscard]] const PredictionData& data() const { return *data_; }
   [[nodiscard]] const PredictionTask& task() const { return *task_; }
@@ -82,6 +82,7 @@ class PredictionFitter {
                                        const Eigen::VectorXd& weights) const;
 
  private:
+  [[nodiscard]] Predictor predictor_of(const ExtendedLumpedModel& model) const;
   struct Point {
     ExtendedLumpedModel model;
     InitialStates initials;
@@ -115,6 +116,7 @@ class PredictionFitter {
   const PredictionTask* task_;
   double intensity_;
   int threads_;
+  DisturbanceForce disturbance_;
 };
 
 }  // namespace graybox

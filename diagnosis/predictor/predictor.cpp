@@ -58,7 +58,8 @@ bool is_linear_element(const Element& part) {
 
 }  // namespace
 
-Predictor::Predictor(const LumpedModel& model, double sample_time, int steps_per_sample)
+Predictor::Predictor(const LumpedModel& model, double sample_time, int steps_per_sample,
+                     const DisturbanceForce& disturbance)
     : sample_time_(sample_time),
       step_(sample_time / steps_per_sample),
       steps_(steps_per_sample),
@@ -66,7 +67,8 @@ Predictor::Predictor(const LumpedModel& model, double sample_time, int steps_per
       damping_(model.damping),
       stiffness_(model.stiffness),
       inputs_(model.inputs),
-      outputs_(model.outputs) {
+      outputs_(model.outputs),
+      disturbance_(disturbance) {
   split_coordinates(model);
   Eigen::MatrixXd mass(n_, n_);
   for (Index i = 0; i < n_; ++i) {
@@ -78,6 +80,10 @@ Predictor::Predictor(const LumpedModel& model, double sample_time, int steps_per
   states_ = 2 * n_;
   place_laws(model);
   place_sensors(model);
+  if (disturbance_.is_there()) {
+    disturbance_state_ = states_++;
+    disturbance_kept_ = std::exp(-sample_time / disturbance_.memory);
+  }
   allocate();
 }
 
@@ -226,6 +232,7 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
   spread(x, inputs);
   force_.noalias() = -(stiffness_.lazyProduct(q_)) - damping_.lazyProduct(v_);
   std::fill(dx, dx + states_, 0.0);
+  if (disturbance_state_ >= 0) force_(disturbance_.coordinate) += x[disturbance_state_];
   if (linear_) {
     if (pushed_ >= 0) force_(pushed_) += push_;
   } else {
@@ -453,6 +460,7 @@ void Predictor::follow_lags() {
 void Predictor::between_samples(const NodeInputs& drive, Index sample) {
   for (Index s = 0; s < steps_; ++s) step(drive, sample * steps_ + s);
   shift_registers();
+  if (disturbance_state_ >= 0) x_(disturbance_state_) *= disturbance_kept_;
 }
 
 void Predictor::start(const VectorXd& initial, const double* inputs) {

@@ -19,6 +19,9 @@
 // for outputs that are straight between samples; a late sensor reads what the state was then, and
 // is corrected there, since earlier outputs are part of the state.
 //
+// A disturbance is one state more: a force that holds within a sample and dies away from one to the
+// next, which the filter follows as far as the gain lets it.
+//
 //   Predictor predictor(model, sample_time, steps);
 //   predictor.run(drive, outputs, {first, h}, gain, initial, errors);   // false: out of all bounds
 //
@@ -41,11 +44,22 @@ struct Forecasts {
   Eigen::Index first = 0, horizon = 0;
 };
 
+// A force with memory that no input shows: d_(k+1) = exp(-T/memory) d_k + white noise.
+struct DisturbanceForce {
+  Eigen::Index coordinate = -1;          // -1: none
+  double deviation = 0.0, memory = 0.0;  // N or N m, s
+  [[nodiscard]] bool is_there() const { return coordinate >= 0; }
+};
+
 class Predictor {
  public:
-  Predictor(const LumpedModel& model, double sample_time, int steps_per_sample);
+  // A disturbance acts on a coordinate that moves freely.
+  Predictor(const LumpedModel& model, double sample_time, int steps_per_sample,
+            const DisturbanceForce& disturbance = {});
 
   [[nodiscard]] Eigen::Index state_count() const { return states_; }
+  [[nodiscard]] const DisturbanceForce& disturbance() const { return disturbance_; }
+  [[nodiscard]] Eigen::Index disturbance_state() const { return disturbance_state_; }
   [[nodiscard]] Eigen::Index free_count() const { return n_; }  // coordinates that are not imposed
   [[nodiscard]] Eigen::Index output_count() const {
     return static_cast<Eigen::Index>(outputs_.size());
@@ -133,6 +147,9 @@ class Predictor {
   double sample_time_, step_;
   int steps_;
   bool linear_ = false;  // for the gain
+  DisturbanceForce disturbance_;
+  Eigen::Index disturbance_state_ = -1;
+  double disturbance_kept_ = 0.0;  // from one sample to the next
   Eigen::Index pushed_ = -1;
   double push_ = 0.0;
   bool has_set_valued_ = false;

@@ -80,7 +80,11 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
   const MatrixXd zero = MatrixXd::Zero(n, linear.c.rows());
   // States differ by orders of magnitude: each by its own noise, outputs by theirs.
   const MatrixXd c = noise.cwiseInverse().asDiagonal() * linear.c;
-  const MatrixXd q = process_noise(model, n, sample_time, intensity);
+  MatrixXd q = process_noise(model, n, sample_time, intensity);
+  if (const DisturbanceForce& d = predictor.disturbance(); d.is_there()) {
+    const Index at = predictor.disturbance_state();
+    q(at, at) = d.deviation * d.deviation * -std::expm1(-2.0 * sample_time / d.memory);
+  }
   const VectorXd ones = VectorXd::Ones(c.rows());
   const MatrixXd p = stationary_covariance(linear.a, c, q, ones);
   if (!p.allFinite()) return zero;
@@ -93,14 +97,13 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
 VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const VectorXd& noise,
                         Index horizon, double sample_time, const DisturbanceForce& disturbance) {
   const bool is_free = horizon == 0 || gain.size() == 0;
-  if (is_free && disturbance.coordinate < 0) return noise;
+  if (is_free && !disturbance.is_there()) return noise;
   constexpr Index kMost = 30000;  // samples
   const LinearPredictor linear = linear_predictor(predictor, disturbance.coordinate);
   const Index n = linear.a.rows();
   const VectorXd variance = noise.cwiseAbs2();
   // The error before a correction, then the disturbance.
-  const double kept =
-      disturbance.coordinate < 0 ? 0.0 : std::exp(-sample_time / disturbance.memory);
+  const double kept = !disturbance.is_there() ? 0.0 : std::exp(-sample_time / disturbance.memory);
   MatrixXd open = MatrixXd::Zero(n + 1, n + 1), noises = open;
   open.topLeftCorner(n, n) = linear.a;
   open.topRightCorner(n, 1) = linear.b;

@@ -1,5 +1,5 @@
 // The stationary Kalman gain of a predictor (predictor.hpp), its model taken linear: white force
-// noise of intensity q at every free mass, white sensor noise.
+// noise of intensity q at every free mass, the predictor's disturbance, white sensor noise.
 //
 //   P = A (P - P C' (C P C' + R)^-1 C P) A' + Q,     K = P C' (C P C' + R)^-1,
 //
@@ -33,12 +33,6 @@ struct LinearPredictor {
   Eigen::VectorXd b;  // zero without a coordinate
 };
 [[nodiscard]] LinearPredictor linear_predictor(Predictor& predictor, Eigen::Index pushed = -1);
-
-// A force with memory that no input shows: d_(k+1) = exp(-T/memory) d_k + white noise.
-struct DisturbanceForce {
-  Eigen::Index coordinate = -1;          // -1: none
-  double deviation = 0.0, memory = 0.0;  // N or N m, s
-};
 
 // What sensor noise, and a disturbance, do to predictions: rms of each output's error over the
 // samples 1 ... h after the last one seen, for an estimate that has seen samples with this gain for
