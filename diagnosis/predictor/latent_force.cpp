@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 
 constexpr Index kMostStates = 60;  // a sensor that is late by many samples has as many
 constexpr Index kSettling = 50;    // samples of a run, from its first, that do not count
-constexpr Index kSettled = 100;    // for the force: a wrong start is a push at first
+constexpr Index kStart = 100;      // for the force: a wrong start is a push at first
 constexpr double kLeastShare = 1e-5, kMostShare = 3.0;  // of the forces that act
 constexpr double kLongestMemory = 0.25;                 // of the shortest run
 
@@ -225,7 +225,7 @@ LatentForce latent_force(const PredictionData& data, ExperimentRole role,
     result.force.segment(first, errors.cols()) =
         result.disturbance.deviation * smoothed(best, errors);
     for (Index k = 0; k < errors.cols(); ++k) {
-      result.settled.push_back(k >= std::min(kSettled, errors.cols() / 10) ? 1 : 0);
+      result.settled.push_back(k >= std::min(kStart, errors.cols() / 10) ? 1 : 0);
     }
     first += errors.cols();
   }

@@ -147,7 +147,6 @@ class Predictor {
   double sample_time_, step_;
   int steps_;
   bool linear_ = false;  // for the gain
-  DisturbanceForce disturbance_;
   Eigen::Index disturbance_state_ = -1;
   double disturbance_kept_ = 0.0;  // from one sample to the next
   Eigen::Index pushed_ = -1;
@@ -159,6 +158,7 @@ class Predictor {
   Eigen::MatrixXd mass_, damping_, stiffness_, inverse_mass_;
   std::vector<LumpedInput> inputs_;
   std::vector<LumpedOutput> outputs_;
+  DisturbanceForce disturbance_;
   bool needs_forces_ = false;  // an output is an acceleration or a force
   std::vector<Placed> laws_;
   std::vector<Placed> measured_;              // of outputs that are an element's force
