@@ -21,6 +21,7 @@ constexpr int kIterations = 25;
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
+constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;  // of the signal
 
 // Covariance of the first `parameters` columns.
@@ -188,8 +189,28 @@ bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& witho
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
 }
 
-// What the search found on one rung and the whole does not bear out, the least missed first: what
-// it stood in for may then fall to the others.
+double FinalFit::missed_nearby(const PlacedFinding& law) const {
+  const auto accepted =
+      std::ranges::find(findings_->laws, accepted_as(law.hypothesis), &AcceptedLaw::hypothesis);
+  if (accepted == findings_->laws.end() || accepted->horizon == 0) return -kMissed;
+  const double ratio = findings_->sample_time / data_->sample_time();
+  const PredictionTask task =
+      data_->windows(std::lround(ratio * static_cast<double>(accepted->horizon)));
+  const PredictionFitter near = fitter(task);
+  const VectorXd& scale = data_->output_scale();
+  const PredictionFit present = near.fit(found_.fit.model, scale, {}, 0);
+  if (!present.usable) return -kMissed;
+  const VectorXd weights = near.errors(present, scale).cwiseMax(1e-9 * scale);
+  const PredictionFit with = near.fit(found_.fit.model, weights, {}, kIterations);
+  const PredictionFit without =
+      near.fit(without_part(with.model, law.part), weights, with.initials, kIterations);
+  if (!with.usable || !without.usable || is_idle(without, with)) return -kMissed;
+  return z_between(without, with);
+}
+
+// What the search found on one rung and neither that rung bears out beside the others nor the
+// whole, the least missed first: what it stood in for may then fall to the others. A long run says
+// little of a law whose force a disturbance hides: there the errors add up.
 void FinalFit::drop_idle_laws() {
   while (!found_.fit.model.laws.empty()) {
     std::optional<JudgedModel> poorest;
@@ -198,7 +219,7 @@ void FinalFit::drop_idle_laws() {
       JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
       if (!poorer.fit.usable) continue;
       const double z = is_worth_nothing(law.hypothesis, poorer) ? -kMissed : z_over(poorer);
-      if (z >= least) continue;
+      if (z >= least || missed_nearby(law) >= kMissedNearby) continue;
       least = z;
       poorest = std::move(poorer);
     }

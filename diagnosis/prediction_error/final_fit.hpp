@@ -68,6 +68,8 @@ class FinalFit {
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
+  // z of a law on the rung where it was accepted, beside the others found.
+  [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
   void take_plainer_laws();
   [[nodiscard]] bool take_plainer_law(std::size_t law);

@@ -196,7 +196,10 @@ LatentForce latent_force(const PredictionData& data, ExperimentRole role,
                          int threads) {
   LatentForce result;
   PredictionTask task = data.windows(1, role);
-  for (PredictionRun& run : task.runs) run.forecasts.first = 0;
+  for (PredictionRun& run : task.runs) {
+    run.first = 0;
+    run.standing.clear();
+  }
   const PredictionFitter fitter(data, task, intensity, threads);
   const PredictionFit fit = fitter.fit(model, data.noise(), {}, 0, false);
   if (!fit.usable || fit.gain.rows() > kMostStates || task.runs.empty()) return result;

@@ -16,11 +16,23 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kFewestSeen = 20, kMostSeen = 100;  // before the first forecast
+constexpr Index kFewestCounted = 10;                // windows
 constexpr double kLeastNoise = 1e-7;                // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
 constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
 constexpr double kThinnedPhase = 0.3;  // rad a thinned sample
+
+// Windows that stand from their first sample to their last.
+void mark_standing(const std::vector<std::uint8_t>& standing, PredictionRun& run) {
+  if (standing.empty()) return;
+  for (Index from = run.first; from < run.samples; from += run.horizon) {
+    const Index to = std::min(from + run.horizon, run.samples);
+    const bool stands = std::all_of(standing.begin() + from, standing.begin() + to,
+                                    [](std::uint8_t flag) { return flag != 0; });
+    run.standing.push_back(stands ? 1 : 0);
+  }
+}
 
 Index seen_before(Index horizon, Index samples) {
   return std::max(std::clamp(horizon / 3, kFewestSeen, kMostSeen),
@@ -44,6 +56,23 @@ double fastest_mode(const LumpedModel& model) {
 double sample_time_of(const OutputErrorRecording& recording) {
   return (recording.time(recording.time.size() - 1) - recording.time(0)) /
          static_cast<double>(recording.time.size() - 1);
+}
+
+// The least change of a reading that is rounded; 0: it is not.
+double encoder_step(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  constexpr double kRepeats = 0.2;  // of the samples do not change
+  double least = std::numeric_limits<double>::infinity(), same = 0.0;
+  const double size = values.cwiseAbs().maxCoeff();
+  for (Index k = 1; k < values.size(); ++k) {
+    const double change = std::abs(values(k) - values(k - 1));
+    if (change <= 1e-9 * size) {
+      same += 1.0;
+    } else {
+      least = std::min(least, change);
+    }
+  }
+  return same >= kRepeats * static_cast<double>(values.size()) && std::isfinite(least) ? least
+                                                                                       : 0.0;
 }
 
 Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, Index factor) {
@@ -138,6 +167,61 @@ double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return std::isfinite(least) ? least : 0.0;
 }
 
+std::vector<std::uint8_t> standing_samples(const LumpedModel& model, const Eigen::MatrixXd& outputs,
+                                           const Eigen::VectorXd& noise) {
+  constexpr Index kFewest = 30;
+  constexpr double kPositionNoises = 4.0, kVelocityNoises = 3.0;
+  std::vector<Index> positions, velocities;
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    using enum LumpedOutput::Quantity;
+    if (model.imposed[static_cast<std::size_t>(model.outputs[j].mass)]) continue;
+    const auto at = static_cast<Index>(j);
+    if (model.outputs[j].quantity == kPosition) positions.push_back(at);
+    if (model.outputs[j].quantity == kVelocity) velocities.push_back(at);
+  }
+  if (positions.empty() && velocities.empty()) return {};
+  const Index samples = outputs.rows();
+  std::vector<std::uint8_t> standing(static_cast<std::size_t>(samples), 0);
+  std::vector<double> bands;
+  for (const Index j : positions) {
+    bands.push_back(std::max(1.01 * encoder_step(outputs.col(j)), kPositionNoises * noise(j)));
+  }
+  Eigen::VectorXd low(outputs.cols()), high(outputs.cols());
+  Index from = 0;
+  const auto end_at = [&](Index to) {  // of a stretch
+    if (to - from >= kFewest) std::fill(standing.begin() + from, standing.begin() + to, 1);
+  };
+  for (Index k = 0; k < samples; ++k) {
+    const bool turns = std::ranges::all_of(
+        velocities, [&](Index j) { return std::abs(outputs(k, j)) <= kVelocityNoises * noise(j); });
+    if (k == from) low = high = outputs.row(k).transpose();
+    low = low.cwiseMin(outputs.row(k).transpose());
+    high = high.cwiseMax(outputs.row(k).transpose());
+    bool holds = turns;
+    for (std::size_t p = 0; p < positions.size(); ++p) {
+      holds &= high(positions[p]) - low(positions[p]) <= bands[p];
+    }
+    if (holds) continue;
+    end_at(k);
+    from = turns ? k : k + 1;
+    if (turns) low = high = outputs.row(k).transpose();
+  }
+  end_at(samples);
+  return standing;
+}
+
+Index PredictionRun::counted() const {
+  Index count = 0;
+  for (Index k = first; k < samples; ++k) count += counts(k) ? 1 : 0;
+  return count;
+}
+
+Index PredictionTask::counted() const {
+  Index count = 0;
+  for (const PredictionRun& run : runs) count += run.counted();
+  return count;
+}
+
 Index PredictionTask::rows(Index outputs) const {
   Index count = 0;
   for (const PredictionRun& run : runs) count += run.samples * outputs;
@@ -150,8 +234,8 @@ BlockEdges PredictionTask::edges(Index outputs) const {
   const Index length = is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : horizon;
   Index first = 0;
   for (const PredictionRun& run : runs) {
-    for (Index k = run.forecasts.first; k + length / 2 < run.samples; k += length) {
-      starts.push_back((first + k) * outputs);
+    for (Index k = run.first; k + length / 2 < run.samples; k += length) {
+      if (run.counts(k)) starts.push_back((first + k) * outputs);
     }
     first += run.samples;
   }
@@ -183,6 +267,9 @@ PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, i
                       hold() == InputHold::kBandLimited ? 2 : 1, kMostSteps);
   nodes_ = recorded_nodes(recordings(), hold(), steps_);
   estimate_noise();
+  for (const OutputErrorRecording& recording : recordings()) {
+    standing_.push_back(standing_samples(model, recording.outputs, noise_));
+  }
   measure_force(model);
 }
 
@@ -259,8 +346,8 @@ PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const
   PredictionTask task = windows(0, role);
   for (PredictionRun& run : task.runs) {
     task.horizon = std::max(task.horizon, run.samples);
-    const Index first = std::min(seen, run.samples / 2);
-    run.forecasts = {first, run.samples - first};
+    run.first = std::min(seen, run.samples / 2);
+    run.horizon = run.samples - run.first;
   }
   return task;
 }
@@ -269,9 +356,16 @@ PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const
   PredictionTask task{horizon, {}};
   for (std::size_t r = 0; r < recording_count(); ++r) {
     if (recording(r).role != role) continue;
-    PredictionRun run{r, recording(r).time.size(), {}};
-    if (horizon > 0) run.forecasts = {seen_before(horizon, run.samples), horizon};
-    task.runs.push_back(run);
+    PredictionRun run{r, recording(r).time.size(), 0, 0, {}};
+    if (horizon > 0) {
+      run.first = seen_before(horizon, run.samples);
+      run.horizon = horizon;
+      mark_standing(standing_[r], run);
+    }
+    task.runs.push_back(std::move(run));
+  }
+  if (horizon > 0 && task.counted() < kFewestCounted * horizon) {  // it hardly ever moves
+    for (PredictionRun& run : task.runs) run.standing.clear();
   }
   return task;
 }

@@ -5,12 +5,16 @@
 //
 // A task cuts recordings into windows of h samples. Each is forecast from a filter that has seen
 // all samples before it. Samples before the first window do not count: the filter starts from
-// nothing. h = 0 is the free run: everything counts, initial states are estimated.
+// nothing. Nor do windows in which every mass that is measured stands still (`standing_samples`):
+// there friction holds against whatever acts up to its level, a disturbance too, and a model that
+// holds is right by nothing but a level that is high enough. h = 0 is the free run: everything
+// counts, initial states are estimated.
 #pragma once
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -23,12 +27,16 @@ namespace graybox {
 
 struct PredictionRun {
   std::size_t recording = 0;
-  Eigen::Index samples = 0;  // from its first
-  Forecasts forecasts;
-  [[nodiscard]] bool counts(Eigen::Index sample) const { return sample >= forecasts.first; }
-  [[nodiscard]] Eigen::Index counted() const {
-    return std::max<Eigen::Index>(samples - forecasts.first, 0);
+  Eigen::Index samples = 0;             // from its first
+  Eigen::Index first = 0, horizon = 0;  // Forecasts
+  std::vector<std::uint8_t> standing;   // of each window, or empty
+  [[nodiscard]] Forecasts forecasts() const {
+    return {first, horizon, standing.empty() ? nullptr : &standing};
   }
+  [[nodiscard]] bool counts(Eigen::Index sample) const {
+    return sample >= first && (horizon == 0 || !forecasts().skips((sample - first) / horizon));
+  }
+  [[nodiscard]] Eigen::Index counted() const;
 };
 
 struct PredictionTask {
@@ -36,7 +44,8 @@ struct PredictionTask {
   std::vector<PredictionRun> runs;
   [[nodiscard]] bool is_free() const { return horizon == 0; }
   [[nodiscard]] Eigen::Index rows(
-      Eigen::Index outputs) const;  // samples times outputs, of all runs
+      Eigen::Index outputs) const;             // samples times outputs, of all runs
+  [[nodiscard]] Eigen::Index counted() const;  // samples
   // Edges of blocks for left_out_blocks.hpp: of whole windows; in free run runs cut evenly.
   [[nodiscard]] BlockEdges edges(Eigen::Index outputs) const;
 };
@@ -100,9 +109,17 @@ class PredictionData {
   double sample_time_ = 0.0;
   RecordedNodes nodes_;
   Eigen::VectorXd noise_;
-  std::vector<bool> stated_;  // of each output's
+  std::vector<bool> stated_;                         // of each output's
+  std::vector<std::vector<std::uint8_t>> standing_;  // by recording: samples
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
 };
+
+// Samples within a stretch of at least 30 in which no position output moves by more than one step
+// of its encoder or four standard deviations of its noise, and every velocity output is within three
+// of zero. Empty where neither is measured.
+[[nodiscard]] std::vector<std::uint8_t> standing_samples(const LumpedModel& model,
+                                                         const Eigen::MatrixXd& outputs,
+                                                         const Eigen::VectorXd& noise);
 
 // Standard deviation of white noise on a smooth signal, by its differences.
 [[nodiscard]] double noise_by_differences(const Eigen::Ref<const Eigen::VectorXd>& values);

@@ -101,7 +101,7 @@ bool PredictionFitter::run_all(
     const OutputErrorRecording& recording = data_->recording(run.recording);
     const bool whole = run.samples == recording.outputs.rows();
     const MatrixXd part = whole ? MatrixXd() : MatrixXd(recording.outputs.topRows(run.samples));
-    if (!predictor.run(drive, whole ? recording.outputs : part, run.forecasts, gain, initials[r],
+    if (!predictor.run(drive, whole ? recording.outputs : part, run.forecasts(), gain, initials[r],
                        errors, with_states ? &states : nullptr)) {
       return false;
     }
@@ -164,10 +164,7 @@ MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {
 
 VectorXd PredictionFitter::errors(const PredictionFit& fit, const VectorXd& weights) const {
   const Index outputs = data_->output_count();
-  double counted = 0.0;
-  for (const PredictionRun& run : task_->runs) {
-    counted += static_cast<double>(run.counted());
-  }
+  const auto counted = static_cast<double>(task_->counted());
   const Eigen::Map<const MatrixXd> table(fit.residuals.data(), outputs,
                                          fit.residuals.size() / outputs);
   return (table.rowwise().squaredNorm() / std::max(counted, 1.0)).cwiseSqrt().cwiseProduct(weights);

@@ -547,13 +547,18 @@ bool Predictor::run(const NodeInputs& drive, const Eigen::MatrixXd& outputs,
   const bool is_filter_alone = horizon == 1;  // its errors are the forecasts'
   const Index first = is_filter_alone ? samples : std::min(forecasts.first, samples);
   if (!advance({&drive, &outputs, &gain, &errors, states}, 0, first)) return false;
-  for (Index from = first; from < samples; from += horizon) {
+  Index number = 0;
+  for (Index from = first; from < samples; from += horizon, ++number) {
     const Index to = std::min(from + horizon, samples);
-    remember();
-    if (!advance(forecast, from, to)) return false;
-    const bool is_last = to == samples;
-    if (is_last && states == nullptr) break;
-    return_to_remembered();
+    if (forecasts.skips(number)) {
+      errors.middleRows(from, to - from).setZero();
+    } else {
+      remember();
+      if (!advance(forecast, from, to)) return false;
+      const bool is_last = to == samples;
+      if (is_last && states == nullptr) break;
+      return_to_remembered();
+    }
     if (!advance({&drive, &outputs, &gain, nullptr, states}, from, to)) return false;
   }
   return true;

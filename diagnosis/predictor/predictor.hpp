@@ -40,8 +40,13 @@
 namespace graybox {
 
 // Forecasts of `horizon` samples, from sample `first` on one after the other. 0: the free run.
+// `skipped`, where not null, is of each forecast: those that nobody asks for.
 struct Forecasts {
   Eigen::Index first = 0, horizon = 0;
+  const std::vector<std::uint8_t>* skipped = nullptr;
+  [[nodiscard]] bool skips(Eigen::Index forecast) const {
+    return skipped != nullptr && (*skipped)[static_cast<std::size_t>(forecast)] != 0;
+  }
 };
 
 // A force with memory that no input shows: d_(k+1) = exp(-T/memory) d_k + white noise.
@@ -66,7 +71,7 @@ class Predictor {
   }
 
   // The measured `outputs` and the `errors` are samples x outputs; errors before the first forecast
-  // are the filter's. The `gain` is states x outputs, or empty: no sample corrects. The `initial`
+  // are the filter's, those of forecasts that were skipped are zero. The `gain` is states x outputs, or empty: no sample corrects. The `initial`
   // values are q and q' of the free coordinates. The `states`, if not null, are samples x (q, q' of
   // all coordinates): of the filter, after each correction.
   bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs, const Forecasts& forecasts,
