@@ -22,7 +22,9 @@ constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs 
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
-constexpr double kDisturbed = 0.05;  // of the signal
+constexpr double kDisturbed = 0.05;    // of the signal
+constexpr double kNoNoise = 2.0;       // times the sensors' noise: a disturbance is there
+constexpr double kToldFromNone = 2.0;  // standard errors of a law's size
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
@@ -104,17 +106,22 @@ bool FinalFit::has_skill(const VectorXd& error) const {
 
 // The force is estimated anew with the laws that it leaves: what they lacked, it had.
 void FinalFit::follow_disturbance() {
-  constexpr int kRounds = 2;
+  constexpr int kRounds = 4;
+  constexpr Index kAhead = 30;       // of the samples that the search counts
+  constexpr double kSettled = 0.05;  // of its size
   if (findings_->has_free_run) return;
+  const double ratio = findings_->sample_time / data_->sample_time();
   for (int round = 0; round < kRounds; ++round) {
     const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
-    const std::optional<Index> horizon = rest.foreseeable(kDisturbed);
-    if (rest.force() == nullptr || !horizon || *horizon == 0) return;
-    const bool is_short_enough =
-        task_.is_free() ? rest.is_foreseeable_to_the_end(kDisturbed) : task_.horizon <= *horizon;
-    if (round == 0 && is_short_enough) return;
+    if (rest.force() == nullptr) return;
+    if (round == 0 && rest.multiple_of_noise() <= kNoNoise) return;
+    const DisturbanceForce before = disturbance_;
     disturbance_ = rest.force()->disturbance;
-    task_ = data_->windows(*horizon);
+    const double change = std::abs(disturbance_.deviation - before.deviation);
+    if (change < kSettled * disturbance_.deviation) return;
+    const Index horizon = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
+    task_ = data_->windows(
+        std::min(horizon > 0 ? horizon : kAhead, static_cast<Index>(std::lround(ratio * kAhead))));
     const PredictionFitter nearer = fitter(task_);
     const PredictionFit fit = nearer.fit(found_.fit.model, data_->output_scale(), {}, kIterations);
     if (!fit.usable) return;
@@ -189,6 +196,19 @@ bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& witho
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
 }
 
+bool FinalFit::is_told(const PlacedFinding& law) const {
+  const std::size_t first = found_.fit.model.first_parameter(law.part);
+  const std::size_t count = found_.fit.model.model.parts[law.part].parameters.size();
+  for (std::size_t i = 0; i < found_.fit.free.size(); ++i) {
+    const std::size_t index = found_.fit.free[i];
+    if (index < first || index >= first + count) continue;
+    const double deviation = found_.deviations(static_cast<Index>(i));
+    const double value = found_.fit.model.model.parameters[index].value;
+    if (std::abs(value) > kToldFromNone * deviation) return true;
+  }
+  return false;
+}
+
 double FinalFit::missed_nearby(const PlacedFinding& law) const {
   const auto accepted =
       std::ranges::find(findings_->laws, accepted_as(law.hypothesis), &AcceptedLaw::hypothesis);
@@ -213,13 +233,15 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
 // little of a law whose force a disturbance hides: there the errors add up.
 void FinalFit::drop_idle_laws() {
   while (!found_.fit.model.laws.empty()) {
+    estimate_deviations(found_);
     std::optional<JudgedModel> poorest;
     double least = kMissed;
     for (const PlacedFinding& law : found_.fit.model.laws) {
       JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
       if (!poorer.fit.usable) continue;
-      const double z = is_worth_nothing(law.hypothesis, poorer) ? -kMissed : z_over(poorer);
-      if (z >= least || missed_nearby(law) >= kMissedNearby) continue;
+      const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(law);
+      const double z = is_nothing ? -kMissed : z_over(poorer);
+      if (z >= least || (!is_nothing && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
       poorest = std::move(poorer);
     }

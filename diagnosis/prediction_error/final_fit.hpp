@@ -4,9 +4,9 @@
 //
 // It is judged in free run where free run has skill (errors below a fifth of the signal in every
 // output), else over the longest windows that have, and fitted there too. But a disturbance adds up,
-// and what adds up hides the size of a law: where what remains is a force (remaining_force.hpp), the
-// filter follows it, and the fit is over the longest windows in which it costs less than 5 % of
-// every output's signal. Standard errors allow for residuals with memory and of changing size:
+// and what adds up hides the size of a law. Where what remains is above twice the sensors' noise
+// and a force (remaining_force.hpp), the filter follows it, and the fit is over windows of at most
+// 30 samples of the search in which it costs less than 5 % of every output's signal. Standard errors allow for residuals with memory and of changing size:
 // H^-1 (sum over blocks g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. Of
 // recordings kept out the predictor sees the first 200 samples, then runs free to the end.
 #pragma once
@@ -68,6 +68,8 @@ class FinalFit {
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
+  // Whether any of its parameters is more than two standard errors from zero.
+  [[nodiscard]] bool is_told(const PlacedFinding& law) const;
   // z of a law on the rung where it was accepted, beside the others found.
   [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;

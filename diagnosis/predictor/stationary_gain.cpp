@@ -15,22 +15,16 @@ constexpr int kDoublings = 40;
 constexpr double kSettled = 1e-10;    // relative change of P
 constexpr double kForgetting = 1e-6;  // for what is neither seen nor dies away
 
-// Covariance of white force noise that is spread over each sample: on velocities by h/m, on
-// positions by h^2/(2 m).
-MatrixXd process_noise(const LumpedModel& model, Index states, double sample_time,
+// Covariance of force noise that holds within a sample, independent from one to the next.
+MatrixXd process_noise(Predictor& predictor, const LumpedModel& model, double sample_time,
                        double intensity) {
-  MatrixXd q = MatrixXd::Zero(states, states);
-  Index free = 0, slot = 0;
-  for (const bool imposed : model.imposed) free += imposed ? 0 : 1;
+  const Index n = predictor.state_count();
+  MatrixXd q = MatrixXd::Zero(n, n);
   for (std::size_t i = 0; i < model.imposed.size(); ++i) {
     if (model.imposed[i]) continue;
-    const auto at = static_cast<Index>(i);
-    const double rate = intensity / model.mass(at, at);
-    const double v = rate * rate * sample_time;
-    q(free + slot, free + slot) = v;
-    q(slot, free + slot) = q(free + slot, slot) = 0.5 * sample_time * v;
-    q(slot, slot) = sample_time * sample_time / 3.0 * v;
-    ++slot;
+    VectorXd pushed = VectorXd::Zero(n);
+    predictor.linear_step(pushed, static_cast<Index>(i), intensity / std::sqrt(sample_time));
+    q += pushed * pushed.transpose();
   }
   return q;
 }
@@ -80,7 +74,7 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
   const MatrixXd zero = MatrixXd::Zero(n, linear.c.rows());
   // States differ by orders of magnitude: each by its own noise, outputs by theirs.
   const MatrixXd c = noise.cwiseInverse().asDiagonal() * linear.c;
-  MatrixXd q = process_noise(model, n, sample_time, intensity);
+  MatrixXd q = process_noise(predictor, model, sample_time, intensity);
   if (const DisturbanceForce& d = predictor.disturbance(); d.is_there()) {
     const Index at = predictor.disturbance_state();
     q(at, at) = d.deviation * d.deviation * -std::expm1(-2.0 * sample_time / d.memory);
