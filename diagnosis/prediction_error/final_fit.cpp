@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 
 namespace graybox {
