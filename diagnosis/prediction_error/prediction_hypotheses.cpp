@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "diagnosis/hypotheses/law_shapes.hpp"
 
@@ -241,6 +242,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   constexpr double kTransition = 1e-3;  // of the rms velocity
   constexpr double kImposedTransition = 0.05;
   constexpr std::array kWideTransitions{0.1, 0.4};
+  constexpr double kSlides = 0.4;  // of the fastest motion; what needs more is viscous
   const Location& place = plain.location;
   const LumpedModel& model = present.model;
   bool is_imposed = true;
@@ -258,6 +260,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     list.push_back(law);
     for (const double share : kWideTransitions) {  // a gradual one, that is seen
       law.base[1] = share * at.rms_rate;
+      law.most = {std::numeric_limits<double>::infinity(), kSlides * at.rate(1.0)};
       law.fixed[1] = false;
       if (!is_imposed) list.push_back(law);
     }

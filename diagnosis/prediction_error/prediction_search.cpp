@@ -44,16 +44,6 @@ bool has_run_away(const PredictionFit& fit) {
   return false;
 }
 
-// Whether the law added last is a Coulomb friction that nothing moves fast enough to saturate: it is
-// viscous.
-bool never_slides(const PredictionFit& fit, const MatrixXd& motion) {
-  constexpr double kSaturates = 0.5;  // of the fastest motion
-  const Element& law = fit.model.model.parts[fit.model.laws.back().part];
-  if (law.law_name != "coulomb") return false;
-  const VectorXd rate = motion.rightCols(motion.cols() / 2) * law.location.input;
-  return law.parameters[1] > kSaturates * rate.cwiseAbs().maxCoeff();
-}
-
 // Hypotheses of the laws, sorted.
 std::vector<std::size_t> laws_of(const ExtendedLumpedModel& model) {
   std::vector<std::size_t> laws;
@@ -221,7 +211,7 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     one.z = z_between(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
-    one.ran_away = has_run_away(one.fit) || never_slides(one.fit, fitter(state).motion(one.fit));
+    one.ran_away = has_run_away(one.fit);
     tried.push_back(std::move(one));
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });

@@ -140,6 +140,7 @@ ExtendedLumpedModel extended(const ExtendedLumpedModel& model, const LawExtensio
   for (std::size_t p = 0; p < entry.parameters.size(); ++p) {
     const double value = law.base[p] + amplitude * law.direction[p];
     ParameterSpace space = law_space(entry.parameters[p], law, p, value);
+    if (!law.most.empty()) space.high = std::min(space.high, law.most[p]);
     part.parameters.push_back(std::clamp(value, space.low, space.high));
     result.model.parameters.push_back({part.name + "." + entry.parameters[p].name,
                                        unit_at(entry.parameters[p].unit, law.location.units),

@@ -49,9 +49,10 @@ struct LawExtension {
   Location location;
   std::string law;
   std::vector<double> base, direction;
-  std::vector<bool> fixed;  // not fitted
-  double unit = 1.0;        // amplitude of the order of what acts at all
-  bool one_sided = false;   // amplitudes below zero can't be
+  std::vector<bool> fixed;        // not fitted
+  std::vector<double> most = {};  // where not empty, of each parameter
+  double unit = 1.0;              // amplitude of the order of what acts at all
+  bool one_sided = false;         // amplitudes below zero can't be
   // A law that has no useful slope at zero: scored by the step to amplitude one.
   bool is_secant = false;
   std::optional<std::size_t> replaces;  // a part of the model, that this law contains
