@@ -242,7 +242,8 @@ void FinalFit::drop_idle_laws() {
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(law);
       const double z = is_nothing ? -kMissed : z_over(poorer);
-      if (z >= least || (!is_nothing && missed_nearby(law) >= kMissedNearby)) continue;
+      const bool may_be_hidden = !is_nothing && !disturbance_.is_there();
+      if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
       poorest = std::move(poorer);
     }

@@ -281,7 +281,7 @@ bool PredictionSearch::add_law(State& state) {
       try_laws(state, extensions,
                shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
   const std::size_t taken = plainest(tried, extensions, state);
-  const double best = taken < tried.size() ? tried[taken].fit.cost : state.fit.cost;
+  const PredictionFit& best = taken < tried.size() ? tried[taken].fit : state.fit;
   if (findings_.laws.empty() && add_friction_group(state, extensions, best)) return true;
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
@@ -312,12 +312,12 @@ std::vector<TriedLaw> PredictionSearch::friction_elsewhere(
 }
 
 bool PredictionSearch::add_friction_group(State& state, const std::vector<LawExtension>& extensions,
-                                          double best_single) {
+                                          const PredictionFit& best_single) {
   const std::vector<LawExtension> group = friction_group(extensions, state.fit.model.model);
   if (group.size() < 2) return false;
   PredictionFit fit = with_group(fitter(state), state.fit, state.weights, group, kFirstIterations);
-  if (!fit.usable || !(fit.cost < options_.group_gain * best_single)) return false;
-  const double z = z_between(state.fit, fit), gain = 1.0 - fit.cost / state.fit.cost;
+  if (!fit.usable || !(fit.cost < (1.0 - options_.group_gain) * best_single.cost)) return false;
+  const double z = z_between(best_single, fit), gain = 1.0 - fit.cost / state.fit.cost;
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
   if (!(z > options_.errors_of_gain) || fed_in_by(state, fit) > fed_limit) return false;
   state.fit = std::move(fit);

@@ -9,7 +9,7 @@
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also viscous and Coulomb friction at all masses at once
-//      (friction_group.hpp); taken if they leave less than half of what the best single law does
+//      (friction_group.hpp); taken if they leave less than 80 % of what the best single law does
 //   4. accept if z > 3 (left_out_blocks.hpp), the cost falls by more than 3 %, 10 % by a law that
 //      few machines have, and the frictions do not feed energy in (friction_energy.hpp); among
 //      those not told from the best, the plainest
@@ -46,7 +46,7 @@ struct PredictionSearchOptions {
   double least_gain_near_noise = 0.15;  // so much of the cost
   double no_skill = 0.95;               // of the signal
   double fed_in = 0.02;                 // of the energy, at a place
-  double group_gain = 0.5;              // of the cost that the best single law leaves
+  double group_gain = 0.2;              // of the cost that the best single law leaves
   std::size_t shortlist = 5, whitened_shortlist = 3;
   std::size_t most_laws = 8;
   int threads = 1;
@@ -119,7 +119,7 @@ class PredictionSearch {
   [[nodiscard]] bool add_law(State& state);
   [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
   [[nodiscard]] bool add_friction_group(State& state, const std::vector<LawExtension>& extensions,
-                                        double best_single);
+                                        const PredictionFit& best_single);
   // Frictions of the group that would do as well where this one stands.
   [[nodiscard]] std::vector<TriedLaw> friction_elsewhere(
       const State& state, const PlacedFinding& law, const std::vector<LawExtension>& group) const;
