@@ -188,6 +188,26 @@ std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
   return HeldOutError{*horizon, ahead.errors(run, weights_)};
 }
 
+std::optional<VectorXd> FinalFit::growth() const {
+  if (!found_.held_out_error) return {};
+  VectorXd error = found_.error, kept_out = *found_.held_out_error;
+  if (!findings_->has_free_run) {
+    const auto ahead = held_out_ahead(kDisturbed);
+    if (!ahead) return {};
+    const PredictionTask task = data_->windows(ahead->horizon);
+    const PredictionFitter same = fitter(task);
+    const PredictionFit run = same.fit(found_.fit.model, weights_, {}, 0, false);
+    if (!run.usable) return {};
+    error = same.errors(run, weights_);
+    kept_out = ahead->error;
+  }
+  const VectorXd noise = data_->noise();
+  const auto share = [&](const VectorXd& of, const VectorXd& scale) {
+    return Eigen::ArrayXd(of.array().max(noise.array()) / scale.array());
+  };
+  return (share(kept_out, found_.held_out_scale) / share(error, data_->output_scale())).matrix();
+}
+
 // A law without which the fit does as well; or one that few machines have and that takes less
 // than its share of the cost. Recordings kept out have no say here: after the samples that are
 // seen their error is that of the state, of which the best law may have more than a poor one.

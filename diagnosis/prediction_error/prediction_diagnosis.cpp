@@ -33,9 +33,10 @@ constexpr double kHeldOutLimit = 15.0;             // % of the signal
 constexpr double kNoiseLimit = 1.5;                // times the stated noise
 constexpr double kNoiseMultiple = 2.0;             // of what is to be expected
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
-constexpr double kStructureLimit = 3.0;            // % of the forces that act
-constexpr double kRestLimit = 15.0;                // % of them
-constexpr Eigen::Index kSearchedSamples = 8000;    // for the search; the final fit takes all
+constexpr double kGrowthLimit = 1.5;
+constexpr double kStructureLimit = 3.0;          // % of the forces that act
+constexpr double kRestLimit = 15.0;              // % of them
+constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
   return 100.0 * std::sqrt((error.array() / scale.array()).square().mean());
@@ -385,6 +386,25 @@ class DiagnosisBuilder {
     }
   }
 
+  // Of each output, in shares of the signal: what is kept out may be larger or smaller motion.
+  void add_growth(std::vector<VerdictReason>& list) const {
+    const std::string name = "error kept out over that of the fit, of the output where it is most";
+    const std::optional<VectorXd> growth = final_->growth();
+    if (!growth) {
+      VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
+      reason.not_tested = "no recordings were kept out of the fit";
+      list.push_back(std::move(reason));
+      return;
+    }
+    Index worst = 0;
+    const double most = growth->maxCoeff(&worst);
+    list.push_back(test(
+        fmt::format("{} ({})", name, stated_->output_names[static_cast<std::size_t>(worst)]), most,
+        kGrowthLimit, most <= kGrowthLimit,
+        "put recordings like those kept out into the fit: the laws found do not hold there as they "
+        "hold in it"));
+  }
+
   // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
   void add_rest(std::vector<VerdictReason>& list) const {
     const RemainingForce& rest = final_->rest();
@@ -442,6 +462,7 @@ class DiagnosisBuilder {
     found.is_lower_limit = true;
     list.push_back(std::move(found));
     add_held_out(list);
+    add_growth(list);
     add_rest(list);
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
