@@ -202,10 +202,9 @@ std::optional<VectorXd> FinalFit::growth() const {
     kept_out = ahead->error;
   }
   const VectorXd noise = data_->noise();
-  const auto share = [&](const VectorXd& of, const VectorXd& scale) {
-    return Eigen::ArrayXd(of.array().max(noise.array()) / scale.array());
-  };
-  return (share(kept_out, found_.held_out_scale) / share(error, data_->output_scale())).matrix();
+  const Eigen::ArrayXd ratio = kept_out.array().max(noise.array()) / error.array().max(noise.array());
+  const Eigen::ArrayXd of_signals = found_.held_out_scale.array() / data_->output_scale().array();
+  return (ratio / of_signals.max(1.0)).matrix();
 }
 
 // A law without which the fit does as well; or one that few machines have and that takes less

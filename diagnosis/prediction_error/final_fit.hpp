@@ -55,9 +55,10 @@ class FinalFit {
   // at most `share` of each output's signal); none: no recordings were kept out, or it is nowhere
   // so.
   [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
-  // By how much each output's error on recordings kept out is above that of the fit, both in shares
-  // of the signal and over the noise: in free run where the plant forgets, else as far ahead as the
-  // remaining force lets foresee.
+  // Each output's error on recordings kept out over that of the fit, none below the noise, and over
+  // the ratio of the signals where what is kept out is the larger motion: a disturbance costs the
+  // same in any motion, what a law lacks grows with it. In free run where the plant forgets, else as
+  // far ahead as the remaining force lets foresee.
   [[nodiscard]] std::optional<Eigen::VectorXd> growth() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;

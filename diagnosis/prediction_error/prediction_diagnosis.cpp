@@ -386,7 +386,6 @@ class DiagnosisBuilder {
     }
   }
 
-  // Of each output, in shares of the signal: what is kept out may be larger or smaller motion.
   void add_growth(std::vector<VerdictReason>& list) const {
     const std::string name = "growth of the error from the recordings of the fit to those kept out";
     const std::optional<VectorXd> growth = final_->growth();
