@@ -202,7 +202,8 @@ std::optional<VectorXd> FinalFit::growth() const {
     kept_out = ahead->error;
   }
   const VectorXd noise = data_->noise();
-  const Eigen::ArrayXd ratio = kept_out.array().max(noise.array()) / error.array().max(noise.array());
+  const Eigen::ArrayXd ratio =
+      kept_out.array().max(noise.array()) / error.array().max(noise.array());
   const Eigen::ArrayXd of_signals = found_.held_out_scale.array() / data_->output_scale().array();
   return (ratio / of_signals.max(1.0)).matrix();
 }
