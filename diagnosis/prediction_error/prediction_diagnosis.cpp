@@ -27,6 +27,7 @@ using Eigen::VectorXd;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
 constexpr const char* kLawsTest = "laws found";
+constexpr const char* kForceTest = "force left at";
 constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kVanished = 1e-6;                 // of a parameter's scale: as good as zero
 constexpr double kHeldOutLimit = 15.0;             // % of the signal
@@ -430,7 +431,7 @@ class DiagnosisBuilder {
                                structure->words)));
     const std::string place =
         stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
-    list.push_back(test(fmt::format("force left at {}, % of the forces that act", place), share,
+    list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
                         kRestLimit, share <= kRestLimit,
                         "record what may disturb the machine (temperature, supply, floor, hoses)"));
     const double multiple = rest.multiple_of_rest();
@@ -489,9 +490,9 @@ std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   }
   for (const VerdictReason& reason : diagnosis.reasons) {
     if (!has_failed(reason)) continue;
-    const bool is_decisive = reason.test.starts_with(kAbsurdTest) ||
-                             reason.test.starts_with(kLawsTest) ||
-                             reason.test.starts_with(kHeldOutTest);
+    const bool is_decisive =
+        reason.test.starts_with(kAbsurdTest) || reason.test.starts_with(kLawsTest) ||
+        reason.test.starts_with(kForceTest) || reason.test.starts_with(kHeldOutTest);
     if (is_decisive) return reason.test;
   }
   return "";

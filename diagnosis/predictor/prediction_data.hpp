@@ -115,8 +115,8 @@ class PredictionData {
 };
 
 // Samples within a stretch of at least 30 in which no position output moves by more than one step
-// of its encoder or four standard deviations of its noise, and every velocity output is within three
-// of zero. Empty where neither is measured.
+// of its encoder or four standard deviations of its noise, and every velocity output is within
+// three of zero. Empty where neither is measured.
 [[nodiscard]] std::vector<std::uint8_t> standing_samples(const LumpedModel& model,
                                                          const Eigen::MatrixXd& outputs,
                                                          const Eigen::VectorXd& noise);

@@ -69,9 +69,9 @@ class PredictionFitter {
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
                  Eigen::VectorXd& result) const;
-  // What the sensors' noise, and a disturbance, do to the predictions (stationary_gain.hpp). In free
-  // run noise that is not stated is no more than the differences of the residuals say: fast signals
-  // hide it in their own.
+  // What the sensors' noise, and a disturbance, do to the predictions (stationary_gain.hpp). In
+  // free run noise that is not stated is no more than the differences of the residuals say: fast
+  // signals hide it in their own.
   [[nodiscard]] Eigen::VectorXd errors_by_noise(const PredictionFit& fit,
                                                 const Eigen::VectorXd& weights,
                                                 const DisturbanceForce& disturbance = {}) const;

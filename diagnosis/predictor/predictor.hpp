@@ -71,9 +71,10 @@ class Predictor {
   }
 
   // The measured `outputs` and the `errors` are samples x outputs; errors before the first forecast
-  // are the filter's, those of forecasts that were skipped are zero. The `gain` is states x outputs, or empty: no sample corrects. The `initial`
-  // values are q and q' of the free coordinates. The `states`, if not null, are samples x (q, q' of
-  // all coordinates): of the filter, after each correction.
+  // are the filter's, those of forecasts that were skipped are zero. The `gain` is states x
+  // outputs, or empty: no sample corrects. The `initial` values are q and q' of the free
+  // coordinates. The `states`, if not null, are samples x (q, q' of all coordinates): of the
+  // filter, after each correction.
   bool run(const NodeInputs& drive, const Eigen::MatrixXd& outputs, const Forecasts& forecasts,
            const Eigen::MatrixXd& gain, const Eigen::VectorXd& initial, Eigen::MatrixXd& errors,
            Eigen::MatrixXd* states = nullptr);

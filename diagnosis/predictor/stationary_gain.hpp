@@ -27,7 +27,8 @@ namespace graybox {
                                               double sample_time, double intensity,
                                               const Eigen::VectorXd& noise);
 
-// A model taken linear, a sample: x_(k+1) = A x_k + B d_k, y_k = C x_k, d the force on a coordinate.
+// A model taken linear, a sample: x_(k+1) = A x_k + B d_k, y_k = C x_k, d the force on a
+// coordinate.
 struct LinearPredictor {
   Eigen::MatrixXd a, c;
   Eigen::VectorXd b;  // zero without a coordinate
