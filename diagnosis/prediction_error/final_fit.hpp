@@ -3,13 +3,15 @@
 // is worth.
 //
 // It is judged in free run where free run has skill (errors below a fifth of the signal in every
-// output), else over the longest windows that have, and fitted there too. But a disturbance adds
-// up, and what adds up hides the size of a law. Where what remains is above twice the sensors'
-// noise and a force (remaining_force.hpp), the filter follows it, and the fit is over windows of at
-// most 30 samples of the search in which it costs less than 5 % of every output's signal. Standard
-// errors allow for residuals with memory and of changing size: H^-1 (sum over blocks g_b g_b')
-// H^-1, g_b = J_b'r_b, never below those of white residuals. Of recordings kept out the predictor
-// sees the first 200 samples, then runs free to the end.
+// output), else over the longest windows that have. It is fitted there, too, unless a force remains
+// (remaining_force.hpp) and the rest is above twice the sensors' noise. A disturbance adds up, and
+// what adds up hides the size of a law. Then the filter follows the force, and the fit is over
+// windows of at most 30 samples of the search, in which it costs less than 5 % of every output's
+// signal.
+//
+// Standard errors allow for residuals with memory and of changing size: H^-1 (sum over blocks
+// g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. Of recordings kept out the
+// predictor sees the first 200 samples, then runs free to the end.
 #pragma once
 
 #include <Eigen/Core>
@@ -56,10 +58,10 @@ class FinalFit {
   // costs at most `share` of each output's signal); none: no recordings were kept out, or it is
   // nowhere so.
   [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
-  // Each output's error on recordings kept out over that of the fit, none below the noise, and over
-  // the ratio of the signals where what is kept out is the larger motion: a disturbance costs the
-  // same in any motion, what a law lacks grows with it. In free run where the plant forgets, else
-  // as far ahead as the remaining force lets foresee.
+  // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
+  // what is kept out is the larger motion, the ratio of the signals is divided out: a disturbance
+  // costs the same in any motion, what a law lacks grows with it. In free run where the plant
+  // forgets, else as far ahead as the remaining force lets foresee.
   [[nodiscard]] std::optional<Eigen::VectorXd> growth() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;

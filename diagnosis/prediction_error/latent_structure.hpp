@@ -1,5 +1,5 @@
-// Whether what is left of a model depends on the motion: the latent force (latent_force.hpp)
-// against free curves, each asked by itself:
+// Whether what is left of a model depends on the motion. The latent force (latent_force.hpp) is
+// held against free curves, each by itself:
 //
 //   position       of the place: a curve through knots, and 24 orders of a period of its range
 //   speed          of the place: a curve, with a step at zero
@@ -7,11 +7,11 @@
 //   load           the size of the force that acts, against the velocity
 //   reversals      of the position: play of 2, 10 and 30 % of its range
 //
-// Only samples that move count: where friction holds a place, no force on it is seen. `share`: of
-// the variance of blocks that were left out, what the others' curve foretells. A disturbance has
-// none but by chance: it is asked by z, too (left_out_blocks.hpp). Curves of two of these at once
-// are not asked: in a closed loop they would tell the disturbance from what the controller does
-// against it.
+// Only samples that move count: where friction holds a place, no force on it is seen. `share` is of
+// the force's variance in blocks that were left out: what the curve of the others foretells of it.
+// Of a disturbance a curve foretells nothing but by chance, so z is asked, too
+// (left_out_blocks.hpp). Curves of two of these at once are not asked. In a closed loop they would
+// tell the disturbance from what the controller does against it.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,15 +1,16 @@
 // The force that a model lacks, seen from its prediction errors: what must push on a coordinate for
 // the filter's errors to come about.
 //
-// With e_k the filter's error at sample k, K its gain, and x_k how far its state is off before that
-// sample corrects it (A, B and C of stationary_gain.hpp),
+// Let e_k be the filter's error at sample k and K its gain. x_k is how far its state is off before
+// that sample corrects it. With A, B and C of stationary_gain.hpp and d the force,
 //
-//   x_(k+1) = A (x_k - K e_k) + B d_k,    d_(k+1) = exp(-T/memory) d_k + white,    e_k = C x_k + v_k.
+//   x_(k+1) = A (x_k - K e_k) + B d_k,    e_k = C x_k + v_k,
+//   d_(k+1) = exp(-T/memory) d_k + white noise.
 //
-// Deviation and memory of d are those of greatest likelihood (Kalman filter, stationary); d itself
-// is smoothed over the whole recording (de Jong, Journal of the American Statistical Association
-// 84, 1989). Laws that are not linear act in the filter, not in A: right while d is small beside
-// them.
+// Deviation and memory of d are those of greatest likelihood, by a stationary Kalman filter. The
+// force itself is smoothed over the whole recording (de Jong, Journal of the American Statistical
+// Association 84, 1989). Laws that are not linear act in the filter, not in A. That is right while
+// d is small beside them.
 //
 //   const LatentForce force = latent_force(data, role, model, intensity, coordinate, threads);
 //

@@ -5,10 +5,11 @@
 //
 // A task cuts recordings into windows of h samples. Each is forecast from a filter that has seen
 // all samples before it. Samples before the first window do not count: the filter starts from
-// nothing. Nor do windows in which every mass that is measured stands still (`standing_samples`):
-// there friction holds against whatever acts up to its level, a disturbance too, and a model that
-// holds is right by nothing but a level that is high enough. h = 0 is the free run: everything
-// counts, initial states are estimated.
+// nothing. h = 0 is the free run: everything counts, initial states are estimated.
+//
+// Windows in which every measured mass stands still do not count either (standing_samples). There
+// friction holds against whatever acts up to its level, a disturbance too. A model that holds is
+// right by no more than a level that is high enough.
 #pragma once
 
 #include <Eigen/Core>

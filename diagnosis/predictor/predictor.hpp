@@ -3,9 +3,9 @@
 //   e_k = y_k - y(x_k),     x_k <- x_k + K e_k,
 //
 // x = (q, q', states of laws, lags of sensors, earlier outputs of late sensors). A filter corrects
-// at every sample. From it forecasts branch off, one after the other, each h samples long: e_k of a
-// forecast is what counts, and nothing is corrected there. h = 1 is the innovations form (Ljung,
-// System Identification, 2nd ed. 1999, ch. 4); h = 0, the free run, has no filter (output error).
+// at every sample. Forecasts branch off from it, one after the other, each h samples long. Nothing
+// is corrected in a forecast, and its e_k are what counts. h = 1 is the innovations form (Ljung,
+// System Identification, 2nd ed. 1999, ch. 4). h = 0, the free run, has no filter (output error).
 //
 // Between samples one step of Runge and Kutta (4th order) or several. Dry friction is a set, not a
 // curve: at rest it holds with any force up to its level. What moves along b slides on with F(v)
