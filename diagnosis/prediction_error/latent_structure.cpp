@@ -10,6 +10,7 @@
 #include <functional>
 #include <numbers>
 
+#include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 
 namespace graybox {
@@ -107,19 +108,6 @@ MatrixXd of_reversals(const VectorXd& q, const std::vector<Index>& starts) {
     }
   }
   return columns;
-}
-
-// Samples that count: settled, and moving faster than so much of the fastest motion.
-std::vector<Index> moving_samples(const LatentForce& force) {
-  constexpr double kStands = 0.01;
-  const Index coordinates = force.motion.cols() / 2;
-  const VectorXd speed = force.motion.col(coordinates + force.disturbance.coordinate).cwiseAbs();
-  std::vector<Index> moving;
-  const double least = kStands * speed.maxCoeff();
-  for (Index k = 0; k < speed.size(); ++k) {
-    if (force.settled[static_cast<std::size_t>(k)] != 0 && speed(k) > least) moving.push_back(k);
-  }
-  return moving;
 }
 
 class Asked {

@@ -41,6 +41,8 @@ const std::vector<std::string> kForceLaws{"viscous",
                                           "deflection_damping",
                                           "backlash",
                                           "gravity",
+                                          "ripple",
+                                          "mode",
                                           "dahl",
                                           "play_and_slip"};
 
@@ -66,6 +68,16 @@ bool is_found(const ExtendedLumpedModel& model, std::size_t part) {
 
 double value_of(const ExtendedLumpedModel& model, std::size_t part, std::size_t parameter) {
   return model.model.parts[part].parameters[parameter];
+}
+
+Index mass_of(const Location& place) {
+  Index mass = 0;
+  place.output.cwiseAbs().maxCoeff(&mass);
+  return mass;
+}
+
+std::ptrdiff_t count_of(const ExtendedLumpedModel& model, std::size_t hypothesis) {
+  return std::ranges::count(model.laws, hypothesis, &PlacedFinding::hypothesis);
 }
 
 LawExtension amplitude(LawExtension plain, std::vector<double> base, std::size_t parameter,
@@ -169,6 +181,7 @@ void PredictionHypotheses::add_place(const Location& place, const std::string& y
     if (law == "inertia" && !place.takes_inertia) continue;
     const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
     if (law == "gravity" && !(rotates_ && is_one_mass)) continue;
+    if ((law == "mode" || law == "ripple") && !is_one_mass) continue;
     add(place, yaml, law);
   }
 }
@@ -193,6 +206,9 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   } else {
     add(place, yaml, "offset");
     add(place, yaml, "rectifier");
+    using enum LumpedOutput::Quantity;
+    const auto quantity = model.outputs[channel].quantity;
+    if (quantity == kAcceleration || quantity == kVelocity) add(place, yaml, "resonance");
   }
   const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
   if (is_told) add(place, yaml, "gain");
@@ -317,6 +333,40 @@ void PredictionHypotheses::extend_spring(const LawExtension& plain,
   }
 }
 
+// A second one beside one that was found, not a third. A trial each from 250 samples a period to 8.
+void PredictionHypotheses::extend_modes(const LawExtension& plain,
+                                        const ExtendedLumpedModel& present,
+                                        std::vector<LawExtension>& list) const {
+  constexpr std::ptrdiff_t kMost = 2;
+  constexpr double kLowest = 0.004, kHighest = 0.12, kRatio = 1.2;  // of the sampling frequency
+  constexpr double kDamping = 0.03, kMostDamping = 0.5, kMostFrequency = 0.2;
+  const bool is_force = plain.location.kind == LocationKind::kElement;
+  const Index mass = is_force ? mass_of(plain.location) : 0;
+  const bool is_imposed = present.model.imposed[static_cast<std::size_t>(mass)];
+  if (count_of(present, plain.hypothesis) >= kMost || (is_force && is_imposed)) return;
+  const double unit = is_force ? present.model.masses(mass) : 1.0;
+  for (double share = kLowest; share <= kHighest; share *= kRatio) {
+    const double frequency = share / data_->sample_time();
+    LawExtension law = amplitude(plain, {0.0, frequency, kDamping}, 0, unit, is_force);
+    law.most = {std::numeric_limits<double>::infinity(), kMostFrequency / data_->sample_time(),
+                kMostDamping};
+    list.push_back(std::move(law));
+  }
+}
+
+void PredictionHypotheses::extend_ripples(const LawExtension& plain,
+                                          const ExtendedLumpedModel& present,
+                                          const std::vector<RippleTrial>& ripples,
+                                          std::vector<LawExtension>& list) const {
+  constexpr std::ptrdiff_t kMost = 3;
+  if (count_of(present, plain.hypothesis) >= kMost) return;
+  for (const RippleTrial& trial : ripples) {
+    if (trial.coordinate != mass_of(plain.location)) continue;
+    list.push_back(
+        amplitude(plain, {0.0, trial.period, trial.phase}, 0, data_->force_scale(), false));
+  }
+}
+
 void PredictionHypotheses::extend_memory(const LawExtension& plain, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
   if (plain.law == "dahl") {
@@ -338,12 +388,15 @@ void PredictionHypotheses::extend_memory(const LawExtension& plain, const Motion
 }
 
 void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present,
-                                        const MotionAt& at, std::vector<LawExtension>& list) const {
+                                        const MotionAt& at, const std::vector<RippleTrial>& ripples,
+                                        std::vector<LawExtension>& list) const {
   LawExtension plain;
   plain.hypothesis = hypothesis;
   plain.location = locations_[hypothesis];
   plain.law = hypotheses_[hypothesis].law;
   plain.complexity = complexity_of(plain.law, plain.location.kind);
+  if (plain.law == "mode") return extend_modes(plain, present, list);
+  if (plain.law == "ripple") return extend_ripples(plain, present, ripples, list);
   if (part_at(present.model, plain.location, plain.law)) return;
   if (plain.law == "inertia") {
     Index mass = 0;
@@ -373,6 +426,7 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
   plain.location = locations_[hypothesis];
   plain.law = hypotheses_[hypothesis].law;
   plain.complexity = complexity_of(plain.law, plain.location.kind);
+  if (plain.law == "resonance") return extend_modes(plain, present, list);
   if (part_at(present.model, plain.location, plain.law)) return;
   const auto channel = static_cast<std::size_t>(plain.location.channel);
   const double sample_time = data_->sample_time();
@@ -397,12 +451,13 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
   }
 }
 
-std::vector<LawExtension> PredictionHypotheses::extensions(const ExtendedLumpedModel& present,
-                                                           const Eigen::MatrixXd& motion) const {
+std::vector<LawExtension> PredictionHypotheses::extensions(
+    const ExtendedLumpedModel& present, const Eigen::MatrixXd& motion,
+    const std::vector<RippleTrial>& ripples) const {
   std::vector<LawExtension> list;
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     if (locations_[h].kind == LocationKind::kElement) {
-      extend_force(h, present, motion_at(locations_[h], motion), list);
+      extend_force(h, present, motion_at(locations_[h], motion), ripples, list);
     } else {
       extend_signal(h, present, list);
     }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
+#include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/predictor/extended_lumped_model.hpp"
 #include "diagnosis/predictor/prediction_data.hpp"
 
@@ -31,9 +32,10 @@ class PredictionHypotheses {
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
   // Every law in every start that the motion suggests. `motion`: q and q' of all coordinates
-  // (PredictionFitter::motion).
-  [[nodiscard]] std::vector<LawExtension> extensions(const ExtendedLumpedModel& present,
-                                                     const Eigen::MatrixXd& motion) const;
+  // (PredictionFitter::motion). Ripples as they are given.
+  [[nodiscard]] std::vector<LawExtension> extensions(
+      const ExtendedLumpedModel& present, const Eigen::MatrixXd& motion,
+      const std::vector<RippleTrial>& ripples = {}) const;
 
  private:
   struct MotionAt;
@@ -41,11 +43,16 @@ class PredictionHypotheses {
   void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
   void add(const Location& place, const std::string& yaml, const std::string& law);
   void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present, const MotionAt& at,
-                    std::vector<LawExtension>& list) const;
+                    const std::vector<RippleTrial>& ripples, std::vector<LawExtension>& list) const;
   void extend_friction(const LawExtension& plain, const ExtendedLumpedModel& present,
                        const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,
                      const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_modes(const LawExtension& plain, const ExtendedLumpedModel& present,
+                    std::vector<LawExtension>& list) const;
+  void extend_ripples(const LawExtension& plain, const ExtendedLumpedModel& present,
+                      const std::vector<RippleTrial>& ripples,
+                      std::vector<LawExtension>& list) const;
   void extend_memory(const LawExtension& plain, const MotionAt& at,
                      std::vector<LawExtension>& list) const;
   void extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,

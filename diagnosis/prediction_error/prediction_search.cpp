@@ -225,8 +225,10 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
   const bool is_near_noise =
       (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
   const auto least_gain = [&](const TriedLaw& law) {
-    const double least =
+    const std::string& name = hypotheses_->hypotheses()[law.hypothesis].law;
+    double least =
         hypotheses_->is_plain(law.hypothesis) ? options_.least_gain : options_.least_gain_rare;
+    if (name == "mode" || name == "resonance") least = options_.least_gain_mode;
     return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
   };
   const auto is_good = [&](const TriedLaw& law) {
@@ -267,10 +269,24 @@ void PredictionSearch::accept(std::vector<TriedLaw> tried, std::size_t taken, St
   findings_.laws.push_back(std::move(law));
 }
 
+std::vector<RippleTrial> PredictionSearch::ripples(const State& state) const {
+  std::vector<RippleTrial> trials;
+  const LumpedModel& model = state.fit.model.model;
+  if (!std::isfinite(data_->largest_force()) || !(findings_.intensity > 0.0)) return trials;
+  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
+    if (model.imposed[i]) continue;
+    const LatentForce force =
+        latent_force(*data_, ExperimentRole::kEstimation, state.fit.model, findings_.intensity,
+                     static_cast<Index>(i), options_.threads);
+    std::ranges::copy(ripple_trials(force), std::back_inserter(trials));
+  }
+  return trials;
+}
+
 bool PredictionSearch::add_law(State& state) {
   const PredictionFitter fitter = this->fitter(state);
   const std::vector<LawExtension> extensions =
-      hypotheses_->extensions(state.fit.model, fitter.motion(state.fit));
+      hypotheses_->extensions(state.fit.model, fitter.motion(state.fit), ripples(state));
   const std::vector<ExtensionScore> scores =
       extension_scores(fitter, state.fit, state.weights, extensions);
   if (findings_.ranked.empty()) {

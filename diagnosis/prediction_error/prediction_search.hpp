@@ -38,6 +38,7 @@ struct PredictionSearchOptions {
   double errors_of_gain = 3.0;         // z
   double least_gain = 0.03;            // of the cost
   double least_gain_rare = kRareGain;  // of the cost, by a law that few machines have
+  double least_gain_mode = 0.3;        // by something that swings: it imitates much
   double equal_errors = 2.5;           // z within which another law is no better
   double equal_gain = 0.85;            // share of the best one's gain
   double rival_errors = 2.0;           // z within which a law is not excluded
@@ -117,6 +118,7 @@ class PredictionSearch {
   void weigh(State& state) const;
   void search_rung(State& state);
   [[nodiscard]] bool add_law(State& state);
+  [[nodiscard]] std::vector<RippleTrial> ripples(const State& state) const;
   [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
   [[nodiscard]] bool add_friction_group(State& state, const std::vector<LawExtension>& extensions,
                                         const PredictionFit& best_single);

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <string_view>
+#include <unsupported/Eigen/MatrixFunctions>
 
 namespace graybox {
 namespace {
@@ -127,6 +129,7 @@ void Predictor::place_laws(const LumpedModel& model) {
     const bool is_force = part.location.kind == LocationKind::kElement && part.law;
     if (!is_force || is_linear_element(part)) continue;  // those are in M, C and K
     Placed law = placed(part);
+    law.is_linear = part.law_name == "mode";
     law.first_state = states_;
     states_ += static_cast<Index>(law.states);
     VectorXd b = VectorXd::Zero(n_);
@@ -163,8 +166,11 @@ void Predictor::place_sensors(const LumpedModel& model) {
     Sensor sensor;
     sensor.driver = part.location.driver;
     if (part.law_name == "lag") {
+      sensor.kind = Sensor::Kind::kLag;
       sensor.time_constant = part.parameters[0];
       sensor.state = states_++;
+    } else if (part.law_name == "resonance") {
+      place_resonance(part, sensor);
     } else {
       sensor.law = part.law;
       if (part.law_name == "rectifier") sensor.turned_below_zero = 1.0 - 2.0 * part.parameters[0];
@@ -177,6 +183,45 @@ void Predictor::place_sensors(const LumpedModel& model) {
     late.length = static_cast<Index>(late.samples) + 1;
     states_ += late.length;
   }
+}
+
+// Exact for a signal that is straight between samples: the exponential of the states, the signal
+// and its change (Van Loan, IEEE Transactions on Automatic Control 23, 1978).
+void Predictor::place_resonance(const Element& part, Sensor& sensor) {
+  sensor.kind = Sensor::Kind::kResonance;
+  sensor.resonance = part.parameters;
+  sensor.state = states_;
+  states_ += 2;
+  const double w = 2.0 * std::numbers::pi * part.parameters[1], h = sample_time_;
+  Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
+  m(0, 1) = h;
+  m(1, 0) = -w * w * h;
+  m(1, 1) = -2.0 * part.parameters[2] * w * h;
+  m(1, 2) = h;
+  m(2, 3) = 1.0;
+  const Eigen::Matrix4d e = m.exp();
+  sensor.kept = e.topLeftCorner<2, 2>();
+  sensor.by_signal = e.block<2, 1>(0, 2);
+  sensor.by_change = e.block<2, 1>(0, 3);
+}
+
+double Predictor::after(const Sensor& sensor, double signal) const {
+  if (sensor.kind == Sensor::Kind::kLag) return x_(sensor.state);
+  const std::vector<double>& p = sensor.resonance;
+  const double w = 2.0 * std::numbers::pi * p[1];
+  return signal + p[0] * (signal - w * (w * x_(sensor.state) + 2.0 * p[2] * x_(sensor.state + 1)));
+}
+
+void Predictor::follow(const Sensor& sensor, double before, double now) {
+  if (sensor.kind == Sensor::Kind::kResonance) {
+    x_.segment<2>(sensor.state) = (sensor.kept * x_.segment<2>(sensor.state) +
+                                   sensor.by_signal * before + sensor.by_change * (now - before))
+                                      .eval();
+    return;
+  }
+  const double r = sample_time_ / std::max(sensor.time_constant, 1e-12 * sample_time_);
+  const double end = std::exp(-r), mean = (1.0 - end) / r;
+  x_(sensor.state) = end * x_(sensor.state) + (mean - end) * before + (1.0 - mean) * now;
 }
 
 void Predictor::allocate() {
@@ -216,6 +261,7 @@ void Predictor::spread(const double* x, const double* inputs) {
 
 void Predictor::add_forces(const double* x, double* dx) {
   for (const Placed& law : laws_) {
+    if (linear_ && !law.is_linear) continue;
     const double z = dot(law.in, q_), rate = dot(law.in, v_);
     const std::span<const double> state(x + law.first_state, law.states);
     if (law.states > 0) law.law->state_rate(z, rate, state, {dx + law.first_state, law.states});
@@ -235,6 +281,7 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
   if (disturbance_state_ >= 0) force_(disturbance_.coordinate) += x[disturbance_state_];
   if (linear_) {
     if (pushed_ >= 0) force_(pushed_) += push_;
+    add_forces(x, dx);
   } else {
     for (std::size_t j = 0; j < inputs_.size(); ++j) {
       if (inputs_[j].kind == LumpedInput::Kind::kForce) force_(inputs_[j].mass) += inputs[j];
@@ -409,7 +456,7 @@ void Predictor::sense(const double* inputs, std::vector<double>& followed) {
       if (y < 0.0 && sensor.turned_below_zero < 0.0) turned = -turned;
       if (!sensor.law) {
         followed.push_back(y);
-        y = x_(sensor.state);
+        y = after(sensor, y);
       } else if (!linear_) {
         y += sensor.law->force(sensor.driver >= 0 ? inputs[sensor.driver] : y, 0.0, {});
       }
@@ -446,10 +493,7 @@ void Predictor::follow_lags() {
   for (const auto& list : sensors_) {
     for (const Sensor& sensor : list) {
       if (sensor.law) continue;
-      const double r = sample_time_ / std::max(sensor.time_constant, 1e-12 * sample_time_);
-      const double end = std::exp(-r), mean = (1.0 - end) / r;
-      x_(sensor.state) = end * x_(sensor.state) + (mean - end) * followed_before_[next] +
-                         (1.0 - mean) * followed_[next];
+      follow(sensor, followed_before_[next], followed_[next]);
       ++next;
     }
   }
@@ -477,7 +521,11 @@ void Predictor::start(const VectorXd& initial, const double* inputs) {
     std::size_t next = 0;
     for (const auto& list : sensors_) {
       for (const Sensor& sensor : list) {
-        if (!sensor.law) x_(sensor.state) = followed_before_[next++];
+        if (sensor.law) continue;
+        const double signal = followed_before_[next++];
+        const double w =
+            sensor.resonance.empty() ? 1.0 : 2.0 * std::numbers::pi * sensor.resonance[1];
+        x_(sensor.state) = signal / (w * w);
       }
     }
   }

@@ -15,9 +15,9 @@
 // no transition velocity makes the equations stiff. A transition that is wide enough to be seen, h
 // F b' M^-1 b / v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v
 // is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
-// reading is less of the signal, and e_k is taken with the other sign. A lag of a sensor is exact
-// for outputs that are straight between samples; a late sensor reads what the state was then, and
-// is corrected there, since earlier outputs are part of the state.
+// reading is less of the signal, and e_k is taken with the other sign. A lag or a resonance of a
+// sensor is exact for outputs that are straight between samples; a late sensor reads what the state
+// was then, and is corrected there, since earlier outputs are part of the state.
 //
 // A disturbance is one state more: a force that holds within a sample and dies away from one to the
 // next, which the filter follows as far as the gain lets it.
@@ -92,6 +92,7 @@ class Predictor {
     Eigen::Index first_state = 0;
     std::size_t states = 0;
     bool is_set_valued = false;
+    bool is_linear = false;  // counts for the gain
     // How set-valued friction acts within a step.
     enum class Mode : std::int8_t { kUndecided, kSlides, kHolds };
     Mode mode = Mode::kUndecided;
@@ -100,9 +101,15 @@ class Predictor {
     Eigen::VectorXd velocity_by;                     // M^-1 b, of the free coordinates
   };
   struct Sensor {
-    std::shared_ptr<const Law> law;  // null: a lag
+    enum class Kind : std::int8_t { kLaw, kLag, kResonance };
+    Kind kind = Kind::kLaw;
+    std::shared_ptr<const Law> law;
     Eigen::Index driver = -1;
-    double time_constant = 0.0;
+    double time_constant = 0.0;     // of a lag
+    std::vector<double> resonance;  // its parameters
+    // Of its states, from one sample to the next: what is kept, what the signal and its change add.
+    Eigen::Matrix2d kept;
+    Eigen::Vector2d by_signal, by_change;
     Eigen::Index state = 0;
     double turned_below_zero = 1.0;  // slope of a rectifier there
   };
@@ -114,6 +121,9 @@ class Predictor {
   void split_coordinates(const LumpedModel& model);
   void place_laws(const LumpedModel& model);
   void place_sensors(const LumpedModel& model);
+  void place_resonance(const Element& part, Sensor& sensor);
+  [[nodiscard]] double after(const Sensor& sensor, double signal) const;  // of one with states
+  void follow(const Sensor& sensor, double before, double now);
   [[nodiscard]] Placed placed(const Element& part) const;
   void allocate();
   void start(const Eigen::VectorXd& initial, const double* inputs);

@@ -18,7 +18,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of the leading parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 30> kPredicates{{
+constexpr std::array<Predicate, 31> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
@@ -51,6 +51,7 @@ constexpr std::array<Predicate, 30> kPredicates{{
     {"gain", true, "gives more than it should", "gives less than it should"},
     {"offset", true, "is off by a constant"},
     {"rectifier", true, "reads no sign"},
+    {"resonance", true, "reads what swings where it is measured, too (a flexible mode)"},
 }};
 
 const LawParameterEstimate* parameter(const FittedLaw& law, std::string_view name) {

@@ -1,4 +1,6 @@
 // Laws of actuators and sensors: the signal s becomes s + f(s), or s + f(d) with a driving input d.
+#include <numbers>
+
 #include "problems/laws/formula_law.hpp"
 #include "problems/laws/law_lists.hpp"
 
@@ -62,6 +64,31 @@ struct Rectifier {
   }
 };
 
+// Beside s a part of what swings with it: p s'' of x'' + 2 z w x' + w^2 x = s, that is p x''. p:
+// participation, frequency, damping ratio.
+struct Resonance {
+  static constexpr int kParameters = 3, kStates = 2;
+  template <typename T>
+  static T acceleration(const T* p, const T& signal, const T* x) {
+    const T w = 2.0 * std::numbers::pi * p[1];
+    return signal - w * (w * x[0] + 2.0 * p[2] * x[1]);
+  }
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T* x) {
+    return p[0] * acceleration(p, signal, x);
+  }
+  template <typename T>
+  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
+    change[0] = x[1];
+    change[1] = acceleration(p, signal, x);
+  }
+  static void rest(const double* p, double signal, double* x) {
+    const double w = 2.0 * std::numbers::pi * p[1];
+    x[0] = signal / (w * w);
+    x[1] = 0.0;
+  }
+};
+
 // s is replaced by x, x' = (s - x)/T.
 struct Lag {
   static constexpr int kParameters = 1, kStates = 1;
@@ -115,7 +142,15 @@ std::vector<LawEntry> supplementary_signal_laws() {
            "s becomes s + share (|s| - s): a sensor that reads no sign where share is 1",
            LawUse::kSignal,
            {{"share", "1", ParameterRange::kAny}},
-           make_law<Rectifier>}};
+           make_law<Rectifier>},
+          {"resonance",
+           "s becomes s + participation x'', x'' + 2 z w x' + w^2 x = s: what swings where it is "
+           "measured",
+           LawUse::kSignal,
+           {{"participation", "1", ParameterRange::kAny},
+            {"frequency", "Hz", ParameterRange::kPositive},
+            {"damping_ratio", "1", ParameterRange::kNonNegative}},
+           make_law<Resonance>}};
 }
 
 }  // namespace graybox
