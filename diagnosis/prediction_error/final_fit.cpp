@@ -75,9 +75,10 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
   follow_disturbance();
+  fit_where_laws_are_told();
   drop_idle_laws();
   take_plainer_laws();
-  estimate_deviations(found_);
+  found_.deviations = deviations_of(found_.fit);
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   as_given_ = judged(findings.as_given, kIterations);
@@ -146,17 +147,17 @@ JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) c
   return result;
 }
 
-void FinalFit::estimate_deviations(JudgedModel& model) const {
-  const PredictionFit& fit = model.fit;
+VectorXd FinalFit::deviations_of(const PredictionFit& fit) const {
   const MatrixXd covariance = robust_covariance(fit.residuals, fit.jacobian, fit.edges);
-  model.deviations.resize(static_cast<Index>(fit.free.size()));
+  VectorXd deviations(static_cast<Index>(fit.free.size()));
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
     const ParameterSpace& space = fit.model.space[fit.free[i]];
     const double value = fit.model.model.parameters[fit.free[i]].value;
     const double slope = space.logarithmic ? std::abs(value) : space.scale;
     const auto at = static_cast<Index>(i);
-    model.deviations(at) = slope * std::sqrt(covariance(at, at));
+    deviations(at) = slope * std::sqrt(covariance(at, at));
   }
+  return deviations;
 }
 
 void FinalFit::judge_held_out(JudgedModel& model) const {
@@ -188,24 +189,54 @@ std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
   return HeldOutError{*horizon, ahead.errors(run, weights_)};
 }
 
-std::optional<VectorXd> FinalFit::growth() const {
-  if (!found_.held_out_error) return {};
-  VectorXd error = found_.error, kept_out = *found_.held_out_error;
-  if (!findings_->has_free_run) {
-    const auto ahead = held_out_ahead(kDisturbed);
-    if (!ahead) return {};
-    const PredictionTask task = data_->windows(ahead->horizon);
-    const PredictionFitter same = fitter(task);
-    const PredictionFit run = same.fit(found_.fit.model, weights_, {}, 0, false);
-    if (!run.usable) return {};
-    error = same.errors(run, weights_);
-    kept_out = ahead->error;
+// Of each output: the mean square, and its relative error by blocks.
+FinalFit::BlockError FinalFit::block_error(const PredictionFit& fit) const {
+  const Index outputs = data_->output_count();
+  const auto blocks = static_cast<Index>(fit.edges.size()) - 1;
+  BlockError result{Eigen::ArrayXd::Zero(outputs), Eigen::ArrayXd::Zero(outputs)};
+  Eigen::ArrayXXd squares = Eigen::ArrayXXd::Zero(outputs, blocks);
+  for (Index b = 0; b < blocks; ++b) {
+    const Index from = fit.edges[static_cast<std::size_t>(b)];
+    const Index to = fit.edges[static_cast<std::size_t>(b) + 1];
+    for (Index i = from; i < to; ++i) squares(i % outputs, b) += std::pow(fit.residuals(i), 2);
   }
+  const auto count = static_cast<double>(blocks);
+  result.square = squares.rowwise().sum();
+  const Eigen::ArrayXd mean = squares.rowwise().mean().max(1e-300);
+  result.relative =
+      ((squares.colwise() - mean).square().rowwise().sum() / count / std::max(count - 1.0, 1.0))
+          .sqrt() /
+      mean;
+  return result;
+}
+
+std::optional<FinalFit::Growth> FinalFit::growth() const {
+  if (!found_.held_out_error) return {};
+  const std::optional<Index> ahead = rest_->foreseeable(kDisturbed);
+  const Index horizon = findings_->has_free_run || !ahead ? 0 : *ahead;
+  if (horizon == 0 && !findings_->has_free_run) return {};
+  const auto errors = [&](ExperimentRole role, VectorXd& error) -> std::optional<BlockError> {
+    const PredictionTask task =
+        horizon == 0 ? data_->free_after(kSeenSamples, role) : data_->windows(horizon, role);
+    const PredictionFitter run = fitter(task);
+    const PredictionFit fit = run.fit(found_.fit.model, weights_, {}, 0, false);
+    if (!fit.usable || task.counted() == 0) return {};
+    error = run.errors(fit, weights_);
+    return block_error(fit);
+  };
+  VectorXd inside, outside;
+  const auto of_fit = errors(ExperimentRole::kEstimation, inside);
+  const auto kept_out = errors(ExperimentRole::kValidation, outside);
+  if (!of_fit || !kept_out) return {};
   const VectorXd noise = data_->noise();
-  const Eigen::ArrayXd ratio =
-      kept_out.array().max(noise.array()) / error.array().max(noise.array());
   const Eigen::ArrayXd of_signals = found_.held_out_scale.array() / data_->output_scale().array();
-  return (ratio / of_signals.max(1.0)).matrix();
+  Growth growth;
+  growth.ratio =
+      (outside.array().max(noise.array()) / inside.array().max(noise.array()) / of_signals.max(1.0))
+          .matrix();
+  growth.deviation =
+      0.5 * (of_fit->relative.square() + kept_out->relative.square()).sqrt().matrix();
+  return growth;
 }
 
 // A law without which the fit does as well; or one that few machines have and that takes less
@@ -217,17 +248,43 @@ bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& witho
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
 }
 
-bool FinalFit::is_told(const PlacedFinding& law) const {
-  const std::size_t first = found_.fit.model.first_parameter(law.part);
-  const std::size_t count = found_.fit.model.model.parts[law.part].parameters.size();
-  for (std::size_t i = 0; i < found_.fit.free.size(); ++i) {
-    const std::size_t index = found_.fit.free[i];
+bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const {
+  const VectorXd deviations = deviations_of(fit);
+  const std::size_t first = fit.model.first_parameter(law.part);
+  const std::size_t count = fit.model.model.parts[law.part].parameters.size();
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const std::size_t index = fit.free[i];
     if (index < first || index >= first + count) continue;
-    const double deviation = found_.deviations(static_cast<Index>(i));
-    const double value = found_.fit.model.model.parameters[index].value;
-    if (std::abs(value) > kToldFromNone * deviation) return true;
+    const double value = fit.model.model.parameters[index].value;
+    if (std::abs(value) > kToldFromNone * deviations(static_cast<Index>(i))) return true;
   }
   return false;
+}
+
+// A long run may say nothing of a law that shows in short ones.
+void FinalFit::fit_where_laws_are_told() {
+  if (!task_.is_free() || findings_->has_free_run) return;
+  const auto tells_all = [&](const PredictionFit& fit) {
+    return std::ranges::all_of(fit.model.laws,
+                               [&](const PlacedFinding& law) { return is_told(fit, law); });
+  };
+  if (tells_all(found_.fit)) return;
+  const PredictionTask free = task_;
+  const VectorXd weights = weights_;
+  const double ratio = findings_->sample_time / data_->sample_time();
+  for (auto rung = findings_->rungs.rbegin(); rung != findings_->rungs.rend(); ++rung) {
+    task_ = data_->windows(std::lround(ratio * static_cast<double>(rung->horizon)));
+    const PredictionFitter near = fitter(task_);
+    const PredictionFit fit = near.fit(findings_->found, data_->output_scale(), {}, kIterations);
+    if (!fit.usable) continue;
+    weights_ = near.errors(fit, data_->output_scale()).cwiseMax(1e-9 * data_->output_scale());
+    JudgedModel nearer = judged(fit.model, kIterations);
+    if (!nearer.fit.usable || !tells_all(nearer.fit)) continue;
+    found_ = std::move(nearer);
+    return;
+  }
+  task_ = free;
+  weights_ = weights;
 }
 
 double FinalFit::missed_nearby(const PlacedFinding& law) const {
@@ -246,6 +303,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
   const PredictionFit without =
       near.fit(without_part(with.model, law.part), weights, with.initials, kIterations);
   if (!with.usable || !without.usable || is_idle(without, with)) return -kMissed;
+  if (!is_told(with, law)) return -kMissed;
   return z_between(without, with);
 }
 
@@ -254,15 +312,14 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
 // little of a law whose force a disturbance hides: there the errors add up.
 void FinalFit::drop_idle_laws() {
   while (!found_.fit.model.laws.empty()) {
-    estimate_deviations(found_);
     std::optional<JudgedModel> poorest;
     double least = kMissed;
     for (const PlacedFinding& law : found_.fit.model.laws) {
       JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
       if (!poorer.fit.usable) continue;
-      const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(law);
+      const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(found_.fit, law);
       const double z = is_nothing ? -kMissed : z_over(poorer);
-      const bool may_be_hidden = !is_nothing && !disturbance_.is_there();
+      const bool may_be_hidden = !disturbance_.is_there();
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
       poorest = std::move(poorer);

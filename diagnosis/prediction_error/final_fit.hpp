@@ -62,7 +62,11 @@ class FinalFit {
   // what is kept out is the larger motion, the ratio of the signals is divided out: a disturbance
   // costs the same in any motion, what a law lacks grows with it. In free run where the plant
   // forgets, else as far ahead as the remaining force lets foresee.
-  [[nodiscard]] std::optional<Eigen::VectorXd> growth() const;
+  struct Growth {
+    Eigen::VectorXd ratio;
+    Eigen::VectorXd deviation;  // of its logarithm, by blocks
+  };
+  [[nodiscard]] std::optional<Growth> growth() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
@@ -77,7 +81,8 @@ class FinalFit {
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
   // Whether any of its parameters is more than two standard errors from zero.
-  [[nodiscard]] bool is_told(const PlacedFinding& law) const;
+  [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
+  void fit_where_laws_are_told();
   // z of a law on the rung where it was accepted, beside the others found.
   [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
@@ -85,7 +90,11 @@ class FinalFit {
   [[nodiscard]] bool take_plainer_law(std::size_t law);
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   void judge_held_out(JudgedModel& model) const;
-  void estimate_deviations(JudgedModel& model) const;
+  [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
+  struct BlockError {
+    Eigen::ArrayXd square, relative;  // by output
+  };
+  [[nodiscard]] BlockError block_error(const PredictionFit& fit) const;
 
   const PredictionData* data_;
   const PredictionHypotheses* hypotheses_;

@@ -34,9 +34,9 @@ constexpr double kHeldOutLimit = 15.0;             // % of the signal
 constexpr double kNoiseLimit = 1.5;                // times the stated noise
 constexpr double kNoiseMultiple = 2.0;             // of what is to be expected
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
-constexpr double kGrowthLimit = 1.5;
-constexpr double kStructureLimit = 3.0;          // % of the forces that act
-constexpr double kRestLimit = 15.0;              // % of them
+constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
+constexpr double kStructureLimit = 3.0;                    // % of the forces that act
+constexpr double kRestLimit = 15.0;                        // % of them
 constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
@@ -283,7 +283,7 @@ class DiagnosisBuilder {
     const JudgedModel& found = final_->found();
     for (const std::size_t index : found.fit.free) {
       if (index >= found.fit.model.own_parameters()) continue;
-      context.starts.push_back(findings_->as_given.model.parameters[index].value);
+      context.starts.push_back(start_of(index, found.fit.model.model.parameters[index].value));
       const ParameterSpace& space = found.fit.model.space[index];
       const bool has_bounds = space.logarithmic;  // the others may become zero
       const bool has_lowest = has_bounds && space.low > kVanished * space.scale;
@@ -294,6 +294,18 @@ class DiagnosisBuilder {
       context.laws.push_back(context_of(found.fit.model.model, law.part));
     }
     return context;
+  }
+
+  // As stated or as fitted without laws, whichever is nearer: what is stated may be a guess, and what
+  // is fitted stands in for laws.
+  [[nodiscard]] double start_of(std::size_t parameter, double value) const {
+    const double stated = stated_->parameters[parameter].value;
+    const double fitted = findings_->as_given.model.parameters[parameter].value;
+    const auto distance = [&](double start) {
+      return start * value > 0.0 ? std::abs(std::log(start / value))
+                                 : std::numeric_limits<double>::infinity();
+    };
+    return distance(stated) < distance(fitted) ? stated : fitted;
   }
 
   [[nodiscard]] PhysicalContext::OfLaw context_of(const LumpedModel& model,
@@ -389,7 +401,7 @@ class DiagnosisBuilder {
 
   void add_growth(std::vector<VerdictReason>& list) const {
     const std::string name = "growth of the error from the recordings of the fit to those kept out";
-    const std::optional<VectorXd> growth = final_->growth();
+    const std::optional<FinalFit::Growth> growth = final_->growth();
     if (!growth) {
       VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
       reason.not_tested = "no recordings were kept out of the fit";
@@ -397,10 +409,11 @@ class DiagnosisBuilder {
       return;
     }
     Index worst = 0;
-    const double most = growth->maxCoeff(&worst);
+    const double most = growth->ratio.maxCoeff(&worst);
+    const bool is_chance = std::log(most) < kGrowthErrors * growth->deviation(worst);
     list.push_back(test(
         fmt::format("{} ({})", name, stated_->output_names[static_cast<std::size_t>(worst)]), most,
-        kGrowthLimit, most <= kGrowthLimit,
+        kGrowthLimit, most <= kGrowthLimit || is_chance,
         "put recordings like those kept out into the fit: the laws found do not hold there as they "
         "hold in it"));
   }

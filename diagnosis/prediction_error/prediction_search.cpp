@@ -95,7 +95,7 @@ bool PredictionSearch::proceed(const std::string& step) {
 }
 
 PredictionFitter PredictionSearch::fitter(const State& state) const {
-  return {*data_, state.task, findings_.intensity, options_.threads};
+  return {*data_, state.task, findings_.intensity, options_.threads, disturbance_};
 }
 
 std::vector<Index> PredictionSearch::ladder(const LumpedModel& model) const {
@@ -146,7 +146,7 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
     intensity = candidate;
   };
   for (const double candidate : candidates) {
-    const PredictionFitter fitter(*data_, state.task, candidate, options_.threads);
+    const PredictionFitter fitter(*data_, state.task, candidate, options_.threads, disturbance_);
     PredictionFit fit =
         fitter.fit(best.usable ? best.model : from, state.weights, best.initials, iterations);
     // The gain was that of the model before.
@@ -156,7 +156,7 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
     take(std::move(fit), candidate);
   }
   if (!is_first) {  // a short horizon may have led into another valley
-    const PredictionFitter fitter(*data_, state.task, intensity, options_.threads);
+    const PredictionFitter fitter(*data_, state.task, intensity, options_.threads, disturbance_);
     take(fitter.fit(as_started(from), state.weights, {}, iterations), intensity);
   }
   if (!best.usable) return false;
@@ -269,15 +269,21 @@ void PredictionSearch::accept(std::vector<TriedLaw> tried, std::size_t taken, St
   findings_.laws.push_back(std::move(law));
 }
 
+// At each free coordinate; none where no force is recorded.
+std::vector<LatentForce> PredictionSearch::latent_forces(const ExtendedLumpedModel& model) const {
+  std::vector<LatentForce> forces;
+  if (!std::isfinite(data_->largest_force()) || !(findings_.intensity > 0.0)) return forces;
+  for (std::size_t i = 0; i < model.model.imposed.size(); ++i) {
+    if (model.model.imposed[i]) continue;
+    forces.push_back(latent_force(*data_, ExperimentRole::kEstimation, model, findings_.intensity,
+                                  static_cast<Index>(i), options_.threads));
+  }
+  return forces;
+}
+
 std::vector<RippleTrial> PredictionSearch::ripples(const State& state) const {
   std::vector<RippleTrial> trials;
-  const LumpedModel& model = state.fit.model.model;
-  if (!std::isfinite(data_->largest_force()) || !(findings_.intensity > 0.0)) return trials;
-  for (std::size_t i = 0; i < model.imposed.size(); ++i) {
-    if (model.imposed[i]) continue;
-    const LatentForce force =
-        latent_force(*data_, ExperimentRole::kEstimation, state.fit.model, findings_.intensity,
-                     static_cast<Index>(i), options_.threads);
+  for (const LatentForce& force : latent_forces(state.fit.model)) {
     std::ranges::copy(ripple_trials(force), std::back_inserter(trials));
   }
   return trials;
@@ -383,6 +389,29 @@ void PredictionSearch::search_rung(State& state) {
   }
 }
 
+void PredictionSearch::search_beside_disturbance() {
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    disturbance_ = {};
+    double likelihood = -std::numeric_limits<double>::infinity();
+    for (const LatentForce& force : latent_forces(findings_.found)) {
+      if (!force.usable || !(force.log_likelihood > likelihood)) continue;
+      likelihood = force.log_likelihood;
+      disturbance_ = force.disturbance;
+    }
+    if (!disturbance_.is_there()) return;
+    const std::vector<std::size_t> before = laws_of(findings_.found);
+    for (const Index horizon : {kFirstHorizon, 3 * kFirstHorizon}) {
+      State state;
+      if (!proceed(fmt::format("{} samples ahead, beside a disturbance: fitting", horizon))) return;
+      if (!climb(horizon, findings_.found, state)) return;
+      if (!is_noise(state)) search_rung(state);
+      findings_.found = state.fit.model;
+    }
+    if (laws_of(findings_.found) == before) return;
+  }
+}
+
 PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
   findings_.sample_time = data_->sample_time();
@@ -395,6 +424,7 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
         {zero.hypothesis, kFirstHorizon, options_.errors_of_gain, options_.least_gain, {}, {}});
   }
   start_ = findings_.found;
+  disturbance_ = {};
   findings_.as_given = without_laws(findings_.found);
   const std::vector<Index> horizons = ladder(model);
   findings_.has_free_run = horizons.front() == 0;
@@ -422,6 +452,9 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
     findings_.found = state.fit.model;
     findings_.rungs.push_back(std::move(rung));
   }
+  const bool is_disturbed = !findings_.rungs.empty() && !findings_.has_free_run &&
+                            std::ranges::any_of(findings_.rungs, &Rung::was_searched);
+  if (is_disturbed && !findings_.stopped) search_beside_disturbance();
   return std::move(findings_);
 }
 

@@ -15,6 +15,10 @@
 //      those not told from the best, the plainest
 //   5. prune: drop every law found that is not missed (is_idle); again from 2
 //
+// Where errors grow with the horizon (the plant does not forget) a disturbance hides small laws. So
+// after the ladder, the force that remains is taken for one (latent_force.hpp), the filter follows
+// it, and the rungs of 10 and 30 samples are searched again.
+//
 // It begins where search_start.hpp says; masses and springs move by 10 about that.
 //
 //   PredictionSearch search(data, hypotheses, options);
@@ -117,7 +121,9 @@ class PredictionSearch {
   [[nodiscard]] ExtendedLumpedModel as_started(const ExtendedLumpedModel& model) const;
   void weigh(State& state) const;
   void search_rung(State& state);
+  void search_beside_disturbance();
   [[nodiscard]] bool add_law(State& state);
+  [[nodiscard]] std::vector<LatentForce> latent_forces(const ExtendedLumpedModel& model) const;
   [[nodiscard]] std::vector<RippleTrial> ripples(const State& state) const;
   [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
   [[nodiscard]] bool add_friction_group(State& state, const std::vector<LawExtension>& extensions,
@@ -145,6 +151,7 @@ class PredictionSearch {
   PredictionFindings findings_;
   std::vector<double> intensities_;
   ExtendedLumpedModel start_;
+  DisturbanceForce disturbance_;  // that the filter follows; none on the ladder
 };
 
 // Springs and dampers hold every free coordinate, and what happened is forgotten in a fifth of the
