@@ -43,6 +43,7 @@ ErrorModel error_model(const LinearPredictor& linear, const MatrixXd& gain, cons
   model.corrected.topRows(n) = linear.a * gain * noise.asDiagonal();
   MatrixXd q = MatrixXd::Zero(n + 1, n + 1);
   q(n, n) = 1.0 - kept * kept;
+  q.topLeftCorner(n, n) = disturbance.white * disturbance.white * linear.b * linear.b.transpose();
   model.covariance = stationary_covariance(model.a, model.c, q, VectorXd::Ones(outputs));
   const MatrixXd s =
       model.c * model.covariance * model.c.transpose() + MatrixXd::Identity(outputs, outputs);
@@ -127,22 +128,28 @@ class LatentForceFit {
     best_.coordinate = coordinate;
   }
 
-  // Coordinate by coordinate in the logarithms of deviation and memory, in steps that shrink.
+  // Coordinate by coordinate in the logarithms of deviations and memory, in steps that shrink.
   void maximise(double scale, double longest) {
-    low_ = {kLeastShare * scale, sample_time_};
-    high_ = {kMostShare * scale, std::max(longest, 2.0 * sample_time_)};
-    constexpr std::array kFirst{1e-3, 1e-2, 1e-1};
-    for (const double share : kFirst) {
-      for (const double samples : {1.0, 10.0, 100.0}) try_at(share * scale, samples * sample_time_);
+    constexpr double kShortest = 3.0;  // samples: else it is white
+    low_ = {kLeastShare * scale, kShortest * sample_time_, kLeastShare * scale};
+    high_ = {kMostShare * scale, std::max(longest, 2.0 * low_[1]), kMostShare * scale};
+    for (const double share : {1e-3, 1e-2, 1e-1}) {
+      for (const double samples : {5.0, 30.0, 200.0}) {
+        for (const double white : {1e-3, 1e-1}) {
+          try_at({share * scale, samples * sample_time_, white * scale});
+        }
+      }
     }
     for (double step = 3.0; step > 1.1; step = std::sqrt(step)) {
       for (bool better = true; better;) {
         stop_if_requested();
-        const DisturbanceForce at = best_;
         better = false;
-        for (const double factor : {step, 1.0 / step}) {
-          better |= try_at(at.deviation * factor, at.memory);
-          better |= try_at(at.deviation, at.memory * factor);
+        for (std::size_t i = 0; i < low_.size(); ++i) {
+          for (const double factor : {step, 1.0 / step}) {
+            std::array<double, 3> next = at_;
+            next[i] *= factor;
+            better |= try_at(next);
+          }
         }
       }
     }
@@ -156,16 +163,17 @@ class LatentForceFit {
   [[nodiscard]] const std::vector<MatrixXd>& runs() const { return runs_; }
 
  private:
-  bool try_at(double deviation, double memory) {
-    const bool is_inside =
-        deviation >= low_[0] && deviation <= high_[0] && memory >= low_[1] && memory <= high_[1];
-    if (!is_inside) return false;
-    const DisturbanceForce each{best_.coordinate, deviation, memory};
+  bool try_at(const std::array<double, 3>& values) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (values[i] < low_[i] || values[i] > high_[i]) return false;
+    }
+    const DisturbanceForce each{best_.coordinate, values[0], values[1], values[2]};
     const double value =
         graybox::log_likelihood(error_model(linear_, gain_, noise_, each, sample_time_), runs_);
     if (!(value > likelihood_)) return false;
     likelihood_ = value;
     best_ = each;
+    at_ = values;
     return true;
   }
 
@@ -174,7 +182,7 @@ class LatentForceFit {
   VectorXd noise_;
   std::vector<MatrixXd> runs_;
   double sample_time_;
-  std::array<double, 2> low_{}, high_{};
+  std::array<double, 3> low_{}, high_{}, at_{};  // deviation, memory, white
   DisturbanceForce best_;
   double likelihood_ = -std::numeric_limits<double>::infinity();
 };

@@ -4,17 +4,18 @@
 // Let e_k be the filter's error at sample k and K its gain. x_k is how far its state is off before
 // that sample corrects it. With A, B and C of stationary_gain.hpp and d the force,
 //
-//   x_(k+1) = A (x_k - K e_k) + B d_k,    e_k = C x_k + v_k,
-//   d_(k+1) = exp(-T/memory) d_k + white noise.
+//   x_(k+1) = A (x_k - K e_k) + B (d_k + w_k),    e_k = C x_k + v_k,
+//   d_(k+1) = exp(-T/memory) d_k + white noise,   w white.
 //
-// Deviation and memory of d are those of greatest likelihood, by a stationary Kalman filter. The
+// Deviation and memory of d, and the deviation of w, are those of greatest likelihood, by a
+// stationary Kalman filter. The
 // force itself is smoothed over the whole recording (de Jong, Journal of the American Statistical
 // Association 84, 1989). Laws that are not linear act in the filter, not in A. That is right while
 // d is small beside them.
 //
 //   const LatentForce force = latent_force(data, role, model, intensity, coordinate, threads);
 //
-// Cost: one pass of the filter, and some 60 passes of a Kalman filter of 1 + states.
+// Cost: one pass of the filter, and some 100 passes of a Kalman filter of 1 + states.
 #pragma once
 
 #include <Eigen/Core>

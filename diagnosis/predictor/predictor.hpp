@@ -49,10 +49,12 @@ struct Forecasts {
   }
 };
 
-// A force with memory that no input shows: d_(k+1) = exp(-T/memory) d_k + white noise.
+// A force that no input shows: one with memory, d_(k+1) = exp(-T/memory) d_k + white noise, and one
+// without, that is another in every sample.
 struct DisturbanceForce {
   Eigen::Index coordinate = -1;          // -1: none
   double deviation = 0.0, memory = 0.0;  // N or N m, s
+  double white = 0.0;                    // deviation of the one without memory
   [[nodiscard]] bool is_there() const { return coordinate >= 0; }
 };
 

@@ -78,6 +78,9 @@ MatrixXd stationary_gain(Predictor& predictor, const LumpedModel& model, double 
   if (const DisturbanceForce& d = predictor.disturbance(); d.is_there()) {
     const Index at = predictor.disturbance_state();
     q(at, at) = d.deviation * d.deviation * -std::expm1(-2.0 * sample_time / d.memory);
+    VectorXd pushed = VectorXd::Zero(n);
+    predictor.linear_step(pushed, d.coordinate, d.white);
+    q += pushed * pushed.transpose();
   }
   const VectorXd ones = VectorXd::Ones(c.rows());
   const MatrixXd p = stationary_covariance(linear.a, c, q, ones);
@@ -105,10 +108,15 @@ VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const Vector
   MatrixXd f = open;
   const double size = disturbance.deviation;
   noises(n, n) = size * size * (1.0 - kept * kept);
+  if (disturbance.is_there()) {
+    noises.topLeftCorner(n, n) =
+        disturbance.white * disturbance.white * linear.b * linear.b.transpose();
+  }
+  const MatrixXd forced = noises;
   if (!is_free) {
     f.topLeftCorner(n, n) -= linear.a * gain * linear.c;
     const MatrixXd corrected = linear.a * gain;
-    noises.topLeftCorner(n, n) = corrected * variance.asDiagonal() * corrected.transpose();
+    noises.topLeftCorner(n, n) += corrected * variance.asDiagonal() * corrected.transpose();
   }
   f *= 1.0 - kForgetting;
   MatrixXd s = noises;
@@ -121,8 +129,6 @@ VectorXd error_by_noise(Predictor& predictor, const MatrixXd& gain, const Vector
   // The first sample of a forecast has the error before its correction.
   const Index count = is_free ? 1 : std::min(horizon, kMost);
   VectorXd sum = VectorXd::Zero(noise.size());
-  MatrixXd forced = MatrixXd::Zero(n + 1, n + 1);
-  forced(n, n) = noises(n, n);
   for (Index i = 0; i < count; ++i) {
     sum += (linear.c * s.topLeftCorner(n, n) * linear.c.transpose()).diagonal() + variance;
     s = open * s * open.transpose() + forced;
