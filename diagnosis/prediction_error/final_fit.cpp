@@ -74,7 +74,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   if (!found_.fit.usable) return;
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
-  follow_disturbance();
+  fit_beside_disturbance();
   fit_where_laws_are_told();
   drop_idle_laws();
   take_plainer_laws();
@@ -104,6 +104,23 @@ bool FinalFit::has_skill(const VectorXd& error) const {
   const bool is_only_way = findings_->has_free_run;
   const double limit = judged_by_.is_free() && !is_only_way ? kFreeSkill : kSkill;
   return (error.array() < limit * data_->output_scale().array()).all();
+}
+
+// Unless what is then fitted to short runs is no good for the longer ones: so it is where more is
+// missing than a disturbance.
+void FinalFit::fit_beside_disturbance() {
+  constexpr double kWorse = 1.5;
+  const PredictionTask task = task_;
+  const VectorXd weights = weights_;
+  JudgedModel before = found_;
+  follow_disturbance();
+  const bool is_worse =
+      !judged_by_.is_free() && (found_.error.array() > kWorse * before.error.array()).any();
+  if (!is_worse) return;
+  found_ = std::move(before);
+  task_ = task;
+  weights_ = weights;
+  disturbance_ = {};
 }
 
 // The force is estimated anew with the laws that it leaves: what they lacked, it had.

@@ -74,6 +74,7 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
+  void fit_beside_disturbance();
   void follow_disturbance();
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
