@@ -336,7 +336,7 @@ void FinalFit::drop_idle_laws() {
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(found_.fit, law);
       const double z = is_nothing ? -kMissed : z_over(poorer);
-      const bool may_be_hidden = !disturbance_.is_there();
+      const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
       poorest = std::move(poorer);

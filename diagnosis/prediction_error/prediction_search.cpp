@@ -19,8 +19,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kFirstIterations = 40, kRungIterations = 15, kRefitIterations = 12,
-              kWeighIterations = 6, kPruneIterations = 8;
+constexpr int kFirstIterations = 40, kRungIterations = 15, kRaceIterations = 4,
+              kRefitIterations = 10, kWeighIterations = 6, kPruneIterations = 8;
+constexpr double kRace = 0.5;      // of the best gain after a few iterations: refitted to the end
 constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
 constexpr Index kFewestWindows = 10;
@@ -189,7 +190,19 @@ PredictionFit PredictionSearch::refit(const State& state, const LawExtension& la
     if (best < state.fit.cost || law.is_secant) break;
   }
   if (!std::isfinite(best)) return {};
-  return fitter.fit(best_start, state.weights, state.fit.initials, kRefitIterations);
+  return fitter.fit(best_start, state.weights, state.fit.initials, kRaceIterations);
+}
+
+// A spring that pushes a mass away from where it stands is none that a machine has.
+bool PredictionSearch::pushes_away(const PredictionFit& fit) const {
+  const LumpedModel& model = fit.model.model;
+  const Element& law = model.parts[fit.model.laws.back().part];
+  const bool is_spring = law.location.kind == LocationKind::kElement && law.law_name == "stiffness";
+  if (!is_spring) return false;
+  const VectorXd& b = law.location.output;
+  Index mass = 0;
+  b.cwiseAbs().maxCoeff(&mass);
+  return model.stiffness(mass, mass) * b(mass) * b(mass) < 0.0 || b.dot(model.stiffness * b) < 0.0;
 }
 
 double PredictionSearch::fed_in_by(const State& state, const PredictionFit& fit) const {
@@ -207,12 +220,19 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     TriedLaw one;
     one.hypothesis = law.hypothesis;
     one.fit = refit(state, law, law.is_secant ? 1.0 : score.amplitude);
-    if (!one.fit.usable) continue;
+    if (one.fit.usable) tried.push_back(std::move(one));
+  }
+  const auto gain = [&](const TriedLaw& law) { return state.fit.cost - law.fit.cost; };
+  double best = 0.0;
+  for (const TriedLaw& law : tried) best = std::max(best, gain(law));
+  for (TriedLaw& one : tried) {
+    if (gain(one) >= kRace * best) {
+      one.fit = fitter(state).fit_on(one.fit, state.weights, kRefitIterations);
+    }
     one.z = z_between(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
-    one.ran_away = has_run_away(one.fit);
-    tried.push_back(std::move(one));
+    one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
   return tried;

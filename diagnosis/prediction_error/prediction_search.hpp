@@ -67,7 +67,7 @@ struct TriedLaw {
   double gain = 0.0;    // of its cost
   double behind = 0.0;  // z of the law taken over this one
   bool feeds_energy = false;
-  bool ran_away = false;  // a parameter of the law ended at a bound
+  bool ran_away = false;  // a parameter of the law ended at a bound, or what no machine has
   [[nodiscard]] bool is_possible() const { return !feeds_energy && !ran_away; }
 };
 
@@ -134,6 +134,7 @@ class PredictionSearch {
   [[nodiscard]] std::vector<TriedLaw> try_laws(const State& state,
                                                const std::vector<LawExtension>& extensions,
                                                const std::vector<ExtensionScore>& list) const;
+  [[nodiscard]] bool pushes_away(const PredictionFit& fit) const;
   [[nodiscard]] PredictionFit refit(const State& state, const LawExtension& law,
                                     double amplitude) const;
   [[nodiscard]] std::size_t plainest(const std::vector<TriedLaw>& good,

@@ -280,10 +280,23 @@ bool PredictionFitter::descend(Point& at, const MatrixXd& jacobian, std::span<co
 PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const VectorXd& weights,
                                     const InitialStates& initials, int iterations,
                                     bool parameters_too) const {
+  return fit_from({start,
+                   initials.empty() ? measured_initials(start.model) : initials,
+                   gain_of(start),
+                   0.0,
+                   {}},
+                  weights, iterations, parameters_too);
+}
+
+PredictionFit PredictionFitter::fit_on(const PredictionFit& from, const VectorXd& weights,
+                                       int iterations) const {
+  return fit_from({from.model, from.initials, from.gain, 0.0, {}}, weights, iterations, true);
+}
+
+PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int iterations,
+                                         bool parameters_too) const {
   PredictionFit result;
-  Point at{
-      start, initials.empty() ? measured_initials(start.model) : initials, gain_of(start), 0.0, {}};
-  if (parameters_too) result.free = start.free_parameters();
+  if (parameters_too) result.free = at.model.free_parameters();
   result.usable = evaluate(at, weights);
   double damping = kInitialDamping;
   int settled = 0;

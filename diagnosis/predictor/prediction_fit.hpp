@@ -65,6 +65,9 @@ class PredictionFitter {
   [[nodiscard]] PredictionFit fit(const ExtendedLumpedModel& start, const Eigen::VectorXd& weights,
                                   const InitialStates& initials, int iterations,
                                   bool parameters_too = true) const;
+  // A fit that goes on where another ended, with its gain.
+  [[nodiscard]] PredictionFit fit_on(const PredictionFit& from, const Eigen::VectorXd& weights,
+                                     int iterations) const;
   // False where the motion leaves all bounds.
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
@@ -97,6 +100,8 @@ class PredictionFitter {
       const ExtendedLumpedModel& model, const InitialStates& initials, const Eigen::MatrixXd& gain,
       const std::function<void(std::size_t, const Eigen::MatrixXd&, const Eigen::MatrixXd&)>& take,
       bool with_states) const;
+  [[nodiscard]] PredictionFit fit_from(Point at, const Eigen::VectorXd& weights, int iterations,
+                                       bool parameters_too) const;
   [[nodiscard]] Point moved(const Point& from, std::span<const std::size_t> free,
                             const Eigen::VectorXd& step) const;
   [[nodiscard]] double difference_step(const Point& at, std::span<const std::size_t> free,
