@@ -129,29 +129,23 @@ class LatentForceFit {
   }
 
   // Coordinate by coordinate in the logarithms of deviations and memory, in steps that shrink.
-  void maximise(double scale, double longest) {
+  void maximise(double scale, double longest, bool with_white) {
     constexpr double kShortest = 3.0;  // samples: else it is white
-    low_ = {kLeastShare * scale, kShortest * sample_time_, kLeastShare * scale};
-    high_ = {kMostShare * scale, std::max(longest, 2.0 * low_[1]), kMostShare * scale};
+    likelihood_ = -std::numeric_limits<double>::infinity();
+    const double least = kLeastShare * scale, most = kMostShare * scale;
+    const double shortest = (with_white ? kShortest : 1.0) * sample_time_;
+    low_ = {least, shortest, with_white ? least : 0.0};
+    high_ = {most, std::max(longest, 2.0 * shortest), with_white ? most : 0.0};
     for (const double share : {1e-3, 1e-2, 1e-1}) {
       for (const double samples : {5.0, 30.0, 200.0}) {
         for (const double white : {1e-3, 1e-1}) {
-          try_at({share * scale, samples * sample_time_, white * scale});
+          try_at({share * scale, samples * sample_time_, with_white ? white * scale : 0.0});
+          if (!with_white) break;
         }
       }
     }
     for (double step = 3.0; step > 1.1; step = std::sqrt(step)) {
-      for (bool better = true; better;) {
-        stop_if_requested();
-        better = false;
-        for (std::size_t i = 0; i < low_.size(); ++i) {
-          for (const double factor : {step, 1.0 / step}) {
-            std::array<double, 3> next = at_;
-            next[i] *= factor;
-            better |= try_at(next);
-          }
-        }
-      }
+      while (try_steps(step)) stop_if_requested();
     }
   }
 
@@ -163,6 +157,19 @@ class LatentForceFit {
   [[nodiscard]] const std::vector<MatrixXd>& runs() const { return runs_; }
 
  private:
+  bool try_steps(double step) {
+    bool better = false;
+    for (std::size_t i = 0; i < low_.size(); ++i) {
+      if (!(high_[i] > 0.0)) continue;
+      for (const double factor : {step, 1.0 / step}) {
+        std::array<double, 3> next = at_;
+        next[i] *= factor;
+        better |= try_at(next);
+      }
+    }
+    return better;
+  }
+
   bool try_at(const std::array<double, 3>& values) {
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (values[i] < low_[i] || values[i] > high_[i]) return false;
@@ -224,23 +231,24 @@ LatentForce latent_force(const PredictionData& data, ExperimentRole role,
   }
   LatentForceFit search(linear, fit.gain, data.noise(), std::move(runs), data.sample_time(),
                         coordinate);
-  search.maximise(data.force_scale(),
-                  kLongestMemory * static_cast<double>(shortest) * data.sample_time());
+  const double longest = kLongestMemory * static_cast<double>(shortest) * data.sample_time();
+  search.maximise(data.force_scale(), longest, false);
   if (!std::isfinite(search.log_likelihood())) return result;
-  const ErrorModel best = search.model();
-  result.disturbance = search.best();
-  result.log_likelihood = search.log_likelihood();
+  const ErrorModel coloured = search.model();
+  const double deviation = search.best().deviation;
   result.force.resize(task.rows(1));
   Index first = 0;
   for (const MatrixXd& errors : search.runs()) {
-    result.force.segment(first, errors.cols()) =
-        result.disturbance.deviation * smoothed(best, errors);
+    result.force.segment(first, errors.cols()) = deviation * smoothed(coloured, errors);
     for (Index k = 0; k < errors.cols(); ++k) {
       result.settled.push_back(k >= std::min(kStart, errors.cols() / 10) ? 1 : 0);
     }
     first += errors.cols();
   }
-  result.band = result.disturbance.deviation * smoothing_error(best);
+  result.band = deviation * smoothing_error(coloured);
+  search.maximise(data.force_scale(), longest, true);
+  result.disturbance = search.best();
+  result.log_likelihood = search.log_likelihood();
   result.motion = fitter.motion(fit);
   result.usable = result.force.allFinite();
   return result;
