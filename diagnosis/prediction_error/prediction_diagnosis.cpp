@@ -11,6 +11,7 @@
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_error/latent_pictures.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
 #include "problems/base/error.hpp"
@@ -92,6 +93,9 @@ class DiagnosisBuilder {
     add_effects();
     add_channels();
     add_ranking();
+    if (const LatentForce* force = final_->rest().force()) {
+      result_.pictures = latent_pictures(final_->found().fit.model, *force);
+    }
     result_.detection.detected = !result_.effects.empty() || !is_disturbance();
     result_.checked = checked();
     result_.implausible =
