@@ -106,47 +106,63 @@ bool FinalFit::has_skill(const VectorXd& error) const {
   return (error.array() < limit * data_->output_scale().array()).all();
 }
 
-// Unless what is then fitted to short runs is no good for the longer ones: so it is where more is
-// missing than a disturbance.
+// Of the fit as it is and fits beside a disturbance the likeliest, unless what is fitted to short
+// runs is no good for the longer ones: so it is where more is missing than a disturbance.
 void FinalFit::fit_beside_disturbance() {
-  constexpr double kWorse = 1.5;
-  const PredictionTask task = task_;
-  const VectorXd weights = weights_;
-  JudgedModel before = found_;
-  follow_disturbance();
-  const bool is_worse =
-      !judged_by_.is_free() && (found_.error.array() > kWorse * before.error.array()).any();
-  if (!is_worse) return;
-  found_ = std::move(before);
-  task_ = task;
-  weights_ = weights;
-  disturbance_ = {};
+  constexpr double kWorse = 1.5, kWorseFree = 4.0;
+  if (findings_->has_free_run) return;
+  const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
+  if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoNoise) return;
+  const double ratio = findings_->sample_time / data_->sample_time();
+  const Index longest = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
+  const JudgedModel before = found_;
+  Beside best{task_, weights_, {}, found_, rest.force()->log_likelihood};
+  for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon, 10 * kFirstHorizon}) {
+    const Index horizon = std::lround(ratio * static_cast<double>(ahead));
+    if (horizon > longest && ahead > kFirstHorizon) break;
+    std::optional<Beside> beside = follow_disturbance(before, rest, horizon);
+    if (!beside || !(beside->log_likelihood > best.log_likelihood)) continue;
+    const double limit = judged_by_.is_free() ? kWorseFree : kWorse;
+    const bool is_worse = (beside->found.error.array() > limit * before.error.array()).any();
+    if (!is_worse) best = *std::move(beside);
+  }
+  task_ = best.task;
+  weights_ = best.weights;
+  disturbance_ = best.disturbance;
+  found_ = std::move(best.found);
 }
 
 // The force is estimated anew with the laws that it leaves: what they lacked, it had.
-void FinalFit::follow_disturbance() {
-  constexpr int kRounds = 4;
-  constexpr Index kAhead = 30;       // of the samples that the search counts
+std::optional<FinalFit::Beside> FinalFit::follow_disturbance(const JudgedModel& from,
+                                                             const RemainingForce& rest,
+                                                             Index horizon) {
+  constexpr int kRounds = 3;
   constexpr double kSettled = 0.05;  // of its size
-  if (findings_->has_free_run) return;
-  const double ratio = findings_->sample_time / data_->sample_time();
+  const VectorXd& scale = data_->output_scale();
+  std::optional<Beside> result;
+  DisturbanceForce disturbance = rest.force()->disturbance;
+  ExtendedLumpedModel model = from.fit.model;
   for (int round = 0; round < kRounds; ++round) {
-    const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
-    if (rest.force() == nullptr) return;
-    if (round == 0 && rest.multiple_of_noise() <= kNoNoise) return;
-    const DisturbanceForce before = disturbance_;
-    disturbance_ = rest.force()->disturbance;
-    const double change = std::abs(disturbance_.deviation - before.deviation);
-    if (change < kSettled * disturbance_.deviation) return;
-    const Index horizon = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
-    task_ = data_->windows(
-        std::min(horizon > 0 ? horizon : kAhead, static_cast<Index>(std::lround(ratio * kAhead))));
-    const PredictionFitter nearer = fitter(task_);
-    const PredictionFit fit = nearer.fit(found_.fit.model, data_->output_scale(), {}, kIterations);
-    if (!fit.usable) return;
-    weights_ = nearer.errors(fit, data_->output_scale()).cwiseMax(1e-9 * data_->output_scale());
-    found_ = judged(fit.model, kIterations);
+    task_ = data_->windows(horizon);
+    disturbance_ = disturbance;
+    const PredictionFitter near = fitter(task_);
+    const PredictionFit fit = near.fit(model, scale, {}, kIterations);
+    if (!fit.usable) return result;
+    weights_ = near.errors(fit, scale).cwiseMax(1e-9 * scale);
+    JudgedModel found = judged(fit.model, kIterations);
+    if (!found.fit.usable) return result;
+    const auto force = likeliest_force(*data_, found.fit.model, findings_->intensity, threads_);
+    if (!force) return result;
+    model = found.fit.model;
+    const double change = std::abs(force->disturbance.deviation - disturbance.deviation);
+    const bool is_settled = change < kSettled * disturbance.deviation;
+    if (!result || force->log_likelihood > result->log_likelihood) {
+      result = Beside{task_, weights_, disturbance, std::move(found), force->log_likelihood};
+    }
+    if (is_settled) return result;
+    disturbance = force->disturbance;
   }
+  return result;
 }
 
 JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {

@@ -5,9 +5,9 @@
 // It is judged in free run where free run has skill (errors below a fifth of the signal in every
 // output), else over the longest windows that have. It is fitted there, too, unless a force remains
 // (remaining_force.hpp) and the rest is above twice the sensors' noise. A disturbance adds up, and
-// what adds up hides the size of a law. Then the filter follows the force, and the fit is over
-// windows of at most 30 samples of the search, in which it costs less than 5 % of every output's
-// signal.
+// what adds up hides the size of a law. Then fits over windows of 10, 30 and 100 samples of the
+// search are tried beside it, whose filters follow the force. The likeliest is taken, by the
+// likelihood of latent_force.hpp.
 //
 // Standard errors allow for residuals with memory and of changing size: H^-1 (sum over blocks
 // g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. Of recordings kept out the
@@ -75,7 +75,17 @@ class FinalFit {
 
  private:
   void fit_beside_disturbance();
-  void follow_disturbance();
+  // A fit whose filter follows a disturbance.
+  struct Beside {
+    PredictionTask task;
+    Eigen::VectorXd weights;
+    DisturbanceForce disturbance;
+    JudgedModel found;
+    double log_likelihood = 0.0;
+  };
+  [[nodiscard]] std::optional<Beside> follow_disturbance(const JudgedModel& from,
+                                                         const RemainingForce& rest,
+                                                         Eigen::Index horizon);
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
   void choose_horizon();

@@ -422,6 +422,14 @@ class DiagnosisBuilder {
         "hold in it"));
   }
 
+  void add_against_as_given(std::vector<VerdictReason>& list) const {
+    if (!result_.validation_before || !result_.validation_after) return;
+    const double ratio = result_.validation_after->nrmse / result_.validation_before->nrmse;
+    list.push_back(test("error kept out over that of the model as given", ratio, 1.0, ratio <= 1.0,
+                        "the laws found do not help where they were not fitted: put recordings "
+                        "like those kept out into the fit"));
+  }
+
   // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
   void add_rest(std::vector<VerdictReason>& list) const {
     const RemainingForce& rest = final_->rest();
@@ -480,6 +488,7 @@ class DiagnosisBuilder {
     list.push_back(std::move(found));
     add_held_out(list);
     add_growth(list);
+    add_against_as_given(list);
     add_rest(list);
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();

@@ -412,14 +412,10 @@ void PredictionSearch::search_rung(State& state) {
 void PredictionSearch::search_beside_disturbance() {
   constexpr int kRounds = 2;
   for (int round = 0; round < kRounds; ++round) {
-    disturbance_ = {};
-    double likelihood = -std::numeric_limits<double>::infinity();
-    for (const LatentForce& force : latent_forces(findings_.found)) {
-      if (!force.usable || !(force.log_likelihood > likelihood)) continue;
-      likelihood = force.log_likelihood;
-      disturbance_ = force.disturbance;
-    }
-    if (!disturbance_.is_there()) return;
+    const std::optional<LatentForce> force =
+        likeliest_force(*data_, findings_.found, findings_.intensity, options_.threads);
+    if (!force) return;
+    disturbance_ = force->disturbance;
     const std::vector<std::size_t> before = laws_of(findings_.found);
     for (const Index horizon : {kFirstHorizon, 3 * kFirstHorizon}) {
       State state;

@@ -50,8 +50,6 @@ class RemainingForce {
 
  private:
   [[nodiscard]] bool costs_at_most(double share, const HorizonError& at) const;
-  void find_force(const PredictionData& data, const ExtendedLumpedModel& model, double intensity,
-                  int threads);
 
   std::optional<LatentForce> force_;
   std::vector<LatentStructure> structures_;

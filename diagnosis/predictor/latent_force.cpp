@@ -15,7 +15,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr Index kMostStates = 60;  // a sensor that is late by many samples has as many
-constexpr Index kSettling = 50;    // samples of a run, from its first, that do not count
+constexpr Index kSettling = 100;   // samples of a run, from its first, that do not count
 constexpr Index kStart = 100;      // for the force: a wrong start is a push at first
 constexpr double kLeastShare = 1e-5, kMostShare = 3.0;  // of the forces that act
 constexpr double kLongestMemory = 0.25;                 // of the shortest run
@@ -252,6 +252,22 @@ LatentForce latent_force(const PredictionData& data, ExperimentRole role,
   result.motion = fitter.motion(fit);
   result.usable = result.force.allFinite();
   return result;
+}
+
+std::optional<LatentForce> likeliest_force(const PredictionData& data,
+                                           const ExtendedLumpedModel& model, double intensity,
+                                           int threads) {
+  std::optional<LatentForce> likeliest;
+  if (!std::isfinite(data.largest_force()) || !(intensity > 0.0)) return likeliest;
+  for (std::size_t i = 0; i < model.model.imposed.size(); ++i) {
+    if (model.model.imposed[i]) continue;
+    LatentForce force = latent_force(data, ExperimentRole::kEstimation, model, intensity,
+                                     static_cast<Index>(i), threads);
+    const bool is_likelier =
+        force.usable && (!likeliest || force.log_likelihood > likeliest->log_likelihood);
+    if (is_likelier) likeliest = std::move(force);
+  }
+  return likeliest;
 }
 
 }  // namespace graybox

@@ -19,6 +19,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "diagnosis/predictor/prediction_fit.hpp"
@@ -43,5 +44,11 @@ struct LatentForce {
 [[nodiscard]] LatentForce latent_force(const PredictionData& data, ExperimentRole role,
                                        const ExtendedLumpedModel& model, double intensity,
                                        Eigen::Index coordinate, int threads);
+
+// The latent force at the free coordinate where it is likeliest; none where no force is recorded or
+// nothing moves freely.
+[[nodiscard]] std::optional<LatentForce> likeliest_force(const PredictionData& data,
+                                                         const ExtendedLumpedModel& model,
+                                                         double intensity, int threads);
 
 }  // namespace graybox
