@@ -115,6 +115,7 @@ void FinalFit::fit_beside_disturbance() {
   if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoNoise) return;
   const double ratio = findings_->sample_time / data_->sample_time();
   const Index longest = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
+  remaining_ = rest.force()->disturbance;
   const JudgedModel before = found_;
   Beside best{task_, weights_, {}, found_, rest.force()->log_likelihood};
   for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon, 10 * kFirstHorizon}) {
@@ -327,7 +328,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
   const double ratio = findings_->sample_time / data_->sample_time();
   const PredictionTask task =
       data_->windows(std::lround(ratio * static_cast<double>(accepted->horizon)));
-  const PredictionFitter near = fitter(task);
+  const PredictionFitter near(*data_, task, findings_->intensity, threads_, remaining_);
   const VectorXd& scale = data_->output_scale();
   const PredictionFit present = near.fit(found_.fit.model, scale, {}, 0);
   if (!present.usable) return -kMissed;

@@ -113,6 +113,7 @@ class FinalFit {
   int threads_;
   PredictionTask judged_by_, task_;  // of the errors, and of the fit
   DisturbanceForce disturbance_;     // that the filter of the fit follows
+  DisturbanceForce remaining_;       // that the rungs are asked beside; none: no force remains
   Eigen::VectorXd weights_;
   JudgedModel found_, as_given_;
   std::optional<RemainingForce> rest_;

@@ -36,8 +36,9 @@ constexpr double kNoiseLimit = 1.5;                // times the stated noise
 constexpr double kNoiseMultiple = 2.0;             // of what is to be expected
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
-constexpr double kStructureLimit = 3.0;                    // % of the forces that act
-constexpr double kRestLimit = 15.0;                        // % of them
+constexpr double kAsGivenLimit = 2.0;
+constexpr double kStructureLimit = 3.0;          // % of the forces that act
+constexpr double kRestLimit = 15.0;              // % of them
 constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
@@ -425,7 +426,10 @@ class DiagnosisBuilder {
   void add_against_as_given(std::vector<VerdictReason>& list) const {
     if (!result_.validation_before || !result_.validation_after) return;
     const double ratio = result_.validation_after->nrmse / result_.validation_before->nrmse;
-    list.push_back(test("error kept out over that of the model as given", ratio, 1.0, ratio <= 1.0,
+    // Where errors add up, a disturbance may make a poor model the better one by chance.
+    const double limit = findings_->has_free_run ? 1.0 : kAsGivenLimit;
+    list.push_back(test("error kept out over that of the model as given", ratio, limit,
+                        ratio <= limit,
                         "the laws found do not help where they were not fitted: put recordings "
                         "like those kept out into the fit"));
   }

@@ -45,6 +45,8 @@ bool has_run_away(const PredictionFit& fit) {
   return false;
 }
 
+bool swings(const LawExtension& law) { return law.law == "mode" || law.law == "resonance"; }
+
 // Hypotheses of the laws, sorted.
 std::vector<std::size_t> laws_of(const ExtendedLumpedModel& model) {
   std::vector<std::size_t> laws;
@@ -311,8 +313,9 @@ std::vector<RippleTrial> PredictionSearch::ripples(const State& state) const {
 
 bool PredictionSearch::add_law(State& state) {
   const PredictionFitter fitter = this->fitter(state);
-  const std::vector<LawExtension> extensions =
+  std::vector<LawExtension> extensions =
       hypotheses_->extensions(state.fit.model, fitter.motion(state.fit), ripples(state));
+  if (disturbance_.is_there()) std::erase_if(extensions, swings);  // each imitates the other
   const std::vector<ExtensionScore> scores =
       extension_scores(fitter, state.fit, state.weights, extensions);
   if (findings_.ranked.empty()) {
