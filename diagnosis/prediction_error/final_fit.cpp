@@ -25,7 +25,7 @@ constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
 constexpr double kNoNoise = 2.0;       // times the sensors' noise: a disturbance is there
-constexpr double kToldFromNone = 2.0;  // standard errors of a law's size
+constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,

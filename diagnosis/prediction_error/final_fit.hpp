@@ -91,7 +91,7 @@ class FinalFit {
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
-  // Whether any of its parameters is more than two standard errors from zero.
+  // Whether any of its parameters is more than two and a half standard errors from zero.
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();
   // z of a law on the rung where it was accepted, beside the others found.

@@ -10,8 +10,8 @@
 
 namespace graybox {
 
-// One for each law of `model`, in their order; empty for laws of signals, for those with memory, and
-// for those at another place than the force that remains.
+// One for each law of `model`, in their order; empty for laws of signals, for those with memory,
+// and for those at another place than the force that remains.
 [[nodiscard]] std::vector<ForcePicture> latent_pictures(const ExtendedLumpedModel& model,
                                                         const LatentForce& force);
 

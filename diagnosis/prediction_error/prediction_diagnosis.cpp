@@ -301,8 +301,8 @@ class DiagnosisBuilder {
     return context;
   }
 
-  // As stated or as fitted without laws, whichever is nearer: what is stated may be a guess, and what
-  // is fitted stands in for laws.
+  // As stated or as fitted without laws, whichever is nearer: what is stated may be a guess, and
+  // what is fitted stands in for laws.
   [[nodiscard]] double start_of(std::size_t parameter, double value) const {
     const double stated = stated_->parameters[parameter].value;
     const double fitted = findings_->as_given.model.parameters[parameter].value;
