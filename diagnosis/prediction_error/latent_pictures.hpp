@@ -1,6 +1,7 @@
-// What a report draws of laws found by prediction: the force that was there, against the law. At a
-// sample, that is the law's own force along the filter's motion plus the force that remains
-// (latent_force.hpp), over samples that move.
+// What a report draws of laws found by prediction: the force that was there, against the law.
+//
+// The force at a sample is the law's own, along the filter's motion, plus the force that remains
+// (latent_force.hpp). Only samples that move are drawn.
 #pragma once
 
 #include <vector>
@@ -10,8 +11,8 @@
 
 namespace graybox {
 
-// One for each law of `model`, in their order; empty for laws of signals, for those with memory,
-// and for those at another place than the force that remains.
+// One for each law of `model`, in their order. It is empty for a law of a signal, for one with
+// memory, and at another place than that of the force that remains.
 [[nodiscard]] std::vector<ForcePicture> latent_pictures(const ExtendedLumpedModel& model,
                                                         const LatentForce& force);
 

@@ -9,9 +9,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kTold = 2.3;        // z; by Monte Carlo, one in twenty disturbances
-constexpr double kLeastShare = 0.1;  // of the force's variance
-
 double largest_ratio(const std::vector<HorizonError>& horizons, VectorXd HorizonError::*expected) {
   double largest = 0.0;
   for (const HorizonError& each : horizons) {
@@ -53,7 +50,7 @@ RemainingForce::RemainingForce(const PredictionData& data, const PredictionFindi
 
 const LatentStructure* RemainingForce::structure() const {
   const auto told = std::ranges::find_if(structures_, [](const LatentStructure& structure) {
-    return structure.z > kTold && structure.share > kLeastShare;
+    return structure.z > kToldStructure && structure.share > kLeastStructure;
   });
   return told == structures_.end() ? nullptr : &*told;
 }

@@ -1,6 +1,8 @@
 // Where a ripple may be: the periods at which the force that a model lacks comes back with the
-// position. The latent force (latent_force.hpp) of a free coordinate is held against sines of its
-// position, over samples that move; the best of a fine grid of orders are trials for a search.
+// position.
+//
+// The latent force (latent_force.hpp) of a free coordinate is held against sines of its position.
+// Only samples that move count. The best of a fine grid of orders are trials for a search.
 #pragma once
 
 #include <vector>
@@ -15,8 +17,8 @@ struct RippleTrial {
   double share = 0.0;                // of the force's variance that it takes
 };
 
-// The best two of each coordinate, at least one period within its range apart; none for one that
-// passes fewer than one and a half periods of any.
+// The best two of each coordinate, at least one period within its range apart. None where the range
+// holds fewer than one and a half periods.
 [[nodiscard]] std::vector<RippleTrial> ripple_trials(const LatentForce& force);
 
 // Samples of a force that say something: settled, and moving faster than 1 % of the fastest motion.

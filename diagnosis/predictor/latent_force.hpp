@@ -9,8 +9,9 @@
 //
 // Deviation and memory of d, and the deviation of w, are those of greatest likelihood, by a
 // stationary Kalman filter. The force itself is smoothed over the whole recording (de Jong, Journal
-// of the American Statistical Association 84, 1989), without w, which would hide what changes fast.
-// Laws that are not linear act in the filter, not in A. That is right while d is small beside them.
+// of the American Statistical Association 84, 1989). There w is left out, which would hide what
+// changes fast. Laws that are not linear act in the filter, not in A. That is right while d is
+// small beside them.
 //
 //   const LatentForce force = latent_force(data, role, model, intensity, coordinate, threads);
 //

@@ -134,8 +134,9 @@ Json fit_json(const ExtendedFit& fit, const std::optional<Assessment>& validatio
 }
 
 bool is_linear(const std::string& law) {
-  static const std::set<std::string> kLinear = {
-      "stiffness", "viscous", "inertia", "payload", "gain", "lag", "delay", "mode", "offset", "resonance"};
+  static const std::set<std::string> kLinear = {"stiffness", "viscous",  "inertia", "payload",
+                                                "gain",      "lag",      "delay",   "mode",
+                                                "offset",    "resonance"};
   return kLinear.count(law) > 0;
 }
 
