@@ -83,7 +83,7 @@ std::vector<double> shown_forces(const ForcePicture& picture) {
 }
 
 ChartSeries recorded_points(const ForcePicture& picture, const std::vector<double>& x) {
-  std::string name = "from the recordings";
+  std::string name = "recorded";
   if (picture.force_deviation > 0.0) {
     name += fmt::format(", noise {:.2g} {}", picture.force_deviation, picture.force_unit);
   }
@@ -105,7 +105,7 @@ Chart law_chart(const ForcePicture& picture, const std::string& title, bool over
     chart.series.push_back(recorded_points(picture, x));
     if (is_function) {
       ChartSeries means = means_of(x, picture.force, order, kMeans);
-      means.name = "their means ± one deviation";
+      means.name = "means ± deviation";
       means.colour = kDark;
       means.points = true;
       chart.series.push_back(std::move(means));
