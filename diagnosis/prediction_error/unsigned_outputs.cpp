@@ -13,6 +13,15 @@ using Eigen::Index;
 
 constexpr double kBelow = 0.03;  // of the largest value: noise about zero
 constexpr double kDown = 0.05;   // likewise, how near to zero it comes
+// Of the cost, and z: less than is asked of others, since a speed that comes down to zero and never
+// passes it speaks for itself, and what else is missing may leave much.
+constexpr double kBetter = 0.9, kErrors = 3.0;
+
+bool predicts_better(const PredictionFit& without_sign, const PredictionFit& stated) {
+  if (!stated.usable) return without_sign.usable;
+  return without_sign.usable && without_sign.cost < kBetter * stated.cost &&
+         z_between(stated, without_sign) > kErrors;
+}
 
 bool never_negative(Index output, const PredictionData& data) {
   double least = std::numeric_limits<double>::infinity(), largest = -least;
@@ -40,7 +49,7 @@ ExtendedLumpedModel with_unsigned_outputs(const ExtendedLumpedModel& start,
     ExtendedLumpedModel unsigned_start =
         scaled_to_predict(extended(best, *rectifier, 1.0), data, threads);
     PredictionFit fit = short_fit(unsigned_start, data, threads);
-    if (!(stated->usable ? is_clearly_better(fit, *stated) : fit.usable)) continue;
+    if (!predicts_better(fit, *stated)) continue;
     best = std::move(unsigned_start);
     stated = std::move(fit);
   }

@@ -4,8 +4,8 @@
 //
 // Each output that never falls below zero and comes down to it is asked: the model at its best
 // start (search_start.hpp) is fitted ten samples ahead, once as it is and once with the law
-// `rectifier` at the sensor. The law begins the search where it leaves less than half of the cost
-// and predicts the blocks better by z > 3. Recordings kept out are asked about it as about any
+// `rectifier` at the sensor. The law begins the search where it leaves less than nine tenths of the
+// cost and predicts the blocks better by z > 3. Recordings kept out are asked about it as about any
 // other.
 //
 // Cost: two short fits for such an output.
