@@ -111,7 +111,7 @@ bool FinalFit::has_skill(const VectorXd& error) const {
 void FinalFit::fit_beside_disturbance() {
   constexpr double kWorse = 1.5, kWorseFree = 4.0;
   if (findings_->has_free_run) return;
-  const RemainingForce rest(*data_, *findings_, found_.fit.model, threads_);
+  const UnmodelledForce rest(*data_, *findings_, found_.fit.model, threads_);
   if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoNoise) return;
   const double ratio = findings_->sample_time / data_->sample_time();
   const Index longest = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
@@ -135,7 +135,7 @@ void FinalFit::fit_beside_disturbance() {
 
 // The force is estimated anew with the laws that it leaves: what they lacked, it had.
 std::optional<FinalFit::Beside> FinalFit::follow_disturbance(const JudgedModel& from,
-                                                             const RemainingForce& rest,
+                                                             const UnmodelledForce& rest,
                                                              Index horizon) {
   constexpr int kRounds = 3;
   constexpr double kSettled = 0.05;  // of its size

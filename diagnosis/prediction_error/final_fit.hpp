@@ -4,7 +4,7 @@
 //
 // It is judged in free run where free run has skill (errors below a fifth of the signal in every
 // output), else over the longest windows that have. It is fitted there, too, unless a force remains
-// (remaining_force.hpp) and the rest is above twice the sensors' noise. A disturbance adds up, and
+// (unmodelled_force.hpp) and the rest is above twice the sensors' noise. A disturbance adds up, and
 // what adds up hides the size of a law. Then fits over windows of 10, 30 and 100 samples of the
 // search are tried beside it, whose filters follow the force. The likeliest is taken, by the
 // likelihood of latent_force.hpp.
@@ -21,7 +21,7 @@
 
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
-#include "diagnosis/prediction_error/remaining_force.hpp"
+#include "diagnosis/prediction_error/unmodelled_force.hpp"
 #include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
@@ -53,7 +53,7 @@ class FinalFit {
   [[nodiscard]] JudgedModel without(std::size_t law) const;
   // The model refitted with the last law of `rival` in place of one of its laws.
   [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
-  [[nodiscard]] const RemainingForce& rest() const { return *rest_; }
+  [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }
   // Of the model found, as far ahead as what remains lets anybody foresee (the remaining force
   // costs at most `share` of each output's signal); none: no recordings were kept out, or it is
   // nowhere so.
@@ -84,7 +84,7 @@ class FinalFit {
     double log_likelihood = 0.0;
   };
   [[nodiscard]] std::optional<Beside> follow_disturbance(const JudgedModel& from,
-                                                         const RemainingForce& rest,
+                                                         const UnmodelledForce& rest,
                                                          Eigen::Index horizon);
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
   [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
@@ -116,7 +116,7 @@ class FinalFit {
   DisturbanceForce remaining_;       // that the rungs are asked beside; none: no force remains
   Eigen::VectorXd weights_;
   JudgedModel found_, as_given_;
-  std::optional<RemainingForce> rest_;
+  std::optional<UnmodelledForce> rest_;
   std::map<std::size_t, std::size_t> accepted_as_;  // plainer laws: what they were accepted as
 };
 

@@ -342,7 +342,7 @@ class DiagnosisBuilder {
 
   // What is left could be the sensors' noise and a disturbance.
   [[nodiscard]] bool is_disturbance() const {
-    const RemainingForce& rest = final_->rest();
+    const UnmodelledForce& rest = final_->rest();
     if (rest.multiple_of_noise() <= kNoiseMultiple) return true;
     return rest.multiple_of_rest() <= kNoiseMultiple &&
            100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kRestLimit;
@@ -436,7 +436,7 @@ class DiagnosisBuilder {
 
   // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
   void add_rest(std::vector<VerdictReason>& list) const {
-    const RemainingForce& rest = final_->rest();
+    const UnmodelledForce& rest = final_->rest();
     const double of_noise = rest.multiple_of_noise();
     if (of_noise <= kNoiseMultiple || rest.force() == nullptr) {
       list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",

@@ -6,7 +6,7 @@
 // (latent_force.hpp) foretells the errors of all horizons, and no curve of the motion foretells the
 // force (latent_structure.hpp). It is asked for at each free coordinate; the likeliest is taken.
 //
-//   const RemainingForce rest(data, findings, fit.model, threads);
+//   const UnmodelledForce rest(data, findings, fit.model, threads);
 //   rest.force()      // null: nothing moves freely, or no force is recorded
 #pragma once
 
@@ -26,9 +26,9 @@ struct HorizonError {
   Eigen::VectorXd by_rest;   // what that and the remaining force would
 };
 
-class RemainingForce {
+class UnmodelledForce {
  public:
-  RemainingForce(const PredictionData& data, const PredictionFindings& findings,
+  UnmodelledForce(const PredictionData& data, const PredictionFindings& findings,
                  const ExtendedLumpedModel& model, int threads);
 
   [[nodiscard]] const LatentForce* force() const { return force_ ? &*force_ : nullptr; }

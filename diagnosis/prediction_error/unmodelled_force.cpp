@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/remaining_force.hpp"
+#include "diagnosis/prediction_error/unmodelled_force.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ double largest_ratio(const std::vector<HorizonError>& horizons, VectorXd Horizon
 
 }  // namespace
 
-RemainingForce::RemainingForce(const PredictionData& data, const PredictionFindings& findings,
+UnmodelledForce::UnmodelledForce(const PredictionData& data, const PredictionFindings& findings,
                                const ExtendedLumpedModel& model, int threads)
     : output_scale_(data.output_scale()) {
   force_ = likeliest_force(data, model, findings.intensity, threads);
@@ -48,27 +48,27 @@ RemainingForce::RemainingForce(const PredictionData& data, const PredictionFindi
   if (auto error = error_at(data.shortest())) whole_ = *std::move(error);
 }
 
-const LatentStructure* RemainingForce::structure() const {
+const LatentStructure* UnmodelledForce::structure() const {
   const auto told = std::ranges::find_if(structures_, [](const LatentStructure& structure) {
     return structure.z > kToldStructure && structure.share > kLeastStructure;
   });
   return told == structures_.end() ? nullptr : &*told;
 }
 
-double RemainingForce::structured_share() const {
+double UnmodelledForce::structured_share() const {
   const LatentStructure* const most = structure();
   return most == nullptr ? 0.0 : share_ * std::sqrt(std::min(most->share, 1.0));
 }
 
-double RemainingForce::multiple_of_noise() const {
+double UnmodelledForce::multiple_of_noise() const {
   return largest_ratio(horizons_, &HorizonError::by_noise);
 }
 
-double RemainingForce::multiple_of_rest() const {
+double UnmodelledForce::multiple_of_rest() const {
   return largest_ratio(horizons_, &HorizonError::by_rest);
 }
 
-bool RemainingForce::costs_at_most(double share, const HorizonError& at) const {
+bool UnmodelledForce::costs_at_most(double share, const HorizonError& at) const {
   if (at.error.size() == 0) return false;
   const Eigen::ArrayXd by_force =
       (at.by_rest.array().square() - at.by_noise.array().square()).max(0.0).sqrt();
@@ -76,7 +76,7 @@ bool RemainingForce::costs_at_most(double share, const HorizonError& at) const {
   return (by_force.min(at.error.array()) <= share * output_scale_.array()).all();
 }
 
-std::optional<Index> RemainingForce::foreseeable(double share) const {
+std::optional<Index> UnmodelledForce::foreseeable(double share) const {
   std::optional<Index> longest;
   for (const HorizonError& each : horizons_) {
     if (costs_at_most(share, each)) longest = each.horizon;
@@ -84,7 +84,7 @@ std::optional<Index> RemainingForce::foreseeable(double share) const {
   return longest;
 }
 
-bool RemainingForce::is_foreseeable_to_the_end(double share) const {
+bool UnmodelledForce::is_foreseeable_to_the_end(double share) const {
   return costs_at_most(share, whole_);
 }
 
