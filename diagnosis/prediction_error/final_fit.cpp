@@ -118,7 +118,7 @@ void FinalFit::fit_beside_disturbance() {
   remaining_ = rest.force()->disturbance;
   const JudgedModel before = found_;
   Beside best{task_, weights_, {}, found_, rest.force()->log_likelihood};
-  for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon, 10 * kFirstHorizon}) {
+  for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon}) {
     const Index horizon = std::lround(ratio * static_cast<double>(ahead));
     if (horizon > longest && ahead > kFirstHorizon) break;
     std::optional<Beside> beside = follow_disturbance(before, rest, horizon);
@@ -137,7 +137,7 @@ void FinalFit::fit_beside_disturbance() {
 std::optional<FinalFit::Beside> FinalFit::follow_disturbance(const JudgedModel& from,
                                                              const UnmodelledForce& rest,
                                                              Index horizon) {
-  constexpr int kRounds = 3;
+  constexpr int kRounds = 2;
   constexpr double kSettled = 0.05;  // of its size
   const VectorXd& scale = data_->output_scale();
   std::optional<Beside> result;

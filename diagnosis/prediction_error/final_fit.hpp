@@ -5,7 +5,7 @@
 // It is judged in free run where free run has skill (errors below a fifth of the signal in every
 // output), else over the longest windows that have. It is fitted there, too, unless a force remains
 // (unmodelled_force.hpp) and the rest is above twice the sensors' noise. A disturbance adds up, and
-// what adds up hides the size of a law. Then fits over windows of 10, 30 and 100 samples of the
+// what adds up hides the size of a law. Then fits over windows of 10 and 30 samples of the
 // search are tried beside it, whose filters follow the force. The likeliest is taken, by the
 // likelihood of latent_force.hpp.
 //

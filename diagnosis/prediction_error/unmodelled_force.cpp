@@ -20,7 +20,7 @@ double largest_ratio(const std::vector<HorizonError>& horizons, VectorXd Horizon
 }  // namespace
 
 UnmodelledForce::UnmodelledForce(const PredictionData& data, const PredictionFindings& findings,
-                               const ExtendedLumpedModel& model, int threads)
+                                 const ExtendedLumpedModel& model, int threads)
     : output_scale_(data.output_scale()) {
   force_ = likeliest_force(data, model, findings.intensity, threads);
   if (force_) {

@@ -29,7 +29,7 @@ struct HorizonError {
 class UnmodelledForce {
  public:
   UnmodelledForce(const PredictionData& data, const PredictionFindings& findings,
-                 const ExtendedLumpedModel& model, int threads);
+                  const ExtendedLumpedModel& model, int threads);
 
   [[nodiscard]] const LatentForce* force() const { return force_ ? &*force_ : nullptr; }
   [[nodiscard]] const std::vector<LatentStructure>& structures() const { return structures_; }
