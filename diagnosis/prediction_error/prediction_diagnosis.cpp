@@ -14,6 +14,7 @@
 #include "diagnosis/prediction_error/latent_pictures.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/yaml_field.hpp"
@@ -528,6 +529,18 @@ std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   return "";
 }
 
+// A plant that does not forget is searched over windows only.
+void require_windows(const LumpedModel& model, const PredictionData& data,
+                     const Campaign& campaign) {
+  const double duration = data.sample_time() * static_cast<double>(data.shortest());
+  const Index windows = data.window_count(kFirstHorizon);
+  if (forgets(model, duration) || windows >= kFewestWindows) return;
+  throw InputError(fmt::format(
+      "{}: experiments: a diagnosis by prediction error needs {} windows of {} samples, and these "
+      "recordings have {}: add longer ones",
+      campaign.file.string(), kFewestWindows, kFirstHorizon, windows));
+}
+
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
   Diagnosis diagnosis;
   diagnosis.interrupted = findings.stopped;
@@ -556,6 +569,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   const LumpedModel stated = load_lumped_model(model);
   const PredictionData data(stated, campaign, threads);
   const PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  require_windows(stated, searched, campaign);
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;
   search_options.threads = threads;

@@ -24,7 +24,6 @@ constexpr int kFirstIterations = 40, kRungIterations = 15, kRaceIterations = 4,
 constexpr double kRace = 0.5;      // of the best gain after a few iterations: refitted to the end
 constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
-constexpr Index kFewestWindows = 10;
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
 
 void forget_derivatives(PredictionFit& fit) {

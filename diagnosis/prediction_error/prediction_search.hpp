@@ -35,6 +35,8 @@
 
 namespace graybox {
 
+inline constexpr Eigen::Index kFewestWindows = 10;  // of a rung
+
 // Of the cost, and of the squared error of recordings kept out.
 inline constexpr double kRareGain = 0.1;
 

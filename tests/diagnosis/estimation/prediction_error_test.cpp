@@ -399,6 +399,27 @@ TEST(PredictionDiagnosis, RefusesRobots) {
                InputError);
 }
 
+TEST(PredictionDiagnosis, RefusesRecordingsWithoutWindows) {
+  const testing::TemporaryFolder folder;
+  write_tachometer(folder, false, 0.0, 5);
+  std::ofstream out(folder.file("run_1.csv"));
+  out << "torque,speed\n";
+  for (int k = 0; k < 90; ++k) out << 0.1 * (k % 7) << ',' << 0.2 * (k % 5) << '\n';
+  out.close();
+  std::ofstream(folder.file("short.yaml"))
+      << "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+         "hold: zero\nexperiments:\n  - {file: run_1.csv}\n";
+  // Without the bearing nothing is forgotten.
+  std::ofstream(folder.file("rotor.yaml"))
+      << "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {motor: "
+         "0.0023}\ninputs:\n  - {name: torque, mass: motor}\noutputs:\n"
+         "  - {name: speed, mass: motor, quantity: velocity}\n";
+  EXPECT_THROW((void)diagnose_by_prediction(folder.file("rotor.yaml"),
+                                            read_campaign(folder.file("short.yaml")), {}, 1),
+               InputError);
+}
+
 struct Hidden {
   std::string law;
   bool both_encoders;
