@@ -534,11 +534,11 @@ void require_windows(const LumpedModel& model, const PredictionData& data,
                      const Campaign& campaign) {
   const double duration = data.sample_time() * static_cast<double>(data.shortest());
   const Index windows = data.window_count(kFirstHorizon);
-  if (forgets(model, duration) || windows >= kFewestWindows) return;
+  if (forgets(model, duration) || windows >= kFewestRungWindows) return;
   throw InputError(fmt::format(
       "{}: experiments: a diagnosis by prediction error needs {} windows of {} samples, and these "
       "recordings have {}: add longer ones",
-      campaign.file.string(), kFewestWindows, kFirstHorizon, windows));
+      campaign.file.string(), kFewestRungWindows, kFirstHorizon, windows));
 }
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {

@@ -106,7 +106,7 @@ std::vector<Index> PredictionSearch::ladder(const LumpedModel& model) const {
   std::vector<Index> horizons;
   for (Index decade = 10;; decade *= 10) {
     for (const Index horizon : {decade, 3 * decade}) {
-      if (data_->window_count(horizon) < kFewestWindows) return horizons;
+      if (data_->window_count(horizon) < kFewestRungWindows) return horizons;
       horizons.push_back(horizon);
     }
   }

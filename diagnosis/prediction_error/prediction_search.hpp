@@ -35,7 +35,7 @@
 
 namespace graybox {
 
-inline constexpr Eigen::Index kFewestWindows = 10;  // of a rung
+inline constexpr Eigen::Index kFewestRungWindows = 10;  // of a rung
 
 // Of the cost, and of the squared error of recordings kept out.
 inline constexpr double kRareGain = 0.1;
