@@ -27,6 +27,29 @@ bool has_coupled_sensors(const LumpedModel& model) {
   return masses.size() > 1;
 }
 
+// Whether one force drives masses whose motion is measured, and nothing else is.
+bool has_one_force(const LumpedModel& model) {
+  if (model.has_imposed_motion() || model.inputs.size() != 1 || model.outputs.empty()) return false;
+  return std::ranges::all_of(model.outputs, [](const LumpedOutput& output) {
+    using enum LumpedOutput::Quantity;
+    return output.quantity != kForce && output.quantity != kElementForce;
+  });
+}
+
+// With a spring at every free mass that has none.
+PredictionFit with_springs(const PredictionFit& stated, const PredictionData& data,
+                           const PredictionHypotheses& hypotheses, int threads) {
+  constexpr double kStart = 0.01;  // of the forces that act
+  const PredictionTask task = data.windows(kFirstHorizon);
+  const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
+  ExtendedLumpedModel model = stated.model;
+  for (const LawExtension& law : hypotheses.extensions(stated.model, fitter.motion(stated))) {
+    const bool is_of_mass = (law.location.output.array() != 0.0).count() == 1;
+    if (law.law == "stiffness" && is_of_mass) model = extended(model, law, kStart * law.unit);
+  }
+  return short_fit(model, data, threads);
+}
+
 // The best short fit under a pattern of signs.
 PredictionFit fitted(const LumpedModel& model, const PredictionData& data,
                      const PredictionHypotheses& hypotheses, int threads) {
@@ -65,13 +88,45 @@ ChannelFault fault_of(const LumpedModel& model, const std::vector<bool>& reverse
   return fault;
 }
 
+ChannelFault input_fault(const LumpedModel& model, const PredictionFit& before,
+                         const PredictionFit& after, const PredictionData& data) {
+  ChannelFault fault;
+  fault.channels = {model.input_names.front()};
+  fault.message = fmt::format(
+      "{0} has the wrong sign: the motion goes against it, and the other sign predicts {1} samples "
+      "ahead (preprocess: [{{kind: sign, of: [{0}]}}])",
+      model.input_names.front(), kFirstHorizon);
+  fault.measure = "error of the prediction over the signal";
+  fault.dissimilarity_before = share_left(before, data);
+  fault.dissimilarity_after = share_left(after, data);
+  return fault;
+}
+
+// Of all outputs together, against the model with springs.
+std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const PredictionData& data,
+                                              const PredictionHypotheses& hypotheses,
+                                              const PredictionFit& stated, int threads) {
+  if (!has_one_force(model) || !stated.usable) return {};
+  const PredictionData turned =
+      data.with_reversed(model, std::vector<bool>(model.outputs.size(), true), threads);
+  const PredictionFit reversed = fitted(model, turned, hypotheses, threads);
+  if (!is_clearly_better(reversed, stated)) return {};
+  const PredictionFit sprung = with_springs(stated, data, hypotheses, threads);
+  if (sprung.usable && !is_clearly_better(reversed, sprung)) return {};
+  return {input_fault(model, stated, reversed, data)};
+}
+
 }  // namespace
 
 std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
                                                 const PredictionData& data,
                                                 const PredictionHypotheses& hypotheses,
                                                 int threads) {
-  if (!has_coupled_sensors(model)) return {};
+  if (!has_coupled_sensors(model)) {
+    if (!has_one_force(model)) return {};
+    return find_reversed_force(model, data, hypotheses, fitted(model, data, hypotheses, threads),
+                               threads);
+  }
   const std::size_t outputs = model.outputs.size();
   const PredictionFit stated = fitted(model, data, hypotheses, threads);
   PredictionFit best = stated;
@@ -85,8 +140,10 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
     best = std::move(fit);
     reversed = pattern;
   }
-  if (reversed.empty() || !stated.usable) return {};
-  if (!is_clearly_better(best, stated)) return {};
+  if (!stated.usable) return {};
+  if (reversed.empty() || !is_clearly_better(best, stated)) {
+    return find_reversed_force(model, data, hypotheses, stated, threads);
+  }
   return {fault_of(model, reversed, stated, best, data)};
 }
 

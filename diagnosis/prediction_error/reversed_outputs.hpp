@@ -4,8 +4,11 @@
 // fitted ten samples ahead. Coupled masses move together below their resonance and against each
 // other above, so that no wrong pattern predicts. A fault is claimed where another pattern leaves
 // less than half of the cost that the stated one leaves and its blocks are better predicted by
-// z > 3 (is_clearly_better). Whether all outputs are reversed together, that is, the input, is not
-// asked: a spring that the model lacks looks the same at low frequency.
+// z > 3 (is_clearly_better).
+//
+// All outputs together are reversed where the force that acts is. At low frequency a spring that
+// the model lacks looks the same. So this pattern is held against the model with a spring at every
+// free mass, and claimed by the same limits. It is asked of one mass, too.
 //
 // Cost: 2^outputs short fits; at most four outputs.
 #pragma once

@@ -399,6 +399,24 @@ TEST(PredictionDiagnosis, RefusesRobots) {
                InputError);
 }
 
+// Not where a spring is missing, which holds against the force, too.
+TEST(PredictionDiagnosis, TellsAForceOfTheWrongSign) {
+  const testing::TemporaryFolder folder;
+  write_tachometer(folder, false, 0.05, 6);
+  std::ifstream in(folder.file("campaign.yaml"));
+  std::string text((std::istreambuf_iterator<char>(in)), {});
+  text.replace(text.find("unit: N m, is: input"), 20,
+               "unit: N m, gain: {value: -1, unit: N m/(N m)}, is: input");
+  std::ofstream(folder.file("turned.yaml")) << text;
+  const PredictionDiagnosis turned = diagnose_by_prediction(
+      folder.file("motor.yaml"), read_campaign(folder.file("turned.yaml")), {}, 2);
+  ASSERT_EQ(turned.diagnosis.channel_faults.size(), 1U);
+  EXPECT_EQ(turned.diagnosis.channel_faults[0].channels, std::vector<std::string>{"torque"});
+  const PredictionDiagnosis right = diagnose_by_prediction(
+      folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 2);
+  EXPECT_TRUE(right.diagnosis.channel_faults.empty());
+}
+
 TEST(PredictionDiagnosis, RefusesRecordingsWithoutWindows) {
   const testing::TemporaryFolder folder;
   write_tachometer(folder, false, 0.0, 5);
