@@ -24,7 +24,6 @@ constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
-constexpr double kNoNoise = 2.0;       // times the sensors' noise: a disturbance is there
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
 
 // Covariance of the first `parameters` columns.
@@ -88,9 +87,8 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
 void FinalFit::choose_horizon() {
   found_ = judged(findings_->found, kIterations);
   if (found_.fit.usable && has_skill(found_.error)) return;
-  const double ratio = findings_->sample_time / data_->sample_time();
   for (auto rung = findings_->rungs.rbegin(); rung != findings_->rungs.rend(); ++rung) {
-    task_ = judged_by_ = data_->windows(std::lround(ratio * static_cast<double>(rung->horizon)));
+    task_ = judged_by_ = data_->windows(findings_->samples_of(*data_, rung->horizon));
     found_ = judged(findings_->found, kIterations);
     if (found_.fit.usable && has_skill(found_.error)) return;
   }
@@ -106,20 +104,19 @@ bool FinalFit::has_skill(const VectorXd& error) const {
   return (error.array() < limit * data_->output_scale().array()).all();
 }
 
-// Of the fit as it is and fits beside a disturbance the likeliest, unless what is fitted to short
-// runs is no good for the longer ones: so it is where more is missing than a disturbance.
+// The likeliest of the fit as it is and the fits beside a disturbance is taken. One that leaves
+// much more over longer runs is not: there more is missing than a disturbance.
 void FinalFit::fit_beside_disturbance() {
   constexpr double kWorse = 1.5, kWorseFree = 4.0;
   if (findings_->has_free_run) return;
   const UnmodelledForce rest(*data_, *findings_, found_.fit.model, threads_);
-  if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoNoise) return;
-  const double ratio = findings_->sample_time / data_->sample_time();
+  if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoiseMultiple) return;
   const Index longest = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
   remaining_ = rest.force()->disturbance;
   const JudgedModel before = found_;
   Beside best{task_, weights_, {}, found_, rest.force()->log_likelihood};
   for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon}) {
-    const Index horizon = std::lround(ratio * static_cast<double>(ahead));
+    const Index horizon = findings_->samples_of(*data_, ahead);
     if (horizon > longest && ahead > kFirstHorizon) break;
     std::optional<Beside> beside = follow_disturbance(before, rest, horizon);
     if (!beside || !(beside->log_likelihood > best.log_likelihood)) continue;
@@ -139,18 +136,13 @@ std::optional<FinalFit::Beside> FinalFit::follow_disturbance(const JudgedModel& 
                                                              Index horizon) {
   constexpr int kRounds = 2;
   constexpr double kSettled = 0.05;  // of its size
-  const VectorXd& scale = data_->output_scale();
   std::optional<Beside> result;
   DisturbanceForce disturbance = rest.force()->disturbance;
   ExtendedLumpedModel model = from.fit.model;
   for (int round = 0; round < kRounds; ++round) {
     task_ = data_->windows(horizon);
     disturbance_ = disturbance;
-    const PredictionFitter near = fitter(task_);
-    const PredictionFit fit = near.fit(model, scale, {}, kIterations);
-    if (!fit.usable) return result;
-    weights_ = near.errors(fit, scale).cwiseMax(1e-9 * scale);
-    JudgedModel found = judged(fit.model, kIterations);
+    JudgedModel found = weighed(model);
     if (!found.fit.usable) return result;
     const auto force = likeliest_force(*data_, found.fit.model, findings_->intensity, threads_);
     if (!force) return result;
@@ -179,6 +171,16 @@ JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) c
   const PredictionFit run = far.fit(result.fit.model, weights_, {}, kOfStates, false);
   result.error = run.usable ? far.errors(run, weights_) : 1e3 * data_->output_scale();
   return result;
+}
+
+// By what a first fit leaves.
+JudgedModel FinalFit::weighed(const ExtendedLumpedModel& model) {
+  const VectorXd& scale = data_->output_scale();
+  const PredictionFitter near = fitter(task_);
+  const PredictionFit fit = near.fit(model, scale, {}, kIterations);
+  if (!fit.usable) return {};
+  weights_ = near.errors(fit, scale).cwiseMax(1e-9 * scale);
+  return judged(fit.model, kIterations);
 }
 
 VectorXd FinalFit::deviations_of(const PredictionFit& fit) const {
@@ -223,11 +225,10 @@ std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
   return HeldOutError{*horizon, ahead.errors(run, weights_)};
 }
 
-// Of each output: the mean square, and its relative error by blocks.
-FinalFit::BlockError FinalFit::block_error(const PredictionFit& fit) const {
+// The relative standard error of each output's mean square, by blocks.
+Eigen::ArrayXd FinalFit::relative_errors(const PredictionFit& fit) const {
   const Index outputs = data_->output_count();
   const auto blocks = static_cast<Index>(fit.edges.size()) - 1;
-  BlockError result{Eigen::ArrayXd::Zero(outputs), Eigen::ArrayXd::Zero(outputs)};
   Eigen::ArrayXXd squares = Eigen::ArrayXXd::Zero(outputs, blocks);
   for (Index b = 0; b < blocks; ++b) {
     const Index from = fit.edges[static_cast<std::size_t>(b)];
@@ -235,13 +236,10 @@ FinalFit::BlockError FinalFit::block_error(const PredictionFit& fit) const {
     for (Index i = from; i < to; ++i) squares(i % outputs, b) += std::pow(fit.residuals(i), 2);
   }
   const auto count = static_cast<double>(blocks);
-  result.square = squares.rowwise().sum();
   const Eigen::ArrayXd mean = squares.rowwise().mean().max(1e-300);
-  result.relative =
-      ((squares.colwise() - mean).square().rowwise().sum() / count / std::max(count - 1.0, 1.0))
-          .sqrt() /
-      mean;
-  return result;
+  return ((squares.colwise() - mean).square().rowwise().sum() / count / std::max(count - 1.0, 1.0))
+             .sqrt() /
+         mean;
 }
 
 std::optional<FinalFit::Growth> FinalFit::growth() const {
@@ -249,14 +247,14 @@ std::optional<FinalFit::Growth> FinalFit::growth() const {
   const std::optional<Index> ahead = rest_->foreseeable(kDisturbed);
   const Index horizon = findings_->has_free_run || !ahead ? 0 : *ahead;
   if (horizon == 0 && !findings_->has_free_run) return {};
-  const auto errors = [&](ExperimentRole role, VectorXd& error) -> std::optional<BlockError> {
+  const auto errors = [&](ExperimentRole role, VectorXd& error) -> std::optional<Eigen::ArrayXd> {
     const PredictionTask task =
         horizon == 0 ? data_->free_after(kSeenSamples, role) : data_->windows(horizon, role);
     const PredictionFitter run = fitter(task);
     const PredictionFit fit = run.fit(found_.fit.model, weights_, {}, 0, false);
     if (!fit.usable || task.counted() == 0) return {};
     error = run.errors(fit, weights_);
-    return block_error(fit);
+    return relative_errors(fit);
   };
   VectorXd inside, outside;
   const auto of_fit = errors(ExperimentRole::kEstimation, inside);
@@ -268,8 +266,7 @@ std::optional<FinalFit::Growth> FinalFit::growth() const {
   growth.ratio =
       (outside.array().max(noise.array()) / inside.array().max(noise.array()) / of_signals.max(1.0))
           .matrix();
-  growth.deviation =
-      0.5 * (of_fit->relative.square() + kept_out->relative.square()).sqrt().matrix();
+  growth.deviation = 0.5 * (of_fit->square() + kept_out->square()).sqrt().matrix();
   return growth;
 }
 
@@ -305,14 +302,9 @@ void FinalFit::fit_where_laws_are_told() {
   if (tells_all(found_.fit)) return;
   const PredictionTask free = task_;
   const VectorXd weights = weights_;
-  const double ratio = findings_->sample_time / data_->sample_time();
   for (auto rung = findings_->rungs.rbegin(); rung != findings_->rungs.rend(); ++rung) {
-    task_ = data_->windows(std::lround(ratio * static_cast<double>(rung->horizon)));
-    const PredictionFitter near = fitter(task_);
-    const PredictionFit fit = near.fit(findings_->found, data_->output_scale(), {}, kIterations);
-    if (!fit.usable) continue;
-    weights_ = near.errors(fit, data_->output_scale()).cwiseMax(1e-9 * data_->output_scale());
-    JudgedModel nearer = judged(fit.model, kIterations);
+    task_ = data_->windows(findings_->samples_of(*data_, rung->horizon));
+    JudgedModel nearer = weighed(findings_->found);
     if (!nearer.fit.usable || !tells_all(nearer.fit)) continue;
     found_ = std::move(nearer);
     return;
@@ -325,9 +317,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
   const auto accepted =
       std::ranges::find(findings_->laws, accepted_as(law.hypothesis), &AcceptedLaw::hypothesis);
   if (accepted == findings_->laws.end() || accepted->horizon == 0) return -kMissed;
-  const double ratio = findings_->sample_time / data_->sample_time();
-  const PredictionTask task =
-      data_->windows(std::lround(ratio * static_cast<double>(accepted->horizon)));
+  const PredictionTask task = data_->windows(findings_->samples_of(*data_, accepted->horizon));
   const PredictionFitter near(*data_, task, findings_->intensity, threads_, remaining_);
   const VectorXd& scale = data_->output_scale();
   const PredictionFit present = near.fit(found_.fit.model, scale, {}, 0);

@@ -54,9 +54,8 @@ class FinalFit {
   // The model refitted with the last law of `rival` in place of one of its laws.
   [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
   [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }
-  // Of the model found, as far ahead as what remains lets anybody foresee (the remaining force
-  // costs at most `share` of each output's signal); none: no recordings were kept out, or it is
-  // nowhere so.
+  // The error of the model found, as far ahead as the remaining force costs at most `share` of each
+  // output's signal. None: no recordings were kept out, or it costs more everywhere.
   [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
   // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
   // what is kept out is the larger motion, the ratio of the signals is divided out: a disturbance
@@ -87,6 +86,8 @@ class FinalFit {
                                                          const UnmodelledForce& rest,
                                                          Eigen::Index horizon);
   [[nodiscard]] JudgedModel judged(const ExtendedLumpedModel& model, int iterations) const;
+  // Fitted by the task of the fit; the weights are set to what a first fit leaves.
+  [[nodiscard]] JudgedModel weighed(const ExtendedLumpedModel& model);
   [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
@@ -102,10 +103,7 @@ class FinalFit {
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   void judge_held_out(JudgedModel& model) const;
   [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
-  struct BlockError {
-    Eigen::ArrayXd square, relative;  // by output
-  };
-  [[nodiscard]] BlockError block_error(const PredictionFit& fit) const;
+  [[nodiscard]] Eigen::ArrayXd relative_errors(const PredictionFit& fit) const;
 
   const PredictionData* data_;
   const PredictionHypotheses* hypotheses_;

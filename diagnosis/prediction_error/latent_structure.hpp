@@ -9,13 +9,12 @@
 //
 // Only samples that move count: where friction holds a place, no force on it is seen. `share` is of
 // the force's variance in blocks that were left out: what the curve of the others foretells of it.
-// Of a disturbance a curve foretells nothing but by chance, so z is asked, too
+// A curve foretells nothing of a disturbance but by chance, so z is asked, too
 // (left_out_blocks.hpp). Curves of two of these at once are not asked. In a closed loop they would
 // tell the disturbance from what the controller does against it.
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,8 +22,8 @@
 
 namespace graybox {
 
-// A structure is told from chance from there on: z and share. By Monte Carlo a disturbance passes
-// both, with any of the five questions, in about one of twenty recordings.
+// A structure is told from chance from there on: z and share. Of 300 simulated disturbances 4 pass
+// both with any of the five questions (unmodelled_force_test.cpp, GRAYBOX_TEST_RUNS=15).
 inline constexpr double kToldStructure = 2.3, kLeastStructure = 0.1;
 
 struct LatentStructure {

@@ -34,7 +34,6 @@ constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kVanished = 1e-6;                 // of a parameter's scale: as good as zero
 constexpr double kHeldOutLimit = 15.0;             // % of the signal
 constexpr double kNoiseLimit = 1.5;                // times the stated noise
-constexpr double kNoiseMultiple = 2.0;             // of what is to be expected
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kAsGivenLimit = 2.0;
@@ -410,7 +409,9 @@ class DiagnosisBuilder {
     const std::optional<FinalFit::Growth> growth = final_->growth();
     if (!growth) {
       VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
-      reason.not_tested = "no recordings were kept out of the fit";
+      reason.not_tested = final_->found().held_out_error
+                              ? "the force left hides it at every horizon"
+                              : "no recordings were kept out of the fit";
       list.push_back(std::move(reason));
       return;
     }

@@ -44,6 +44,16 @@ bool has_run_away(const PredictionFit& fit) {
   return false;
 }
 
+// Whether the law added last is a spring that pushes away from where it stands: none that a machine
+// has.
+bool pushes_away(const PredictionFit& fit) {
+  const LumpedModel& model = fit.model.model;
+  const Element& law = model.parts[fit.model.laws.back().part];
+  if (law.location.kind != LocationKind::kElement || law.law_name != "stiffness") return false;
+  const VectorXd& b = law.location.output;
+  return b.dot(model.stiffness * b) < 0.0;
+}
+
 bool swings(const LawExtension& law) { return law.law == "mode" || law.law == "resonance"; }
 
 // Hypotheses of the laws, sorted.
@@ -192,18 +202,6 @@ PredictionFit PredictionSearch::refit(const State& state, const LawExtension& la
   }
   if (!std::isfinite(best)) return {};
   return fitter.fit(best_start, state.weights, state.fit.initials, kRaceIterations);
-}
-
-// A spring that pushes a mass away from where it stands is none that a machine has.
-bool PredictionSearch::pushes_away(const PredictionFit& fit) const {
-  const LumpedModel& model = fit.model.model;
-  const Element& law = model.parts[fit.model.laws.back().part];
-  const bool is_spring = law.location.kind == LocationKind::kElement && law.law_name == "stiffness";
-  if (!is_spring) return false;
-  const VectorXd& b = law.location.output;
-  Index mass = 0;
-  b.cwiseAbs().maxCoeff(&mass);
-  return model.stiffness(mass, mass) * b(mass) * b(mass) < 0.0 || b.dot(model.stiffness * b) < 0.0;
 }
 
 double PredictionSearch::fed_in_by(const State& state, const PredictionFit& fit) const {
@@ -458,17 +456,16 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
       findings_.usable = true;
       findings_.first_horizon = horizon;
     }
-    Rung rung{horizon, state.error, state.by_noise, false};
+    Rung rung{horizon, false};
     const bool has_skill =
         (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
     if (!has_skill && !findings_.rungs.empty()) break;
     if (!is_noise(state)) {
       search_rung(state);
-      rung.error = state.error;
       rung.was_searched = true;
     }
     findings_.found = state.fit.model;
-    findings_.rungs.push_back(std::move(rung));
+    findings_.rungs.push_back(rung);
   }
   const bool is_disturbed = !findings_.rungs.empty() && !findings_.has_free_run &&
                             std::ranges::any_of(findings_.rungs, &Rung::was_searched);

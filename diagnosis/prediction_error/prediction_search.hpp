@@ -25,6 +25,7 @@
 //   const PredictionFindings findings = search.run(model);
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <string>
 #include <vector>
@@ -82,8 +83,6 @@ struct AcceptedLaw {
 
 struct Rung {
   Eigen::Index horizon = 0;
-  Eigen::VectorXd error;     // rms by output, of the model that left the rung
-  Eigen::VectorXd by_noise;  // what the sensors' noise alone would leave
   bool was_searched = false;
 };
 
@@ -103,6 +102,10 @@ struct PredictionFindings {
   std::vector<ExtensionScore> ranking;  // of the first search, and what it ranked
   std::vector<LawExtension> ranked;
   bool has_free_run = false;  // whether it was searched in free run
+  // A horizon of the search in samples of `data`, which may be sampled faster.
+  [[nodiscard]] Eigen::Index samples_of(const PredictionData& data, Eigen::Index horizon) const {
+    return std::lround(sample_time / data.sample_time() * static_cast<double>(horizon));
+  }
 };
 
 class PredictionSearch {
@@ -136,7 +139,6 @@ class PredictionSearch {
   [[nodiscard]] std::vector<TriedLaw> try_laws(const State& state,
                                                const std::vector<LawExtension>& extensions,
                                                const std::vector<ExtensionScore>& list) const;
-  [[nodiscard]] bool pushes_away(const PredictionFit& fit) const;
   [[nodiscard]] PredictionFit refit(const State& state, const LawExtension& law,
                                     double amplitude) const;
   [[nodiscard]] std::size_t plainest(const std::vector<TriedLaw>& good,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "diagnosis/prediction_error/search_start.hpp"
 
@@ -70,39 +71,22 @@ double share_left(const PredictionFit& fit, const PredictionData& data) {
   return std::sqrt((error.array() / scale.array()).square().mean());
 }
 
-ChannelFault fault_of(const LumpedModel& model, const std::vector<bool>& reversed,
+ChannelFault fault_of(std::vector<std::string> channels, const std::string& reason,
                       const PredictionFit& before, const PredictionFit& after,
                       const PredictionData& data) {
   ChannelFault fault;
-  for (std::size_t j = 0; j < reversed.size(); ++j) {
-    if (reversed[j]) fault.channels.push_back(model.output_names[j]);
-  }
-  fault.message = fmt::format(
-      "{} {} the wrong sign: the other one is predicted {} samples ahead (preprocess: "
-      "[{{kind: sign, of: [{}]}}])",
-      fmt::join(fault.channels, " and "), fault.channels.size() == 1 ? "has" : "have",
-      kFirstHorizon, fmt::join(fault.channels, ", "));
+  fault.channels = std::move(channels);
+  fault.message =
+      fmt::format("{} {} the wrong sign: {} (preprocess: [{{kind: sign, of: [{}]}}])",
+                  fmt::join(fault.channels, " and "), fault.channels.size() == 1 ? "has" : "have",
+                  reason, fmt::join(fault.channels, ", "));
   fault.measure = "error of the prediction over the signal";
   fault.dissimilarity_before = share_left(before, data);
   fault.dissimilarity_after = share_left(after, data);
   return fault;
 }
 
-ChannelFault input_fault(const LumpedModel& model, const PredictionFit& before,
-                         const PredictionFit& after, const PredictionData& data) {
-  ChannelFault fault;
-  fault.channels = {model.input_names.front()};
-  fault.message = fmt::format(
-      "{0} has the wrong sign: the motion goes against it, and the other sign predicts {1} samples "
-      "ahead (preprocess: [{{kind: sign, of: [{0}]}}])",
-      model.input_names.front(), kFirstHorizon);
-  fault.measure = "error of the prediction over the signal";
-  fault.dissimilarity_before = share_left(before, data);
-  fault.dissimilarity_after = share_left(after, data);
-  return fault;
-}
-
-// Of all outputs together, against the model with springs.
+// The pattern in which all outputs are reversed is held against the model with springs.
 std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const PredictionData& data,
                                               const PredictionHypotheses& hypotheses,
                                               const PredictionFit& stated, int threads) {
@@ -113,7 +97,11 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
   if (!is_clearly_better(reversed, stated)) return {};
   const PredictionFit sprung = with_springs(stated, data, hypotheses, threads);
   if (sprung.usable && !is_clearly_better(reversed, sprung)) return {};
-  return {input_fault(model, stated, reversed, data)};
+  return {fault_of({model.input_names.front()},
+                   fmt::format("the motion goes against it, and the other sign predicts {} samples "
+                               "ahead",
+                               kFirstHorizon),
+                   stated, reversed, data)};
 }
 
 }  // namespace
@@ -144,7 +132,13 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
   if (reversed.empty() || !is_clearly_better(best, stated)) {
     return find_reversed_force(model, data, hypotheses, stated, threads);
   }
-  return {fault_of(model, reversed, stated, best, data)};
+  std::vector<std::string> channels;
+  for (std::size_t j = 0; j < outputs; ++j) {
+    if (reversed[j]) channels.push_back(model.output_names[j]);
+  }
+  return {fault_of(std::move(channels),
+                   fmt::format("the other one is predicted {} samples ahead", kFirstHorizon),
+                   stated, best, data)};
 }
 
 }  // namespace graybox

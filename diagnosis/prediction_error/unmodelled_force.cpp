@@ -27,10 +27,9 @@ UnmodelledForce::UnmodelledForce(const PredictionData& data, const PredictionFin
     share_ = force_->rms() / data.force_scale();
     structures_ = latent_structures(data, ExperimentRole::kEstimation, model.model, *force_);
   }
-  const double thinned = findings.sample_time / data.sample_time();
   std::vector<Index> horizons;
   for (const Rung& rung : findings.rungs) {
-    horizons.push_back(std::lround(thinned * static_cast<double>(rung.horizon)));
+    horizons.push_back(findings.samples_of(data, rung.horizon));
   }
   const DisturbanceForce disturbance = force_ ? force_->disturbance : DisturbanceForce{};
   const auto error_at = [&](Index horizon) -> std::optional<HorizonError> {

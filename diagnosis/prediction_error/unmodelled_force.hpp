@@ -26,6 +26,9 @@ struct HorizonError {
   Eigen::VectorXd by_rest;   // what that and the remaining force would
 };
 
+// Errors up to so many times what is to be expected are that.
+inline constexpr double kNoiseMultiple = 2.0;
+
 class UnmodelledForce {
  public:
   UnmodelledForce(const PredictionData& data, const PredictionFindings& findings,

@@ -240,7 +240,7 @@ TEST(LatentStructure, NamesWhatTheForceDependsOn) {
   }
 }
 
-// One in twenty, by the limits of unmodelled_force.hpp; five questions each.
+// Few do, by the limits of latent_structure.hpp; five questions each.
 TEST(LatentStructure, ADisturbanceDependsOnNothing) {
   const char* const runs = std::getenv("GRAYBOX_TEST_RUNS");  // times twenty
   const unsigned draws = 20 * (runs == nullptr ? 1 : static_cast<unsigned>(std::atoi(runs)));
