@@ -76,6 +76,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   fit_beside_disturbance();
   fit_where_laws_are_told();
   drop_idle_laws();
+  if (take_better_places()) drop_idle_laws();
   take_plainer_laws();
   found_.deviations = deviations_of(found_.fit);
   judge_held_out(found_);
@@ -92,6 +93,7 @@ void FinalFit::choose_horizon() {
     found_ = judged(findings_->found, kIterations);
     if (found_.fit.usable && has_skill(found_.error)) return;
   }
+  if (!found_.fit.usable) found_ = judged(findings_->as_given, kIterations);
 }
 
 PredictionFitter FinalFit::fitter(const PredictionTask& task) const {
@@ -351,6 +353,46 @@ void FinalFit::drop_idle_laws() {
     if (!poorest) return;
     found_ = std::move(*poorest);
   }
+}
+
+// What few channels show may not tell where a law is over the short horizons of the search, and
+// tell over the long ones of the last fit.
+bool FinalFit::take_better_places() {
+  constexpr double kBetter = 0.97;  // of the cost
+  bool has_moved = false;
+  for (std::size_t l = 0; l < found_.fit.model.laws.size(); ++l) {
+    const PlacedFinding law = found_.fit.model.laws[l];
+    const JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
+    if (!poorer.fit.usable) continue;
+    for (const std::size_t other : elsewhere(law.hypothesis)) {
+      JudgedModel moved = with_law(poorer, other);
+      if (!moved.fit.usable || !(moved.fit.cost < kBetter * found_.fit.cost)) continue;
+      if (!(z_between(found_.fit, moved.fit) > 0.0)) continue;
+      accepted_as_[other] = accepted_as(law.hypothesis);
+      found_ = std::move(moved);
+      has_moved = true;
+    }
+  }
+  return has_moved;
+}
+
+// The same law at other places, and what is late at other signals, that are not in the model.
+std::vector<std::size_t> FinalFit::elsewhere(std::size_t hypothesis) const {
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const auto is_late = [](const Hypothesis& each) {
+    return each.law == "lag" || each.law == "delay";
+  };
+  std::vector<std::size_t> others;
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    const bool is_there =
+        std::ranges::count(found_.fit.model.laws, h, &PlacedFinding::hypothesis) > 0;
+    const bool is_alike = all[h].law == all[hypothesis].law &&
+                          all[h].place != all[hypothesis].place &&
+                          hypotheses_->location(h).kind == hypotheses_->location(hypothesis).kind;
+    const bool are_late = is_late(all[h]) && is_late(all[hypothesis]);
+    if (!is_there && (is_alike || are_late)) others.push_back(h);
+  }
+  return others;
 }
 
 // Friction of two levels where one does as well, and the like.

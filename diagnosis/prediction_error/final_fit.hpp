@@ -53,6 +53,10 @@ class FinalFit {
   [[nodiscard]] JudgedModel without(std::size_t law) const;
   // The model refitted with the last law of `rival` in place of one of its laws.
   [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
+  // `poorer` with a law of another hypothesis, from the best of its starts; unusable without any.
+  [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
+  // Hypotheses that may be one with this law in what is measured.
+  [[nodiscard]] std::vector<std::size_t> elsewhere(std::size_t hypothesis) const;
   [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }
   // The error of the model found, as far ahead as the remaining force costs at most `share` of each
   // output's signal. None: no recordings were kept out, or it costs more everywhere.
@@ -98,9 +102,9 @@ class FinalFit {
   // z of a law on the rung where it was accepted, beside the others found.
   [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
+  bool take_better_places();
   void take_plainer_laws();
   [[nodiscard]] bool take_plainer_law(std::size_t law);
-  [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   void judge_held_out(JudgedModel& model) const;
   [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
   [[nodiscard]] Eigen::ArrayXd relative_errors(const PredictionFit& fit) const;

@@ -37,6 +37,7 @@ constexpr double kNoiseLimit = 1.5;                // times the stated noise
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kAsGivenLimit = 2.0;
+constexpr double kExcluded = 2.0;                // z of what is found over a rival
 constexpr double kStructureLimit = 3.0;          // % of the forces that act
 constexpr double kRestLimit = 15.0;              // % of them
 constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
@@ -188,6 +189,7 @@ class DiagnosisBuilder {
       const auto accepted = std::ranges::find(
           findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
+      if (without.fit.usable) add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
       result_.effects.push_back(std::move(effect));
     }
   }
@@ -196,12 +198,8 @@ class DiagnosisBuilder {
   // the law in the model as it is at the end.
   void add_rivals(const AcceptedLaw& accepted, std::size_t law, FoundEffect& effect) const {
     constexpr std::size_t kNamed = 3;
-    constexpr double kExcluded = 2.0;  // z
-    const ExtendedLumpedModel& model = final_->found().fit.model;
     for (const TriedLaw& tried : accepted.rivals) {
-      const bool is_found =
-          std::ranges::count(model.laws, tried.hypothesis, &PlacedFinding::hypothesis) > 0;
-      if (is_found) continue;
+      if (is_found(tried.hypothesis)) continue;
       const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
       Rival rival = rival_of(tried);
       if (exchanged.fit.usable) {
@@ -219,6 +217,34 @@ class DiagnosisBuilder {
       if (effect.excluded.size() == kNamed) break;
       if (tried.behind > kExcluded) effect.excluded.push_back(rival_of(tried));
     }
+  }
+
+  void add_rivals_elsewhere(std::size_t found, const JudgedModel& without,
+                            FoundEffect& effect) const {
+    for (const std::size_t other : final_->elsewhere(found)) {
+      if (is_named(other, effect)) continue;
+      const JudgedModel exchanged = final_->with_law(without, other);
+      if (!exchanged.fit.usable) continue;
+      const double z = final_->z_over(exchanged);
+      if (z >= kExcluded) continue;
+      Rival rival;
+      rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+      rival.bic_difference = z * std::abs(z);
+      effect.rivals.push_back(std::move(rival));
+    }
+  }
+
+  [[nodiscard]] bool is_found(std::size_t hypothesis) const {
+    return std::ranges::count(final_->found().fit.model.laws, hypothesis,
+                              &PlacedFinding::hypothesis) > 0;
+  }
+
+  static bool is_named(std::size_t hypothesis, const FoundEffect& effect) {
+    const auto names = [&](const std::vector<Rival>& rivals) {
+      return std::ranges::any_of(
+          rivals, [&](const Rival& rival) { return rival.law.hypothesis == hypothesis; });
+    };
+    return names(effect.rivals) || names(effect.excluded);
   }
 
   [[nodiscard]] std::vector<ChannelRest> channel_rests(const JudgedModel& judged) const {

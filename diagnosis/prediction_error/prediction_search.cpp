@@ -25,13 +25,13 @@ constexpr double kRace = 0.5;      // of the best gain after a few iterations: r
 constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is worth it
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
+constexpr double kWandered = 1.5;      // of what is stated, either way
 
 void forget_derivatives(PredictionFit& fit) {
   fit.jacobian.resize(0, 0);
   fit.residuals.resize(0);
 }
 
-// Whether a parameter of the last law ended at a bound.
 // Whether the law that was added last has a parameter at a bound, or sizes out of order.
 bool has_run_away(const PredictionFit& fit) {
   const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
@@ -141,6 +141,18 @@ ExtendedLumpedModel PredictionSearch::as_started(const ExtendedLumpedModel& mode
   return with_values(model, values);
 }
 
+std::optional<PredictionFit> PredictionSearch::as_stated(const State& state) const {
+  if (!findings_.laws.empty() || !has_wandered(state.fit.model)) return {};
+  std::vector<double> values = state.fit.model.values();
+  for (std::size_t p = 0; p < state.fit.model.own_parameters(); ++p) {
+    values[p] = stated_->parameters[p].value;
+  }
+  PredictionFit stated =
+      fitter(state).fit(with_values(state.fit.model, values), state.weights, state.fit.initials, 0);
+  if (!stated.usable) return {};
+  return stated;
+}
+
 // The model on a rung, with the force noise that predicts best there. False: it can't be simulated.
 bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, State& state) {
   state.task = data_->windows(horizon);
@@ -182,45 +194,74 @@ bool PredictionSearch::is_noise(const State& state) const {
   return (state.error.array() < options_.at_noise * state.by_noise.array()).all();
 }
 
-PredictionFit PredictionSearch::refit(const State& state, const LawExtension& law,
-                                      double amplitude) const {
+bool PredictionSearch::has_wandered(const ExtendedLumpedModel& model) const {
+  const std::vector<double> values = model.values();
+  for (std::size_t p = 0; p < model.own_parameters(); ++p) {
+    const ParameterSpace& space = model.space[p];
+    if (model.model.parameters[p].fixed || !space.logarithmic || space.may_vanish()) continue;
+    const double ratio = values[p] / stated_->parameters[p].value;
+    if (!(ratio < kWandered && ratio > 1.0 / kWandered)) return true;
+  }
+  return false;
+}
+
+PredictionFit PredictionSearch::refit(const State& state, const PredictionFit& from,
+                                      const LawExtension& law, double amplitude) const {
   const PredictionFitter fitter = this->fitter(state);
   ExtendedLumpedModel best_start;
   double best = std::numeric_limits<double>::infinity();
   VectorXd residuals;
   for (const double share : {1.0, 0.3, 0.05}) {
-    ExtendedLumpedModel start = extended(state.fit.model, law, share * amplitude);
-    if (!fitter.residuals(start, state.weights, state.fit.initials, state.fit.gain, residuals)) {
-      continue;
-    }
+    ExtendedLumpedModel start = extended(from.model, law, share * amplitude);
+    if (!fitter.residuals(start, state.weights, from.initials, from.gain, residuals)) continue;
     const double cost = residuals.squaredNorm();
     if (cost < best) {
       best = cost;
       best_start = std::move(start);
     }
-    if (best < state.fit.cost || law.is_secant) break;
+    if (best < from.cost || law.is_secant) break;
   }
   if (!std::isfinite(best)) return {};
-  return fitter.fit(best_start, state.weights, state.fit.initials, kRaceIterations);
+  return fitter.fit(best_start, state.weights, from.initials, kRaceIterations);
 }
 
 double PredictionSearch::fed_in_by(const State& state, const PredictionFit& fit) const {
   return fed_in_share(fit.model.model, fitter(state).motion(fit), data_->sample_time());
 }
 
-std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
-                                                 const std::vector<LawExtension>& extensions,
-                                                 const std::vector<ExtensionScore>& list) const {
-  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
+std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
+                                                   const std::vector<LawExtension>& extensions,
+                                                   std::span<const ScoredStart> starts) const {
+  std::vector<std::size_t> list;  // extensions, one a hypothesis
+  for (const ScoredStart& start : starts) {
+    for (const ExtensionScore& score :
+         shortlist(start.scores, extensions, options_.shortlist, options_.whitened_shortlist)) {
+      const LawExtension& law = extensions[score.extension];
+      if (!law.is_secant && score.share < kHopeless * options_.least_gain) continue;
+      const bool is_there = std::ranges::any_of(
+          list, [&](std::size_t other) { return extensions[other].hypothesis == law.hypothesis; });
+      if (!is_there) list.push_back(score.extension);
+    }
+  }
   std::vector<TriedLaw> tried;
-  for (const ExtensionScore& score : list) {
-    const LawExtension& law = extensions[score.extension];
-    if (!law.is_secant && score.share < kHopeless * options_.least_gain) continue;
+  for (const std::size_t extension : list) {
+    const LawExtension& law = extensions[extension];
     TriedLaw one;
     one.hypothesis = law.hypothesis;
-    one.fit = refit(state, law, law.is_secant ? 1.0 : score.amplitude);
+    for (const ScoredStart& start : starts) {
+      const auto score = std::ranges::find(start.scores, extension, &ExtensionScore::extension);
+      if (score == start.scores.end()) continue;
+      PredictionFit fit = refit(state, *start.fit, law, law.is_secant ? 1.0 : score->amplitude);
+      const bool is_best = fit.usable && (!one.fit.usable || fit.cost < one.fit.cost);
+      if (is_best) one.fit = std::move(fit);
+    }
     if (one.fit.usable) tried.push_back(std::move(one));
   }
+  return tried;
+}
+
+void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried) const {
+  const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
   const auto gain = [&](const TriedLaw& law) { return state.fit.cost - law.fit.cost; };
   double best = 0.0;
   for (const TriedLaw& law : tried) best = std::max(best, gain(law));
@@ -234,7 +275,6 @@ std::vector<TriedLaw> PredictionSearch::try_laws(const State& state,
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
-  return tried;
 }
 
 std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
@@ -319,45 +359,32 @@ bool PredictionSearch::add_law(State& state) {
     findings_.ranking = scores;
     findings_.ranked = extensions;
   }
-  std::vector<TriedLaw> tried =
-      try_laws(state, extensions,
-               shortlist(scores, extensions, options_.shortlist, options_.whitened_shortlist));
+  std::vector<ScoredStart> starts{{&state.fit, scores}};
+  const std::optional<PredictionFit> stated = as_stated(state);
+  if (stated) {
+    starts.push_back({&*stated, extension_scores(fitter, *stated, state.weights, extensions)});
+  }
+  std::vector<TriedLaw> tried = start_race(state, extensions, starts);
+  end_race(state, tried);
   const std::size_t taken = plainest(tried, extensions, state);
   const PredictionFit& best = taken < tried.size() ? tried[taken].fit : state.fit;
-  if (findings_.laws.empty() && add_friction_group(state, extensions, best)) return true;
+  if (findings_.laws.empty() && add_friction_group(state, stated, extensions, best)) return true;
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
   return true;
 }
 
-std::vector<TriedLaw> PredictionSearch::friction_elsewhere(
-    const State& state, const PlacedFinding& law, const std::vector<LawExtension>& group) const {
-  const std::string& name = state.fit.model.model.parts[law.part].law_name;
-  const PredictionFit without = fitter(state).fit(without_part(state.fit.model, law.part),
-                                                  state.weights, state.fit.initials, 0);
-  std::vector<TriedLaw> rivals;
-  for (const LawExtension& other : group) {
-    const bool is_found = std::ranges::any_of(state.fit.model.laws, [&](const PlacedFinding& each) {
-      return each.hypothesis == other.hypothesis;
-    });
-    if (is_found || other.law != name || !without.usable) continue;
-    TriedLaw tried;
-    tried.hypothesis = other.hypothesis;
-    tried.fit = fitter(state).fit(extended(without.model, other, 0.0), state.weights,
-                                  state.fit.initials, kRefitIterations);
-    if (!tried.fit.usable) continue;
-    tried.behind = z_between(tried.fit, state.fit);
-    forget_derivatives(tried.fit);
-    if (tried.behind < options_.rival_errors) rivals.push_back(std::move(tried));
-  }
-  return rivals;
-}
-
-bool PredictionSearch::add_friction_group(State& state, const std::vector<LawExtension>& extensions,
+bool PredictionSearch::add_friction_group(State& state, const std::optional<PredictionFit>& stated,
+                                          const std::vector<LawExtension>& extensions,
                                           const PredictionFit& best_single) {
   const std::vector<LawExtension> group = friction_group(extensions, state.fit.model.model);
   if (group.size() < 2) return false;
   PredictionFit fit = with_group(fitter(state), state.fit, state.weights, group, kFirstIterations);
+  if (stated) {
+    PredictionFit other =
+        with_group(fitter(state), *stated, state.weights, group, kFirstIterations);
+    if (other.usable && (!fit.usable || other.cost < fit.cost)) fit = std::move(other);
+  }
   if (!fit.usable || !(fit.cost < (1.0 - options_.group_gain) * best_single.cost)) return false;
   const double z = z_between(best_single, fit), gain = 1.0 - fit.cost / state.fit.cost;
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
@@ -367,11 +394,6 @@ bool PredictionSearch::add_friction_group(State& state, const std::vector<LawExt
     findings_.laws.push_back({law.hypothesis, state.task.horizon, z, gain, {}, {}});
   }
   prune(state);
-  for (AcceptedLaw& law : findings_.laws) {
-    const auto placed =
-        std::ranges::find(state.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis);
-    law.rivals = friction_elsewhere(state, *placed, group);
-  }
   return true;
 }
 
@@ -430,6 +452,7 @@ void PredictionSearch::search_beside_disturbance() {
 
 PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   findings_ = {};
+  stated_ = &model;
   findings_.sample_time = data_->sample_time();
   const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
   findings_.found = moves ? with_unsigned_outputs(with_zeros(model, *data_, *hypotheses_), *data_,

@@ -27,6 +27,7 @@
 
 #include <cmath>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -131,16 +132,28 @@ class PredictionSearch {
   [[nodiscard]] std::vector<LatentForce> latent_forces(const ExtendedLumpedModel& model) const;
   [[nodiscard]] std::vector<RippleTrial> ripples(const State& state) const;
   [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
-  [[nodiscard]] bool add_friction_group(State& state, const std::vector<LawExtension>& extensions,
+  [[nodiscard]] bool add_friction_group(State& state, const std::optional<PredictionFit>& stated,
+                                        const std::vector<LawExtension>& extensions,
                                         const PredictionFit& best_single);
-  // Frictions of the group that would do as well where this one stands.
-  [[nodiscard]] std::vector<TriedLaw> friction_elsewhere(
-      const State& state, const PlacedFinding& law, const std::vector<LawExtension>& group) const;
-  [[nodiscard]] std::vector<TriedLaw> try_laws(const State& state,
-                                               const std::vector<LawExtension>& extensions,
-                                               const std::vector<ExtensionScore>& list) const;
-  [[nodiscard]] PredictionFit refit(const State& state, const LawExtension& law,
-                                    double amplitude) const;
+  // A model to extend, with what each law would take of what it leaves.
+  struct ScoredStart {
+    const PredictionFit* fit;
+    std::vector<ExtensionScore> scores;
+  };
+  // The laws of all shortlists, each refitted for a few iterations from each start; the best is
+  // kept.
+  [[nodiscard]] std::vector<TriedLaw> start_race(const State& state,
+                                                 const std::vector<LawExtension>& extensions,
+                                                 std::span<const ScoredStart> starts) const;
+  // The best to their ends; sorted by their costs.
+  void end_race(const State& state, std::vector<TriedLaw>& tried) const;
+  [[nodiscard]] PredictionFit refit(const State& state, const PredictionFit& from,
+                                    const LawExtension& law, double amplitude) const;
+  // The poorer model with its own parameters as they are stated, before the first law is found;
+  // none where it ended near them.
+  // Far from there they made up for what it lacks, and the law that it lacks gains little.
+  [[nodiscard]] std::optional<PredictionFit> as_stated(const State& state) const;
+  [[nodiscard]] bool has_wandered(const ExtendedLumpedModel& model) const;
   [[nodiscard]] std::size_t plainest(const std::vector<TriedLaw>& good,
                                      const std::vector<LawExtension>& extensions,
                                      const State& state) const;
@@ -155,6 +168,7 @@ class PredictionSearch {
   PredictionSearchOptions options_;
   PredictionFindings findings_;
   std::vector<double> intensities_;
+  const LumpedModel* stated_ = nullptr;
   ExtendedLumpedModel start_;
   DisturbanceForce disturbance_;  // that the filter follows; none on the ladder
 };

@@ -24,7 +24,8 @@ ExtendedLumpedModel scaled_by(const ExtendedLumpedModel& model, double factor) {
   for (std::size_t p = 0; p < own; ++p) {
     ParameterSpace& space = scaled.space[p];
     if (model.model.parameters[p].fixed || !space.logarithmic) continue;
-    for (double* const each : {&values[p], &space.scale, &space.low, &space.high}) *each *= factor;
+    for (double* const each : {&values[p], &space.scale}) *each *= factor;
+    (factor < 1.0 ? space.low : space.high) *= factor;  // what is stated stays inside
   }
   return with_values(scaled, values);
 }

@@ -72,6 +72,8 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
 
 }  // namespace
 
+bool ParameterSpace::may_vanish() const { return low < 10.0 * kVanishing * scale; }
+
 double ParameterSpace::coordinate(double value) const {
   return logarithmic ? std::log(std::max(value, 1e-300)) : value / scale;
 }

@@ -23,6 +23,7 @@ struct ParameterSpace {
   bool logarithmic = false;
   double scale = 1.0;
   double low, high;
+  [[nodiscard]] bool may_vanish() const;  // a damping
   [[nodiscard]] double coordinate(double value) const;
   [[nodiscard]] double value(double coordinate) const;
 };
