@@ -393,6 +393,7 @@ Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& pl
                                                    "asymmetric_coulomb",
                                                    "stribeck",
                                                    "sublinear_friction",
+                                                   "load_friction",
                                                    "deflection_damping",
                                                    "dahl",
                                                    "lugre",
@@ -420,7 +421,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
     if (dry_friction_may_creep) cases.emplace_back("viscous");
     return cases;
   }
-  if (name == "dahl") return {"coulomb"};
+  if (name == "dahl" || name == "load_friction") return {"coulomb"};
   if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};

@@ -211,6 +211,7 @@ void LumpedSystem::deflect(const PlacedLaw& law, const Rows& state, const double
     deflection_(0) += b * inputs[position_[k]];
     rate_(0) += b * inputs[velocity_[k]];
   }
+  if (law.driver >= 0) deflection_ = input_rows_.row(law.driver);
 }
 
 // The force of the law at deflection_ and rate_, and the rates of its states.
@@ -427,7 +428,8 @@ void LumpedSystem::outputs(const Rows& state, const double* inputs, const double
     return output.quantity == kAcceleration || output.quantity == kForce;
   });
   const bool needs_inputs =
-      std::ranges::any_of(sensors_, [](const PlacedLaw& law) { return law.driver >= 0; });
+      std::ranges::any_of(sensors_, [](const PlacedLaw& law) { return law.driver >= 0; }) ||
+      std::ranges::any_of(forces_, [](const PlacedLaw& law) { return law.driver >= 0; });
   if (needs_forces || needs_inputs) compute_inputs(state, inputs, slopes, &scratch_rates_);
   if (needs_forces) compute_acceleration(state, inputs, true, scratch_rates_);
   for (std::size_t j = 0; j < outputs_.size(); ++j) {

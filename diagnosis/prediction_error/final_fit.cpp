@@ -78,7 +78,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   take_plainer_laws();
-  found_.deviations = deviations_of(found_.fit);
+  found_.deviations = deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_));
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   as_given_ = judged(findings.as_given, kIterations);

@@ -23,9 +23,10 @@ struct Course {
   VectorXd z, rate;
 };
 
+// A friction that an input drives takes more than it does without.
 void add_power(const Element& part, const Course& at, VectorXd& power) {
   for (Index k = 0; k < at.z.size(); ++k) {
-    const double z = at.z(k), rate = at.rate(k);
+    const double z = part.location.driver >= 0 ? 0.0 : at.z(k), rate = at.rate(k);
     power(k) += (part.law->force(z, rate, {}) - part.law->force(z, 0.0, {})) * rate;
   }
 }

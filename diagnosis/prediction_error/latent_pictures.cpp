@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 
 bool acts_where(const Element& law, Index coordinate) {
   const bool is_force = law.location.kind == LocationKind::kElement && law.law;
-  if (!is_force || law.law->state_count() > 0) return false;
+  if (!is_force || law.law->state_count() > 0 || law.location.driver >= 0) return false;
   const VectorXd& b = law.location.output;
   return (b.array() != 0.0).count() == 1 && b(coordinate) == 1.0;
 }

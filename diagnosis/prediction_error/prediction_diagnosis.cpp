@@ -354,7 +354,7 @@ class DiagnosisBuilder {
       if (other.law_name == "stiffness") own.stiffness += other.parameters[0];
       if (other.law_name == "viscous") own.damping += other.parameters[0];
     }
-    if (!law.law || law.law->state_count() > 0) return own;
+    if (!law.law || law.law->state_count() > 0 || law.location.driver >= 0) return own;
     const Index m = motion_.cols() / 2;
     const VectorXd z = motion_.leftCols(m) * law.location.input;
     const VectorXd rate = motion_.rightCols(m) * law.location.input;
@@ -444,8 +444,10 @@ class DiagnosisBuilder {
     Index worst = 0;
     const double most = growth->ratio.maxCoeff(&worst);
     const bool is_chance = std::log(most) < kGrowthErrors * growth->deviation(worst);
+    const std::string& channel = stated_->output_names[static_cast<std::size_t>(worst)];
+    const bool is_excused = most > kGrowthLimit && is_chance;
     list.push_back(test(
-        fmt::format("{} ({})", name, stated_->output_names[static_cast<std::size_t>(worst)]), most,
+        fmt::format("{} ({}{})", name, channel, is_excused ? "; chance explains it" : ""), most,
         kGrowthLimit, most <= kGrowthLimit || is_chance,
         "put recordings like those kept out into the fit: the laws found do not hold there as they "
         "hold in it"));

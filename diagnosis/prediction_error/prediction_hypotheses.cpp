@@ -125,6 +125,7 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
     place.name = model.mass_names[static_cast<std::size_t>(i)];
     place.input = place.output = VectorXd::Unit(n, i);
     add_place(place, fmt::format("{{kind: element, mass: {}}}", place.name));
+    add_load_friction(place, i, model);
   }
   place.takes_inertia = false;
   for (const Element& part : model.parts) {
@@ -183,6 +184,21 @@ void PredictionHypotheses::add_place(const Location& place, const std::string& y
     if (law == "gravity" && !(rotates_ && is_one_mass)) continue;
     if ((law == "mode" || law == "ripple") && !is_one_mass) continue;
     add(place, yaml, law);
+  }
+}
+
+// By the forces that drive this mass itself.
+void PredictionHypotheses::add_load_friction(const Location& mass, Index at,
+                                             const LumpedModel& model) {
+  for (std::size_t c = 0; c < model.inputs.size(); ++c) {
+    if (model.inputs[c].kind != LumpedInput::Kind::kForce || model.inputs[c].mass != at) continue;
+    Location location = mass;
+    location.driver = static_cast<Index>(c);
+    location.units.driver = unit_below(model.input_units[c]);
+    location.takes_inertia = false;
+    const std::string yaml = fmt::format("{{kind: element, mass: {}, driven_by: {{input: {}}}}}",
+                                         mass.name, model.input_names[c]);
+    add(location, yaml, "load_friction");
   }
 }
 
@@ -270,7 +286,8 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   const auto coulomb = part_at(model, place, "coulomb");
   if (plain.law == "viscous" && !viscous && !part_at(model, place, "asymmetric_viscous")) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / at.rms_rate, true));
-  } else if (plain.law == "coulomb" && !coulomb && !part_at(model, place, "stribeck")) {
+  } else if (plain.law == "coulomb" && !coulomb && !part_at(model, place, "stribeck") &&
+             !part_at(model, place, "load_friction")) {
     LawExtension law = amplitude(plain, {0.0, transition}, 0, at.force, true);
     law.fixed = {false, !is_imposed};
     list.push_back(law);
@@ -297,6 +314,18 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
       law.replaces = coulomb;
       if (at.rate(share) > transition) list.push_back(std::move(law));
     }
+  } else if (plain.law == "load_friction" && !part_at(model, place, "stribeck")) {
+    // Where it takes over from a level, that of the usual load stays what it is.
+    const bool takes_over = coulomb && is_found(present, *coulomb);
+    if (coulomb && !takes_over) return;
+    const double load = input_scales_[static_cast<std::size_t>(place.driver)];
+    const double level = takes_over ? value_of(present, *coulomb, 0) : 0.0;
+    const double width = takes_over ? value_of(present, *coulomb, 1) : transition;
+    LawExtension law = amplitude(plain, {level, 0.0, width}, 1, at.force / load, true);
+    law.direction[0] = -load;
+    law.fixed = {false, false, !is_imposed};
+    if (takes_over) law.replaces = coulomb;
+    list.push_back(std::move(law));
   } else if (plain.law == "quadratic_drag") {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
   } else if (plain.law == "deflection_damping") {

@@ -40,6 +40,7 @@ class PredictionHypotheses {
  private:
   struct MotionAt;
   void add_place(const Location& place, const std::string& yaml);
+  void add_load_friction(const Location& mass, Eigen::Index at, const LumpedModel& model);
   void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
   void add(const Location& place, const std::string& yaml, const std::string& law);
   void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present, const MotionAt& at,

@@ -222,14 +222,14 @@ double PredictionFitter::difference_step(const Point& at, std::span<const std::s
 }
 
 MatrixXd PredictionFitter::jacobian(const Point& at, std::span<const std::size_t> free,
-                                    const VectorXd& weights) const {
+                                    const VectorXd& weights, double share) const {
   const Index parameters = static_cast<Index>(free.size());
   const Index columns = parameters + initial_columns(at);
   MatrixXd result = MatrixXd::Zero(at.residuals.size(), columns);
 #pragma omp parallel for num_threads(threads_) schedule(dynamic) if (threads_ > 1)
   for (Index c = 0; c < columns; ++c) {
     VectorXd step = VectorXd::Zero(columns);
-    double size = difference_step(at, free, c);
+    double size = share * difference_step(at, free, c);
     for (int trial = 0; trial < 2; ++trial, size *= -0.1) {
       step(c) = size;
       Point beside = moved(at, free, step);
@@ -275,6 +275,21 @@ bool PredictionFitter::descend(Point& at, const MatrixXd& jacobian, std::span<co
     return true;
   }
   return false;
+}
+
+// A residual that jumps within one step stands out from what two other steps say.
+PredictionFit PredictionFitter::with_steady_slopes(const PredictionFit& fit,
+                                                   const VectorXd& weights) const {
+  PredictionFit result = fit;
+  Point at{fit.model, fit.initials, fit.gain, 0.0, {}};
+  if (!evaluate(at, weights)) return result;
+  const MatrixXd backward = jacobian(at, fit.free, weights, -1.0),
+                 wider = jacobian(at, fit.free, weights, 5.0);
+  for (Index i = 0; i < result.jacobian.size(); ++i) {
+    const double a = fit.jacobian.data()[i], b = backward.data()[i], c = wider.data()[i];
+    result.jacobian.data()[i] = std::max(std::min(a, b), std::min(std::max(a, b), c));  // median
+  }
+  return result;
 }
 
 PredictionFit PredictionFitter::fit(const ExtendedLumpedModel& start, const VectorXd& weights,

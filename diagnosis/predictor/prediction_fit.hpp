@@ -68,6 +68,10 @@ class PredictionFitter {
   // A fit that goes on where another ended, with its gain.
   [[nodiscard]] PredictionFit fit_on(const PredictionFit& from, const Eigen::VectorXd& weights,
                                      int iterations) const;
+  // The fit with derivatives that are the median of three steps: where a friction sticks or slips,
+  // by less than the step, a sample may jump, and would seem to tell a parameter very well.
+  [[nodiscard]] PredictionFit with_steady_slopes(const PredictionFit& fit,
+                                                 const Eigen::VectorXd& weights) const;
   // False where the motion leaves all bounds.
   bool residuals(const ExtendedLumpedModel& model, const Eigen::VectorXd& weights,
                  const InitialStates& initials, const Eigen::MatrixXd& gain,
@@ -107,7 +111,7 @@ class PredictionFitter {
   [[nodiscard]] double difference_step(const Point& at, std::span<const std::size_t> free,
                                        Eigen::Index column) const;
   [[nodiscard]] Eigen::MatrixXd jacobian(const Point& at, std::span<const std::size_t> free,
-                                         const Eigen::VectorXd& weights) const;
+                                         const Eigen::VectorXd& weights, double share = 1.0) const;
   // Those whose parameters are not at a bound that they want to pass.
   [[nodiscard]] std::vector<Eigen::Index> active_columns(const Point& at,
                                                          const Eigen::VectorXd& slope,

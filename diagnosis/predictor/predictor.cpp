@@ -40,6 +40,7 @@ const LawEntry& entry_of(const Element& part) {
 
 // A friction with no transition at v = 0, where a velocity passes the one that is stated
 // within `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
+// How steep it is where an input drives it, nobody knows beforehand.
 std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
   const LawEntry& entry = entry_of(part);
   const auto transition =
@@ -49,7 +50,8 @@ std::shared_ptr<const Law> without_transition(const Element& part, double rate) 
   double& velocity = parameters[static_cast<std::size_t>(transition - entry.parameters.begin())];
   const double small = kBarelyMoving * velocity;
   const double slope = part.law->force(0.0, small, {}) / small;
-  if (!(rate * slope > kResolved)) return nullptr;
+  const bool is_steep = part.location.driver >= 0 ? rate > 0.0 : rate * slope > kResolved;
+  if (!is_steep) return nullptr;
   velocity *= kSharp;
   return entry.make(parameters);
 }
@@ -120,6 +122,7 @@ Predictor::Placed Predictor::placed(const Element& part) const {
   result.law = part.law;
   result.in = sparse(part.location.input);
   result.out = sparse(part.location.output);
+  result.driver = part.location.driver;
   result.states = part.law ? part.law->state_count() : 0;
   return result;
 }
@@ -259,10 +262,11 @@ void Predictor::spread(const double* x, const double* inputs) {
   }
 }
 
-void Predictor::add_forces(const double* x, double* dx) {
+void Predictor::add_forces(const double* x, const double* inputs, double* dx) {
   for (const Placed& law : laws_) {
     if (linear_ && !law.is_linear) continue;
-    const double z = dot(law.in, q_), rate = dot(law.in, v_);
+    const double z = law.driver >= 0 ? inputs[law.driver] : dot(law.in, q_);
+    const double rate = dot(law.in, v_);
     const std::span<const double> state(x + law.first_state, law.states);
     if (law.states > 0) law.law->state_rate(z, rate, state, {dx + law.first_state, law.states});
     if (law.is_set_valued && law.mode != Placed::Mode::kSlides) continue;
@@ -281,12 +285,12 @@ void Predictor::rates(const double* x, const double* inputs, double* dx) {
   if (disturbance_state_ >= 0) force_(disturbance_.coordinate) += x[disturbance_state_];
   if (linear_) {
     if (pushed_ >= 0) force_(pushed_) += push_;
-    add_forces(x, dx);
+    add_forces(x, inputs, dx);
   } else {
     for (std::size_t j = 0; j < inputs_.size(); ++j) {
       if (inputs_[j].kind == LumpedInput::Kind::kForce) force_(inputs_[j].mass) += inputs[j];
     }
-    add_forces(x, dx);
+    add_forces(x, inputs, dx);
   }
   for (Index i = 0; i < n_; ++i) {
     double sum = 0.0;
@@ -328,9 +332,10 @@ double Predictor::rate_of(const Placed& law) const {
   return rate;
 }
 
-double Predictor::level_of(const Placed& law, double direction) const {
-  double z = 0.0;
+double Predictor::level_of(const Placed& law, double direction, const double* inputs) const {
+  double z = law.driver >= 0 ? inputs[law.driver] : 0.0;
   for (const auto& [at, coefficient] : law.in) {
+    if (law.driver >= 0) break;
     const Index slot = slot_[static_cast<std::size_t>(at)];
     z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
   }
@@ -360,7 +365,7 @@ void Predictor::choose_friction(const double* inputs) {
     if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
     law.pull = dot(law.in, a_);  // acceleration without this friction
     law.direction = law.pull > 0.0 ? 1.0 : -1.0;
-    const bool holds = std::abs(law.pull) <= level_of(law, law.direction);
+    const bool holds = std::abs(law.pull) <= level_of(law, law.direction, inputs);
     law.mode = holds ? Placed::Mode::kHolds : Placed::Mode::kSlides;
   }
 }
@@ -378,7 +383,8 @@ void Predictor::settle_friction(double step, const double* inputs) {
     const double rate = rate_of(law);
     if (law.direction * rate >= 0.0) continue;
     const double crossed = law.rate / (law.rate - rate);  // share of the step
-    const double back = (rate - law.rate) / step + 2.0 * law.direction * level_of(law, rate);
+    const double back =
+        (rate - law.rate) / step + 2.0 * law.direction * level_of(law, rate, inputs);
     const bool goes_back = law.direction * back < 0.0;
     push(law, (goes_back ? (1.0 - crossed) * step * back : 0.0) - rate);
   }
@@ -393,7 +399,7 @@ void Predictor::break_away(double step, const double* inputs) {
   for (Placed& law : laws_) {
     if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
     const double pull = dot(law.in, a_);
-    const double beyond = std::abs(pull) - level_of(law, pull);
+    const double beyond = std::abs(pull) - level_of(law, pull, inputs);
     double change = -rate_of(law);  // rounding
     if (beyond > 0.0) {
       const double share = std::min(1.0, beyond / std::max(std::abs(pull - law.pull), 1e-300));
@@ -420,7 +426,7 @@ void Predictor::step(const NodeInputs& drive, Index step) {
   settle_friction(h, at_end);
 }
 
-double Predictor::output_of(std::size_t output) const {
+double Predictor::output_of(std::size_t output, const double* inputs) const {
   const LumpedOutput& what = outputs_[output];
   using enum LumpedOutput::Quantity;
   switch (what.quantity) {
@@ -434,7 +440,8 @@ double Predictor::output_of(std::size_t output) const {
       return mass_.row(what.mass).dot(a_) - force_(what.mass);
     case kElementForce: {
       const Placed& part = measured_[output];
-      return part.law->force(dot(part.in, q_), dot(part.in, v_), {});
+      const double z = part.driver >= 0 ? inputs[part.driver] : dot(part.in, q_);
+      return part.law->force(z, dot(part.in, v_), {});
     }
   }
   return 0.0;
@@ -450,7 +457,7 @@ void Predictor::sense(const double* inputs, std::vector<double>& followed) {
   }
   followed.clear();
   for (std::size_t j = 0; j < outputs_.size(); ++j) {
-    double y = output_of(j);
+    double y = output_of(j, inputs);
     double& turned = turned_(static_cast<Index>(j)) = 1.0;
     for (const Sensor& sensor : sensors_[j]) {
       if (y < 0.0 && sensor.turned_below_zero < 0.0) turned = -turned;

@@ -91,6 +91,7 @@ class Predictor {
   struct Placed {
     std::shared_ptr<const Law> law;
     Coefficients in, out;
+    Eigen::Index driver = -1;  // the input in place of the deflection
     Eigen::Index first_state = 0;
     std::size_t states = 0;
     bool is_set_valued = false;
@@ -132,10 +133,10 @@ class Predictor {
   void spread(const double* x, const double* inputs);
   void rates(const double* x, const double* inputs, double* dx);
   void hold_still(double* dx);
-  void add_forces(const double* x, double* dx);
+  void add_forces(const double* x, const double* inputs, double* dx);
   // Velocity at the place of a set-valued friction, and its level as an acceleration there, now.
   [[nodiscard]] double rate_of(const Placed& law) const;
-  [[nodiscard]] double level_of(const Placed& law, double direction) const;
+  [[nodiscard]] double level_of(const Placed& law, double direction, const double* inputs) const;
   void push(const Placed& law, double change);  // of its velocity
   void choose_friction(const double* inputs);
   void settle_friction(double step, const double* inputs);
@@ -153,7 +154,7 @@ class Predictor {
   bool advance(const Recorded& recorded, Eigen::Index from, Eigen::Index to);
   void remember();
   void return_to_remembered();
-  [[nodiscard]] double output_of(std::size_t output) const;
+  [[nodiscard]] double output_of(std::size_t output, const double* inputs) const;
   // Through the laws of the sensors up to their delays; what lags follow goes to `followed`.
   void sense(const double* inputs, std::vector<double>& followed);
   void delay();

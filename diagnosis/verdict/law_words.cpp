@@ -18,7 +18,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of the leading parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 31> kPredicates{{
+constexpr std::array<Predicate, 32> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
@@ -34,6 +34,7 @@ constexpr std::array<Predicate, 31> kPredicates{{
     {"coulomb", false, "has dry friction"},
     {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
     {"stribeck", false, "has dry friction"},
+    {"load_friction", false, "has dry friction that grows with the load that it carries"},
     {"sublinear_friction", false, "has friction that grows less than speed does"},
     {"quadratic_drag", false, "has drag that grows with the square of speed"},
     {"deflection_damping", false, "is damped the more, the further it is deflected"},

@@ -37,6 +37,13 @@ void check_law_fits_place(const YamlField& field, const LawEntry& entry, const L
                            location.name));
   }
   const bool is_driven = location.driver >= 0;
+  if (location.kind == LocationKind::kElement && (entry.name == "load_friction") != is_driven &&
+      (entry.definition.empty() || !is_driven)) {
+    field.fail(is_driven ? fmt::format("'{}' is of a deflection; what is driven by an input takes "
+                                       "'load_friction' or a law of one's own",
+                                       entry.name)
+                         : "'load_friction' needs a location with driven_by: {input: ...}");
+  }
   if (location.kind != LocationKind::kElement && (entry.name == "feedthrough") != is_driven &&
       (entry.definition.empty() || !is_driven)) {
     field.fail(is_driven ? fmt::format("'{}' is of the signal itself; what is driven by another "
@@ -138,6 +145,7 @@ bool are_one_place(const Location& a, const Location& b) {
   if (a.kind != b.kind || a.is_flange != b.is_flange) return false;
   if (a.kind != LocationKind::kElement) return a.channel == b.channel;
   if (a.is_flange) return a.load == b.load;
+  if (a.driver != b.driver) return false;
   return (a.output == b.output && a.input == b.input) ||
          (a.output == -b.output && a.input == -b.input);
 }

@@ -12,6 +12,10 @@
 // z = b_in^T q; b_in = b_out unless the location says what drives it (cross-coupling, transmission
 // error):
 //     location: {kind: element, joint: j_5, axis: motor, driven_by: {joint: j_4, axis: arm}}
+// A recorded input d may stand in the place of z, with the rate of the place itself: friction that
+// grows with the load. So far this is for lumped models, fits and the prediction of any motion.
+//     location: {kind: element, mass: motor, driven_by: {input: torque}}
+//     law: load_friction
 // kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one
 // signal apply in the order of the list, delays last.
 //
@@ -45,7 +49,7 @@ struct Location {
   Eigen::VectorXd input;       // b_in; empty at signals and at the flange
   Eigen::VectorXd output;      // b_out
   Eigen::Index channel = 0;    // of an actuator or sensor; elsewhere on a robot the joint
-  Eigen::Index driver = -1;    // of an actuator or sensor: the input that drives the law, if any
+  Eigen::Index driver = -1;    // of a lumped model: the input that drives the law, if any
   bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
   bool is_flange = false;      // takes payloads alone
   std::string load;            // of a flange: only in recordings with this load; empty: in all

@@ -71,6 +71,18 @@ struct SublinearFriction {
   }
 };
 
+// Of gears and bearings that carry a load: the deflection is that of the load, an input that drives
+// the law. p: F_c, mu, v_t.
+struct LoadFriction {
+  static constexpr int kParameters = 3, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& load, const T& rate, const T*) {
+    using std::abs;
+    using std::tanh;
+    return (p[0] + p[1] * abs(load)) * tanh(rate / p[2]);
+  }
+};
+
 struct QuadraticDrag {
   static constexpr int kParameters = 1, kStates = 0;
   template <typename T>
@@ -147,6 +159,17 @@ std::vector<LawEntry> friction_laws() {
        {{"coefficient", "F s/x^3", kNonNegative, true}},
        make_law<DeflectionDamping>},
   };
+}
+
+std::vector<LawEntry> supplementary_friction_laws() {
+  using enum ParameterRange;
+  return {{"load_friction",
+           "dry friction that grows with an input d: f = (F_c + mu |d|) tanh(z'/v_t)",
+           LawUse::kForce,
+           {{"level", "F", kNonNegative, true},
+            {"coefficient", "F/D", kNonNegative, true},
+            {"transition_velocity", "x/s", kPositive}},
+           make_law<LoadFriction>}};
 }
 
 }  // namespace graybox

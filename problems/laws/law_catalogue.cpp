@@ -29,8 +29,8 @@ const std::deque<LawEntry>& law_catalogue() { return mutable_catalogue(); }
 const std::deque<LawEntry>& supplementary_laws() {
   static const std::deque<LawEntry> laws = [] {
     std::deque<LawEntry> all;
-    for (auto part : {supplementary_spring_laws(), supplementary_hysteresis_laws(),
-                      supplementary_signal_laws()}) {
+    for (auto part : {supplementary_spring_laws(), supplementary_friction_laws(),
+                      supplementary_hysteresis_laws(), supplementary_signal_laws()}) {
       std::ranges::move(part, std::back_inserter(all));
     }
     return all;
@@ -70,6 +70,10 @@ const LawEntry* find_law(std::string_view name, bool at_signal) {
   return nullptr;
 }
 
+std::string unit_below(const std::string& unit) {
+  return unit.find_first_of(" /") == std::string::npos ? unit : "(" + unit + ")";
+}
+
 std::string unit_at(std::string_view unit, const PlaceUnits& place) {
   std::string text;
   for (const char letter : unit) {
@@ -82,6 +86,9 @@ std::string unit_at(std::string_view unit, const PlaceUnits& place) {
         break;
       case 'I':
         text += place.inertia;
+        break;
+      case 'D':
+        text += place.driver;
         break;
       default:
         text += letter;

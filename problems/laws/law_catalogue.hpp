@@ -47,7 +47,7 @@ struct ParameterTrials {
 
 struct LawParameter {
   std::string name;
-  std::string unit;  // with F, x and I
+  std::string unit;  // with F, x, I and D: PlaceUnits
   ParameterRange range = ParameterRange::kAny;
   bool is_linear = false;  // the force is linear in all parameters marked so, taken together
   ParameterTrials trials = {};
@@ -98,7 +98,11 @@ struct PlaceUnits {
   std::string force;       // "N m", "N", or the unit of a signal
   std::string deflection;  // "rad" or "m"
   std::string inertia;     // "kg m^2" or "kg"
+  std::string driver = {};  // of the input that drives a force law, in brackets where composed
 };
+
+// As it stands below a line: "(N m)", "s".
+[[nodiscard]] std::string unit_below(const std::string& unit);
 
 // "F/x^3" -> "N m/rad^3".
 [[nodiscard]] std::string unit_at(std::string_view unit, const PlaceUnits& place);

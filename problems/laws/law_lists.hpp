@@ -14,6 +14,7 @@ namespace graybox {
 [[nodiscard]] std::vector<LawEntry> signal_laws();
 
 [[nodiscard]] std::vector<LawEntry> supplementary_spring_laws();
+[[nodiscard]] std::vector<LawEntry> supplementary_friction_laws();
 [[nodiscard]] std::vector<LawEntry> supplementary_hysteresis_laws();
 [[nodiscard]] std::vector<LawEntry> supplementary_signal_laws();
 

@@ -38,12 +38,7 @@ class LumpedPlaces : public Places {
       result.output = result.input = deflection(location, result.name);
       result.takes_inertia = true;
       if (location.has("driven_by")) {
-        const YamlField driver = location.at("driven_by");
-        driver.allow_keys({"mass", "between", "deflection"});
-        std::string driving;
-        result.input = deflection(driver, driving);
-        result.name += " driven by " + driving;
-        result.takes_inertia = false;
+        drive_element(location.at("driven_by"), result);
       }
       return result;
     }
@@ -62,18 +57,33 @@ class LumpedPlaces : public Places {
   }
 
  private:
-  // The law is of another input than the signal: "F/x" has that input's unit below the line.
-  void drive(const YamlField& driver, Location& place) const {
+  // By another deflection; or by an input, and then the rate is that of the place.
+  void drive_element(const YamlField& driver, Location& place) const {
+    place.takes_inertia = false;
+    if (driver.has("input")) {
+      place.units.driver = driving_unit(driver, place);
+      return;
+    }
+    driver.allow_keys({"mass", "between", "deflection"});
+    std::string driving;
+    place.input = deflection(driver, driving);
+    place.name += " driven by " + driving;
+  }
+
+  std::string driving_unit(const YamlField& driver, Location& place) const {
     driver.allow_keys({"input"});
     place.driver = index_of(driver.at("input"), model_->input_names, "input");
     const auto input = static_cast<std::size_t>(place.driver);
+    place.name += " driven by " + model_->input_names[input];
+    return unit_below(model_->input_units[input]);
+  }
+
+  // The law is of another input than the signal: "F/x" has that input's unit below the line.
+  void drive(const YamlField& driver, Location& place) const {
+    place.units.deflection = driving_unit(driver, place);
     if (place.kind == LocationKind::kActuator && place.driver == place.channel) {
       driver.at("input").fail("is the signal itself");
     }
-    place.name += " driven by " + model_->input_names[input];
-    const std::string& unit = model_->input_units[input];
-    place.units.deflection =
-        unit.find_first_of(" /") == std::string::npos ? unit : "(" + unit + ")";
   }
 
   // b with z = b^T q, given in one of three ways.

@@ -25,9 +25,9 @@
 //   noise: {speed: 0.002}                    # standard deviation, white; none if absent
 //   controller: {kind: pi, proportional: [0.2], integral_time: [0.05]}  # u from r - y; if absent,
 //                                            # the excitation is the input itself
-// Further places: {kind: element, deflection: {motor: 1, load: -50}} for z = motor - 50 load, a
-// `driven_by` with one of these three ways, {kind: actuator, input: torque}, {kind: sensor, output:
-// speed}. Simulations start at q = 0, at rest.
+// Further places: {kind: element, deflection: {motor: 1, load: -50}} for z = motor - 50 load; a
+// `driven_by` with one of these three ways or {input: torque}; {kind: actuator, input: torque};
+// {kind: sensor, output: speed}. Simulations start at q = 0, at rest.
 //
 // Further outputs: {name: a, mass: load, quantity: acceleration}, {name: f, element: shaft,
 // quantity: force} (the force f of that element's law).

@@ -607,6 +607,28 @@ TEST_F(ElementFiles, ASignalMayDriveALaw) {
       },
       "driven_by");
 
+  const std::string at_motor = "kind: element, mass: motor, driven_by: {input: torque}";
+  const auto load_friction = [](const std::string& unit) {
+    return "load_friction\n    parameters:\n      level: {value: 0.1, unit: N m}\n      "
+           "coefficient: "
+           "{value: 0.2, unit: " +
+           unit + "}\n      transition_velocity: {value: 1e-3, unit: rad/s}\n";
+  };
+  const LumpedModel loaded = drive(physics(at_motor, load_friction("N m/(N m)")));
+  EXPECT_EQ(loaded.parts.back().location.driver, 0);
+  EXPECT_DOUBLE_EQ(loaded.parts.back().law->force(-3.0, 1.0, {}), 0.1 + 0.2 * 3.0);
+  testing::expect_refused([&] { (void)drive(physics(at_motor, load_friction("N m/rad"))); },
+                          "must be 'N m/(N m)'");
+  testing::expect_refused(
+      [&] { (void)drive(physics("kind: element, mass: motor", load_friction("1"))); },
+      "needs a location with driven_by");
+  testing::expect_refused(
+      [&] {
+        (void)drive(
+            physics(at_motor, "stiffness\n    parameters: {stiffness: {value: 1, unit: N m/rad}}"));
+      },
+      "is of a deflection");
+
   const auto with_input = [&](const std::string& input) {
     std::string text = kDrive;
     text.replace(text.find("  - {name: torque"), 0, "  - {name: more, " + input + "}\n");

@@ -1,6 +1,7 @@
 // Diagnosis by prediction error: the predictor against closed forms, the gain against its equation,
 // the comparison against explicit refits, and whole diagnoses of simulated drives.
 #include <gtest/gtest.h>
+#include <omp.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -325,10 +326,10 @@ TEST(PredictionDiagnosis, FindsTheZeroOfAnEncoderBesideAFriction) {
   EXPECT_NEAR(zero->law.parameters[0].value, 5.0, 0.001);
 }
 
-// A motor of 2e-3 kg m^2 with 0.01 N m s/rad and `dry` N m of dry friction, driven by steps in both
-// directions; its tachometer reads |speed| where `unsigned_speed`.
+// A motor of 2e-3 kg m^2 with 0.01 N m s/rad and dry friction, of `dry` N m and of `by_load` of its
+// torque, driven by steps in both directions; its tachometer reads |speed| where `unsigned_speed`.
 void write_tachometer(const testing::TemporaryFolder& folder, bool unsigned_speed, double dry,
-                      unsigned seed) {
+                      unsigned seed, double by_load = 0.0) {
   std::ofstream(folder.file("motor.yaml"))
       << "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {motor: 0.0023}\n"
          "elements:\n  - {name: bearing, location: {kind: element, mass: motor}, law: viscous, "
@@ -354,13 +355,14 @@ void write_tachometer(const testing::TemporaryFolder& folder, bool unsigned_spee
       constexpr int kSteps = 100;
       for (int s = 0; s < kSteps; ++s) {
         const double pull = applied - 0.01 * speed, step = 0.01 / kSteps / 0.002;
-        const double slid = speed + step * (pull - std::copysign(dry, speed));
-        const bool holds = speed == 0.0 && std::abs(pull) <= dry;
+        const double level = dry + by_load * std::abs(applied);
+        const double slid = speed + step * (pull - std::copysign(level, speed));
+        const bool holds = speed == 0.0 && std::abs(pull) <= level;
         const bool stops = speed != 0.0 && slid * speed < 0.0;
         if (holds || stops) {
           speed = 0.0;
         } else {
-          speed = speed == 0.0 ? step * (pull - std::copysign(dry, pull)) : slid;
+          speed = speed == 0.0 ? step * (pull - std::copysign(level, pull)) : slid;
         }
       }
     }
@@ -388,6 +390,47 @@ TEST(PredictionDiagnosis, TellsATachometerThatReadsNoSign) {
       }
     }
   }
+}
+
+TEST(PredictionDiagnosis, TellsFrictionThatGrowsWithTheLoad) {
+  for (const double dry : {0.0, 0.02}) {
+    const testing::TemporaryFolder folder;
+    write_tachometer(folder, false, dry, 5, 0.3);
+    const PredictionDiagnosis result = diagnose_by_prediction(
+        folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 2);
+    ASSERT_EQ(names_of(result), std::vector<std::string>{"load_friction at motor"}) << dry;
+    EXPECT_EQ(result.diagnosis.verdict, Verdict::kExplained) << dry;
+    const std::vector<LawParameterEstimate>& sizes = result.diagnosis.effects[0].law.parameters;
+    EXPECT_NEAR(sizes[0].value, dry, std::max(4.0 * sizes[0].standard_error, 1e-3));
+    EXPECT_NEAR(sizes[1].value, 0.3, 4.0 * sizes[1].standard_error);
+    EXPECT_EQ(sizes[1].unit, "N m/(N m)");
+  }
+}
+
+TEST(PredictionDiagnosis, IsTheSameForAnyNumberOfThreads) {
+  const int usual = omp_get_max_threads();
+  std::vector<PredictionDiagnosis> results;
+  for (const auto& [own, all] : {std::pair{1, 1}, {2, 1}, {2, 3}}) {
+    omp_set_num_threads(all);
+    const testing::TemporaryFolder folder;
+    SimulatedDrive({"coulomb at load", false, 7}).write(std::filesystem::path(folder.file("")));
+    results.push_back(diagnose_by_prediction(folder.file("drive.yaml"),
+                                             read_campaign(folder.file("campaign.yaml")), {}, own));
+  }
+  omp_set_num_threads(usual);
+  EXPECT_EQ(names_of(results[0]), std::vector<std::string>{"coulomb at load"});
+  for (const PredictionDiagnosis& other : {results[1], results[2]}) {
+    EXPECT_EQ(names_of(other), names_of(results[0]));
+    EXPECT_EQ(other.diagnosis.after.deviance, results[0].diagnosis.after.deviance);
+  }
+}
+
+// To one encoder a constant force at the load is one at the motor.
+TEST(PredictionDiagnosis, NamesThePlacesThatRecordingsDoNotTell) {
+  const PredictionDiagnosis result = diagnosis_of({"offset at load", false, 7});
+  EXPECT_TRUE(names(result, "offset at load"));
+  EXPECT_TRUE(names(result, "offset at motor"));
+  EXPECT_EQ(result.diagnosis.verdict, Verdict::kAmbiguous);
 }
 
 TEST(PredictionDiagnosis, RefusesRobots) {
