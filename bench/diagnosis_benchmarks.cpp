@@ -143,7 +143,6 @@ int main(int argc, char** argv) {
     add("ranking", ranking);
     add("verdict", verdict);
   }
-  Eigen::setNbThreads(1);  // as the command does
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();

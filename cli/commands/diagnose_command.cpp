@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cstdio>
 #include <iterator>
@@ -297,7 +296,6 @@ int execute(Arguments& arguments) {
   std::optional<ReportFolder> folder;
   if (!arguments.output.empty()) folder.emplace(arguments.output, kReportFiles);
   catch_interrupts();
-  Eigen::setNbThreads(1);  // threads work on recordings, not on the small products of each
   const StepProgress progress;
   progress.show("reading the recordings, fitting the model");
   arguments.search.proceed = [&progress](const std::string& step) {

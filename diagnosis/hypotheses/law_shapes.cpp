@@ -393,7 +393,7 @@ Characteristic characteristic_of(const LawEntry& entry, const CandidatePlace& pl
                                                    "asymmetric_coulomb",
                                                    "stribeck",
                                                    "sublinear_friction",
-                                                   "load_friction",
+                                                   "load_dependent_friction",
                                                    "deflection_damping",
                                                    "dahl",
                                                    "lugre",
@@ -421,7 +421,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
     if (dry_friction_may_creep) cases.emplace_back("viscous");
     return cases;
   }
-  if (name == "dahl" || name == "load_friction") return {"coulomb"};
+  if (name == "dahl" || name == "load_dependent_friction") return {"coulomb"};
   if (name == "asymmetric_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};

@@ -23,10 +23,9 @@ struct Course {
   VectorXd z, rate;
 };
 
-// A friction that an input drives takes more than it does without.
 void add_power(const Element& part, const Course& at, VectorXd& power) {
   for (Index k = 0; k < at.z.size(); ++k) {
-    const double z = part.location.driver >= 0 ? 0.0 : at.z(k), rate = at.rate(k);
+    const double z = at.z(k), rate = at.rate(k);
     power(k) += (part.law->force(z, rate, {}) - part.law->force(z, 0.0, {})) * rate;
   }
 }
@@ -69,7 +68,10 @@ double share_at(const LumpedModel& model, const Element& part, const Course& at,
       std::ranges::any_of(list, [](const auto& one) { return one.first->law->state_count() > 0; });
   VectorXd power = VectorXd::Zero(at.z.size());
   for (const auto& [other, sign] : list) {
-    const Course own{sign * at.z, sign * at.rate};
+    // A friction that an input drives takes no less than it does where that is zero.
+    const bool is_driven = other->location.driver >= 0;
+    const Course own{is_driven ? VectorXd::Zero(at.z.size()) : VectorXd(sign * at.z),
+                     sign * at.rate};
     if (has_memory) {
       add_whole_power(*other, own, sample_time, power);
     } else {

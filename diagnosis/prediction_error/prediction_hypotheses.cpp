@@ -198,7 +198,7 @@ void PredictionHypotheses::add_load_friction(const Location& mass, Index at,
     location.takes_inertia = false;
     const std::string yaml = fmt::format("{{kind: element, mass: {}, driven_by: {{input: {}}}}}",
                                          mass.name, model.input_names[c]);
-    add(location, yaml, "load_friction");
+    add(location, yaml, "load_dependent_friction");
   }
 }
 
@@ -287,7 +287,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   if (plain.law == "viscous" && !viscous && !part_at(model, place, "asymmetric_viscous")) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / at.rms_rate, true));
   } else if (plain.law == "coulomb" && !coulomb && !part_at(model, place, "stribeck") &&
-             !part_at(model, place, "load_friction")) {
+             !part_at(model, place, "load_dependent_friction")) {
     LawExtension law = amplitude(plain, {0.0, transition}, 0, at.force, true);
     law.fixed = {false, !is_imposed};
     list.push_back(law);
@@ -314,7 +314,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
       law.replaces = coulomb;
       if (at.rate(share) > transition) list.push_back(std::move(law));
     }
-  } else if (plain.law == "load_friction" && !part_at(model, place, "stribeck")) {
+  } else if (plain.law == "load_dependent_friction" && !part_at(model, place, "stribeck")) {
     // Where it takes over from a level, that of the usual load stays what it is.
     const bool takes_over = coulomb && is_found(present, *coulomb);
     if (coulomb && !takes_over) return;

@@ -333,11 +333,14 @@ double Predictor::rate_of(const Placed& law) const {
 }
 
 double Predictor::level_of(const Placed& law, double direction, const double* inputs) const {
-  double z = law.driver >= 0 ? inputs[law.driver] : 0.0;
-  for (const auto& [at, coefficient] : law.in) {
-    if (law.driver >= 0) break;
-    const Index slot = slot_[static_cast<std::size_t>(at)];
-    z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
+  double z = 0.0;
+  if (law.driver >= 0) {
+    z = inputs[law.driver];
+  } else {
+    for (const auto& [at, coefficient] : law.in) {
+      const Index slot = slot_[static_cast<std::size_t>(at)];
+      z += coefficient * (slot >= 0 ? x_(slot) : q_(at));
+    }
   }
   const std::span<const double> state(x_.data() + law.first_state, law.states);
   return law.mobility * std::abs(law.law->force(z, std::copysign(kBarelyMoving, direction), state));

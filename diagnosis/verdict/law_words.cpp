@@ -34,7 +34,7 @@ constexpr std::array<Predicate, 32> kPredicates{{
     {"coulomb", false, "has dry friction"},
     {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
     {"stribeck", false, "has dry friction"},
-    {"load_friction", false, "has dry friction that grows with the load that it carries"},
+    {"load_dependent_friction", false, "has dry friction that grows with the load that it carries"},
     {"sublinear_friction", false, "has friction that grows less than speed does"},
     {"quadratic_drag", false, "has drag that grows with the square of speed"},
     {"deflection_damping", false, "is damped the more, the further it is deflected"},

@@ -15,7 +15,7 @@
 // A recorded input d may stand in the place of z, with the rate of the place itself: friction that
 // grows with the load. So far this is for lumped models, fits and the prediction of any motion.
 //     location: {kind: element, mass: motor, driven_by: {input: torque}}
-//     law: load_friction
+//     law: load_dependent_friction
 // kind: actuator and kind: sensor. A signal law turns the signal s into s + f(s); laws of one
 // signal apply in the order of the list, delays last.
 //

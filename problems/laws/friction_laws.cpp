@@ -163,7 +163,7 @@ std::vector<LawEntry> friction_laws() {
 
 std::vector<LawEntry> supplementary_friction_laws() {
   using enum ParameterRange;
-  return {{"load_friction",
+  return {{"load_dependent_friction",
            "dry friction that grows with an input d: f = (F_c + mu |d|) tanh(z'/v_t)",
            LawUse::kForce,
            {{"level", "F", kNonNegative, true},

@@ -95,9 +95,9 @@ void add_law(LawEntry entry);
 [[nodiscard]] const LawEntry* find_law(std::string_view name, bool at_signal);
 
 struct PlaceUnits {
-  std::string force;       // "N m", "N", or the unit of a signal
-  std::string deflection;  // "rad" or "m"
-  std::string inertia;     // "kg m^2" or "kg"
+  std::string force;        // "N m", "N", or the unit of a signal
+  std::string deflection;   // "rad" or "m"
+  std::string inertia;      // "kg m^2" or "kg"
   std::string driver = {};  // of the input that drives a force law, in brackets where composed
 };
 

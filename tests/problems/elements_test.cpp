@@ -364,11 +364,12 @@ TEST_F(ElementFiles, ElementsBetweenMassesKeepTheTotalMomentum) {
     if (entry.use != LawUse::kForce) continue;
     std::string parameters = entry.name + "\n    parameters:\n";
     for (const LawParameter& parameter : entry.parameters) {
-      parameters += "      " + parameter.name +
-                    ": {value: 0.5, unit: " + unit_at(parameter.unit, {"N m", "rad", "kg m^2"}) +
-                    "}\n";
+      parameters += "      " + parameter.name + ": {value: 0.5, unit: " +
+                    unit_at(parameter.unit, {"N m", "rad", "kg m^2", "(N m)"}) + "}\n";
     }
-    const LumpedModel model = drive(physics("kind: element, between: [motor, load]", parameters));
+    std::string location = "kind: element, between: [motor, load]";
+    if (entry.name == "load_dependent_friction") location += ", driven_by: {input: torque}";
+    const LumpedModel model = drive(physics(location, parameters));
     const VectorXd ones = VectorXd::Ones(2);
     EXPECT_LT((ones.transpose() * model.stiffness).norm(), 1e-14) << entry.name;
     EXPECT_LT((ones.transpose() * model.damping).norm(), 1e-14) << entry.name;
@@ -608,19 +609,19 @@ TEST_F(ElementFiles, ASignalMayDriveALaw) {
       "driven_by");
 
   const std::string at_motor = "kind: element, mass: motor, driven_by: {input: torque}";
-  const auto load_friction = [](const std::string& unit) {
-    return "load_friction\n    parameters:\n      level: {value: 0.1, unit: N m}\n      "
+  const auto friction = [](const std::string& unit) {
+    return "load_dependent_friction\n    parameters:\n      level: {value: 0.1, unit: N m}\n      "
            "coefficient: "
            "{value: 0.2, unit: " +
            unit + "}\n      transition_velocity: {value: 1e-3, unit: rad/s}\n";
   };
-  const LumpedModel loaded = drive(physics(at_motor, load_friction("N m/(N m)")));
+  const LumpedModel loaded = drive(physics(at_motor, friction("N m/(N m)")));
   EXPECT_EQ(loaded.parts.back().location.driver, 0);
   EXPECT_DOUBLE_EQ(loaded.parts.back().law->force(-3.0, 1.0, {}), 0.1 + 0.2 * 3.0);
-  testing::expect_refused([&] { (void)drive(physics(at_motor, load_friction("N m/rad"))); },
+  testing::expect_refused([&] { (void)drive(physics(at_motor, friction("N m/rad"))); },
                           "must be 'N m/(N m)'");
   testing::expect_refused(
-      [&] { (void)drive(physics("kind: element, mass: motor", load_friction("1"))); },
+      [&] { (void)drive(physics("kind: element, mass: motor", friction("1"))); },
       "needs a location with driven_by");
   testing::expect_refused(
       [&] {

@@ -398,7 +398,8 @@ TEST(PredictionDiagnosis, TellsFrictionThatGrowsWithTheLoad) {
     write_tachometer(folder, false, dry, 5, 0.3);
     const PredictionDiagnosis result = diagnose_by_prediction(
         folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 2);
-    ASSERT_EQ(names_of(result), std::vector<std::string>{"load_friction at motor"}) << dry;
+    ASSERT_EQ(names_of(result), std::vector<std::string>{"load_dependent_friction at motor"})
+        << dry;
     EXPECT_EQ(result.diagnosis.verdict, Verdict::kExplained) << dry;
     const std::vector<LawParameterEstimate>& sizes = result.diagnosis.effects[0].law.parameters;
     EXPECT_NEAR(sizes[0].value, dry, std::max(4.0 * sizes[0].standard_error, 1e-3));
