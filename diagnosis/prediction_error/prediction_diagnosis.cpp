@@ -207,6 +207,7 @@ class DiagnosisBuilder {
         rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
         rival.bic_difference = z * std::abs(z);
         const bool stands = z < kExcluded;
+        if (stands && contains(tried.hypothesis, effect.law.hypothesis)) continue;
         (stands ? effect.rivals : effect.excluded).push_back(std::move(rival));
       } else {
         effect.excluded.push_back(std::move(rival));
@@ -217,6 +218,13 @@ class DiagnosisBuilder {
       if (effect.excluded.size() == kNamed) break;
       if (tried.behind > kExcluded) effect.excluded.push_back(rival_of(tried));
     }
+  }
+
+  // A law that is another one for some of its parameters predicts as well, and is no rival of it.
+  [[nodiscard]] bool contains(std::size_t richer, std::size_t plainer) const {
+    const Hypothesis& a = hypotheses_->hypotheses()[richer];
+    const Hypothesis& b = hypotheses_->hypotheses()[plainer];
+    return a.place == b.place && std::ranges::count(a.special_cases, b.law) > 0;
   }
 
   void add_rivals_elsewhere(std::size_t found, const JudgedModel& without,
