@@ -376,7 +376,7 @@ bool FinalFit::take_better_places() {
   return has_moved;
 }
 
-// The same law at other places, and what is late at other signals, that are not in the model.
+// These are the same law at other places, and lateness at other signals, where the model has none.
 std::vector<std::size_t> FinalFit::elsewhere(std::size_t hypothesis) const {
   const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
   const auto is_late = [](const Hypothesis& each) {

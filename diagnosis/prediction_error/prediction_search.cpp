@@ -64,6 +64,13 @@ std::vector<std::size_t> laws_of(const ExtendedLumpedModel& model) {
   return laws;
 }
 
+// The parameters that the model states, as `source` has them.
+ExtendedLumpedModel with_own_values(const ExtendedLumpedModel& model, const LumpedModel& source) {
+  std::vector<double> values = model.values();
+  for (std::size_t i = 0; i < model.own_parameters(); ++i) values[i] = source.parameters[i].value;
+  return with_values(model, values);
+}
+
 ExtendedLumpedModel without_laws(ExtendedLumpedModel model) {
   while (!model.laws.empty()) model = without_part(model, model.laws.back().part);
   return model;
@@ -135,20 +142,13 @@ void PredictionSearch::weigh(State& state) const {
 
 // With the model's own parameters where the search began.
 ExtendedLumpedModel PredictionSearch::as_started(const ExtendedLumpedModel& model) const {
-  std::vector<double> values = model.values();
-  const std::size_t own = model.own_parameters();
-  for (std::size_t i = 0; i < own; ++i) values[i] = start_.model.parameters[i].value;
-  return with_values(model, values);
+  return with_own_values(model, start_.model);
 }
 
 std::optional<PredictionFit> PredictionSearch::as_stated(const State& state) const {
   if (!findings_.laws.empty() || !has_wandered(state.fit.model)) return {};
-  std::vector<double> values = state.fit.model.values();
-  for (std::size_t p = 0; p < state.fit.model.own_parameters(); ++p) {
-    values[p] = stated_->parameters[p].value;
-  }
-  PredictionFit stated =
-      fitter(state).fit(with_values(state.fit.model, values), state.weights, state.fit.initials, 0);
+  PredictionFit stated = fitter(state).fit(with_own_values(state.fit.model, *stated_),
+                                           state.weights, state.fit.initials, 0);
   if (!stated.usable) return {};
   return stated;
 }

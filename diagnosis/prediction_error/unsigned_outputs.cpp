@@ -13,8 +13,8 @@ using Eigen::Index;
 
 constexpr double kBelow = 0.03;  // of the largest value: noise about zero
 constexpr double kDown = 0.05;   // likewise, how near to zero it comes
-// Of the cost, and z: less than is asked of others, since a speed that comes down to zero and never
-// passes it speaks for itself, and what else is missing may leave much.
+// These limits of the cost and z are lower than others, since a speed that comes down to zero and
+// never passes it speaks for itself, and what else is missing may leave much.
 constexpr double kBetter = 0.9, kErrors = 3.0;
 
 bool predicts_better(const PredictionFit& without_sign, const PredictionFit& stated) {

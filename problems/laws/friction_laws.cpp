@@ -71,8 +71,8 @@ struct SublinearFriction {
   }
 };
 
-// Of gears and bearings that carry a load: the deflection is that of the load, an input that drives
-// the law. p: F_c, mu, v_t.
+// Gears and bearings rub more under load. An input, the load, stands in place of the deflection.
+// p: F_c, mu, v_t.
 struct LoadFriction {
   static constexpr int kParameters = 3, kStates = 0;
   template <typename T>
