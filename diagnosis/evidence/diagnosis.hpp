@@ -117,6 +117,13 @@ struct FreedModel {
   std::vector<std::string> departures;  // of the final model, in words
 };
 
+// A channel that was moved in time before laws were sought. Errors on recordings kept out, NRMSE in
+// %: with the laws found before it was moved, and with those found after.
+struct LateChannel {
+  MovedChannel moved;
+  double error_before = 0.0, error_after = 0.0;
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::kUnknown;
   bool noise_is_known = false;
@@ -156,6 +163,7 @@ struct Diagnosis {
   std::vector<ForcePicture> pictures;  // of the effects, in their order
   std::vector<RejectedLaw> rejected;
   std::optional<FreedModel> freed_model;
+  std::vector<LateChannel> late_channels;
   std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
   bool plausibility_judged = true;          // false: there was no time to
   CheckedRange checked;

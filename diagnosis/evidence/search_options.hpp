@@ -22,7 +22,8 @@ struct SearchOptions {
   double rare_gain = 0.1;          // likewise, of a law of kRareRank
   double held_out_errors = 3.0;    // standard errors of that gain
   double generalisation = 1.5;
-  double structure_tolerance = 0.1;
+  double structure_tolerance = 0.1;         // of what is left
+  double structure_error = 3.0;             // % of the signal, that may depend on the motion
   double autocorrelation_tolerance = 10.0;  // % of the signal
   double channel_tolerance = 15.0;          // %, of each channel's error kept out
   int null_draws = 199;                     // at least 2 / level are taken

@@ -45,14 +45,13 @@ void SearchState::go_on_with(std::unique_ptr<MismatchProblem> freed) {
   compare = FitComparison(*freed, options);
   refits.start_anew(*freed);
   problem = freed.get();
-  freed_ = std::move(freed);
+  freed_.push_back(std::move(freed));
 }
 
 void SearchState::go_back_to(const MismatchProblem& stated) {
   compare = FitComparison(stated, options);
   refits.start_anew(stated);
   problem = &stated;
-  freed_.reset();
   freed_without_laws.reset();
 }
 

@@ -43,7 +43,7 @@ struct SearchState {
 
   // Refines the shapes that the fits of candidates held, where these hold any.
   void settle_shapes();
-  // The same problem, its recordings freed of more.
+  // The same problem, its recordings freed of more. What was before it stays alive.
   void go_on_with(std::unique_ptr<MismatchProblem> freed);
   // What the model states as it is again.
   void go_back_to(const MismatchProblem& stated);
@@ -77,7 +77,7 @@ struct SearchState {
       departed_places;  // of laws that are not quite what is there (shape_check.hpp)
 
  private:
-  std::unique_ptr<MismatchProblem> freed_;  // what `problem` is, once recordings were freed of more
+  std::vector<std::unique_ptr<MismatchProblem>> freed_;  // what `problem` was and is, but the first
 };
 
 }  // namespace graybox

@@ -25,6 +25,7 @@ VerdictReason at_most(std::string test, double value, double limit, std::string 
   reason.passed = value <= limit;  // not where it is no number
   reason.otherwise = otherwise;
   if (!reason.passed) reason.next = std::move(next);
+  if (reason.next.ends_with('.')) reason.next.pop_back();
   return reason;
 }
 
@@ -94,11 +95,16 @@ std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
                               grown))};
 }
 
-// Of a problem that can't say it nothing is known to be noise.
-VerdictReason remaining(const char* test, const std::optional<double>& value, double limit,
-                        const char* next) {
-  if (!value) return failed(std::string(test) + " (can't be told)", next);
-  return at_most(test, *value, limit, next);
+// What of the rest depends on the motion, as part of the signal: a small rest that nearly all
+// depends on it is a small matter. Of a problem that can't say it nothing is known to be noise.
+VerdictReason motion_reason(const Diagnosis& diagnosis, const SearchOptions& options,
+                            const char* next) {
+  const std::string test = "rest that depends on the motion, % of the signal";
+  if (!diagnosis.remaining_structure) return failed(test + " (can't be told)", next);
+  const double error = diagnosis.after.estimation.nrmse;
+  return at_most(test, std::sqrt(*diagnosis.remaining_structure) * error,
+                 std::max(options.structure_error, std::sqrt(options.structure_tolerance) * error),
+                 next);
 }
 
 void append(std::vector<VerdictReason> more, std::vector<VerdictReason>& reasons) {
@@ -153,8 +159,10 @@ VerdictReason rivals_reason(const Diagnosis& diagnosis) {
 
 std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
   std::vector<VerdictReason> reasons;
+  const bool has_late_channels = !diagnosis.late_channels.empty();
   reasons.push_back(at_least(
-      "laws found", static_cast<double>(diagnosis.effects.size()), 1.0,
+      has_late_channels ? "laws and late channels found" : "laws found",
+      static_cast<double>(diagnosis.effects.size() + diagnosis.late_channels.size()), 1.0,
       "try laws and places of your own (--laws, --places), and check units, signs and the motion "
       "that was recorded"));
   const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
@@ -208,8 +216,7 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
   if (!diagnosis.noise_is_known) {
     std::vector<VerdictReason> reasons = {generalisation(diagnosis, options)};
     append(channel_reasons(diagnosis, options), reasons);
-    append({remaining("share of the rest that depends on the motion", diagnosis.remaining_structure,
-                      options.structure_tolerance, look),
+    append({motion_reason(diagnosis, options, look),
             at_most("part of the rest that follows from its own past, % of the signal",
                     diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
                     "a disturbance with memory, or physics that none of these laws describes: "

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "diagnosis/force_balance/late_forces.hpp"
 #include "diagnosis/force_balance/standstill.hpp"
 #include "diagnosis/hypotheses/place_file.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
@@ -435,11 +436,14 @@ Eigen::VectorXd ForceBalanceRows::root_mean_squares(const Eigen::MatrixXd& value
 }
 
 ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Campaign& campaign,
-                                         std::span<const std::filesystem::path> place_files) {
+                                         std::span<const std::filesystem::path> place_files,
+                                         const Eigen::VectorXd& advance) {
   std::vector<Motion> fitted, held_out;
   std::vector<std::string> fitted_names, held_out_names;
   ForceBalanceData data;
+  data.advance = advance;
   std::vector<MotionRecord> records = read_motion_records(robot, campaign);
+  advance_forces(advance, records);
   leave_out_standstill(robot, records, data);
   for (MotionRecord& record : records) {
     const bool is_fitted = record.role == ExperimentRole::kEstimation;

@@ -89,14 +89,16 @@ struct ForceBalanceData {
   // What the model states of a robot of one joint, kg m^2 or kg; NaN for others.
   double known_inertia = std::numeric_limits<double>::quiet_NaN();
   std::vector<bool> idle;            // joints that never move (standstill.hpp)
+  Eigen::VectorXd advance;           // s, by which forces were moved, by joint; empty: none was
   std::vector<std::string> remarks;  // what was left out, a sentence each
 };
 
 // Reads the recordings of a rigid robot. Base parameters are those that the estimation data can
-// tell apart. Throws InputError as force_balance_problem does.
+// tell apart. Forces are moved by `advance` (late_forces.hpp), if that has a time for each joint.
+// Throws InputError as force_balance_problem does.
 [[nodiscard]] ForceBalanceData load_force_balance_data(
     const RigidRobotModel& robot, const Campaign& campaign,
-    std::span<const std::filesystem::path> place_files = {});
+    std::span<const std::filesystem::path> place_files = {}, const Eigen::VectorXd& advance = {});
 
 // Places and parameters of the only joint named as those of a mass of a lumped model.
 void name_as_lumped(ForceBalanceData& data);

@@ -41,6 +41,7 @@ constexpr int kGainRounds = 16;    // of fits that take the drives' gains from o
 constexpr double kGainTolerance = 1e-4;
 constexpr int kNoiseRounds = 4;    // of refinements of shapes
 constexpr double kLateStep = 0.2;  // of a lateness, by which a force is moved on
+constexpr int kLateRounds = 3;
 // Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
 // place, which hangs on it.
 constexpr double kSettledNoise = 1.5;
@@ -109,10 +110,17 @@ std::vector<std::size_t> coordinates_of(const CandidatePlace& place) {
   return coordinates;
 }
 
+// The recordings once more, with the forces of each joint moved by so many seconds.
+using ReadInTime = std::function<ForceBalanceData(const Eigen::VectorXd& advance)>;
+
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
-  ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options)
-      : data_(std::move(data)), options_(std::move(options)), regression_(data_.estimation) {
+  ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options,
+                      ReadInTime read_in_time = {})
+      : data_(std::move(data)),
+        options_(std::move(options)),
+        read_in_time_(std::move(read_in_time)),
+        regression_(data_.estimation) {
     const BalanceFit first = regression_.fit({});
     first_inverse_gains_ = Eigen::VectorXd::Zero(static_cast<Index>(data_.gain_parameters.size()));
     for (Index j = 0; j < first_inverse_gains_.size(); ++j) {
@@ -200,7 +208,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     if (!(counted > 0.0)) return nullptr;
     std::optional<ForceBalanceData> freed = with_uncertain_bodies(data_, effective / counted);
     if (!freed) return nullptr;
-    return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_);
+    return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_, read_in_time_);
   }
   [[nodiscard]] std::vector<std::string> departures_from_stated(
       const ExtendedFit& fit) const override {
@@ -265,6 +273,31 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     }
   }
 
+  [[nodiscard]] std::unique_ptr<MismatchProblem> in_time(const ExtendedFit& fit) const override {
+    if (!read_in_time_ || data_.validation.empty()) return nullptr;
+    std::vector<ChannelRest> channels = channel_rests(fit);
+    find_late_channels(fit, channels);
+    Eigen::VectorXd advance = Eigen::VectorXd::Zero(coordinates());
+    if (data_.advance.size() > 0) advance = data_.advance;
+    bool is_new = false;
+    for (Index j = 0; j < coordinates(); ++j) {
+      const ChannelRest& rest = channels[static_cast<std::size_t>(j)];
+      if (!is_worth_moving(rest) || !has_own_force(j)) continue;
+      advance(j) += *rest.late_by;
+      is_new = true;
+    }
+    if (!is_new && !is_moved_too_little(fit)) return nullptr;
+    return moved_by(advance, fit);
+  }
+
+  [[nodiscard]] std::vector<MovedChannel> moved_channels() const override {
+    std::vector<MovedChannel> moved;
+    for (Index j = 0; j < data_.advance.size(); ++j) {
+      if (data_.advance(j) != 0.0) moved.push_back({channel_name(j), data_.advance(j)});
+    }
+    return moved;
+  }
+
   [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
     PhysicalContext context;
     context.kinds = data_.parameter_kinds;
@@ -308,6 +341,60 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
+  [[nodiscard]] static bool is_worth_moving(const ChannelRest& rest) {
+    if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) return false;
+    const double ratio = *rest.held_out_nrmse_in_time / *rest.held_out_nrmse;
+    return ratio * ratio <= 1.0 - kWorthMoving;
+  }
+  // What is left of the lateness of each joint that was moved.
+  [[nodiscard]] Eigen::VectorXd lateness_left(const ExtendedFit& fit) const {
+    Eigen::VectorXd left = Eigen::VectorXd::Zero(coordinates());
+    const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
+    for (Index j = 0; j < data_.advance.size(); ++j) {
+      if (data_.advance(j) != 0.0) left(j) = graybox::lateness_left(data_.estimation, rest, j);
+    }
+    return left;
+  }
+  [[nodiscard]] bool is_moved_too_little(const ExtendedFit& fit) const {
+    if (data_.advance.size() == 0) return false;
+    const Eigen::ArrayXd left = lateness_left(fit).cwiseAbs();
+    return (left > kLateStep * kLateStep * data_.advance.array().abs()).any();
+  }
+
+  [[nodiscard]] std::unique_ptr<ForceBalanceProblem> in_time_by(
+      const Eigen::VectorXd& advance) const {
+    if (advance.cwiseAbs().maxCoeff() > kLongestDelay) return nullptr;
+    ForceBalanceData moved = read_in_time_(advance);
+    if (!data_.uncertain.empty()) {
+      std::optional<ForceBalanceData> freed = with_uncertain_bodies(moved, data_.estimation.worth);
+      if (!freed) return nullptr;
+      moved = *std::move(freed);
+    }
+    return std::make_unique<ForceBalanceProblem>(std::move(moved), options_, read_in_time_);
+  }
+  // With the same laws fitted again, until nothing of the lateness is left.
+  [[nodiscard]] std::unique_ptr<MismatchProblem> moved_by(Eigen::VectorXd advance,
+                                                          const ExtendedFit& fit) const {
+    const std::vector<LawStart> laws = starts_of(fit);
+    std::unique_ptr<ForceBalanceProblem> moved = in_time_by(advance);
+    for (int round = 0; moved && round < kLateRounds; ++round) {
+      const ExtendedFit again = moved->fit(laws, nullptr);
+      if (!again.usable || !moved->is_moved_too_little(again)) break;
+      advance += moved->lateness_left(again);
+      std::unique_ptr<ForceBalanceProblem> nearer = in_time_by(advance);
+      if (!nearer) break;
+      moved = std::move(nearer);
+    }
+    return moved;
+  }
+
+  // Not that of motors which move other joints, too.
+  [[nodiscard]] bool has_own_force(Index coordinate) const {
+    if (!data_.robot.channels.motor_torque) return true;
+    const auto column = data_.robot.transmission.col(coordinate).array();
+    return (column != 0.0).count() == 1;
+  }
+
   // Laws fitted to a late force take part of its lateness. So the force is moved on, and the same
   // laws are fitted again, as long as that lowers what they leave.
   [[nodiscard]] LateForce with_laws_refitted(const ExtendedFit& fit, Index coordinate,
@@ -1069,6 +1156,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   ForceBalanceData data_;
   ForceBalanceOptions options_;
+  ReadInTime read_in_time_;
   BalanceRegression regression_;
   Eigen::VectorXd first_inverse_gains_;  // of the model as given; empty where gains are known
   std::vector<ColouredNoise> noises_;    // by coordinate
@@ -1215,8 +1303,11 @@ CandidateProducts ForceBalanceProblem::products_with(const BalanceColumns& colum
 std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::path& model,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
-  return std::make_unique<ForceBalanceProblem>(
-      load_force_balance_data(load_rigid_robot(model), campaign, options.place_files), options);
+  const auto read = [robot = load_rigid_robot(model), campaign,
+                     places = options.place_files](const Eigen::VectorXd& advance) {
+    return load_force_balance_data(robot, campaign, places, advance);
+  };
+  return std::make_unique<ForceBalanceProblem>(read({}), options, read);
 }
 
 std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
@@ -1225,15 +1316,18 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
   Campaign smooth = campaign;
   const std::optional<LowPass> low_pass = missing_low_pass(drive, campaign);
   if (low_pass) smooth.preprocess.emplace_back(*low_pass);
-  ForceBalanceData data = load_force_balance_data(drive, smooth);
-  if (low_pass) {
-    data.remarks.push_back(fmt::format(
-        "All channels went through a low-pass at {:.4g} Hz: above it the noise of the positions, "
-        "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.4g})",
-        low_pass->frequency, low_pass->frequency));
-  }
-  name_as_lumped(data);
-  return std::make_unique<ForceBalanceProblem>(std::move(data), options);
+  const auto read = [drive, smooth, low_pass](const Eigen::VectorXd& advance) {
+    ForceBalanceData data = load_force_balance_data(drive, smooth, {}, advance);
+    if (low_pass) {
+      data.remarks.push_back(fmt::format(
+          "All channels went through a low-pass at {:.4g} Hz: above it the noise of the positions, "
+          "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.4g})",
+          low_pass->frequency, low_pass->frequency));
+    }
+    name_as_lumped(data);
+    return data;
+  };
+  return std::make_unique<ForceBalanceProblem>(read({}), options, read);
 }
 
 }  // namespace graybox

@@ -4,10 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/recordings/sample_interpolation.hpp"
+
 namespace graybox {
 namespace {
 
 using Eigen::Index;
+
+constexpr Index kFewestMoved = 20;  // samples
 
 // Squares of y(t + shift) - y_model(t), over pairs of samples of one piece that count.
 struct ShiftedError {
@@ -48,7 +52,50 @@ double least_between(double before, double middle, double after) {
                                            : 0.0;
 }
 
+// The samples of a piece at which the forces of then are known for every joint.
+Motion with_forces_moved(const Motion& piece, const Eigen::VectorXd& seconds) {
+  const double first_time = piece.time(0), last_time = piece.time(piece.samples() - 1);
+  const double from = first_time - std::min(0.0, seconds.minCoeff()),
+               to = last_time - std::max(0.0, seconds.maxCoeff());
+  const auto first = static_cast<Index>((piece.time.array() < from).count());
+  const Index count = static_cast<Index>((piece.time.array() <= to).count()) - first;
+  if (count < kFewestMoved) return piece;
+  Motion moved = samples_of(piece, first, count);
+  for (Index j = 0; j < seconds.size(); ++j) {
+    if (seconds(j) == 0.0) continue;
+    const Eigen::VectorXd then = (moved.time.array() + seconds(j)).max(first_time).min(last_time);
+    moved.torque.col(j) = interpolated(piece.time, piece.torque.col(j), then);
+  }
+  return moved;
+}
+
 }  // namespace
+
+double lateness_left(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest, Index coordinate) {
+  const Eigen::VectorXd model = rows.measured.col(coordinate) - rest.col(coordinate);
+  const auto counts = [&](Index row) {
+    return rows.counts.size() == 0 || rows.counts(row, coordinate) > 0.0;
+  };
+  double product = 0.0, square = 0.0;
+  Index first = 0;
+  for (const Motion& piece : rows.pieces) {
+    for (Index t = first + 1; t + 1 < first + piece.samples(); ++t) {
+      if (!counts(t - 1) || !counts(t) || !counts(t + 1)) continue;
+      const double slope = (model(t + 1) - model(t - 1)) / (2.0 * piece.sample_time());
+      product += rest(t, coordinate) * slope;
+      square += slope * slope;
+    }
+    first += piece.samples();
+  }
+  return square > 0.0 ? -product / square : 0.0;
+}
+
+void advance_forces(const Eigen::VectorXd& seconds, std::vector<MotionRecord>& records) {
+  if (seconds.size() == 0 || (seconds.array() == 0.0).all()) return;
+  for (MotionRecord& record : records) {
+    for (Motion& piece : record.pieces) piece = with_forces_moved(piece, seconds);
+  }
+}
 
 void advance_force(ForceBalanceRows& rows, Index coordinate, double seconds) {
   if (rows.empty()) return;

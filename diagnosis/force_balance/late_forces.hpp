@@ -20,6 +20,9 @@ namespace graybox {
 
 inline constexpr double kLongestDelay = 0.25;  // s
 inline constexpr double kLeastShare = 0.1;
+// Of the squared error kept out: where lateness takes so much, laws that were fitted to the late
+// force stand in for it, and they are sought anew with the force moved.
+inline constexpr double kWorthMoving = 0.3;
 
 struct LateForce {
   double seconds = 0.0;         // positive: late
@@ -36,5 +39,18 @@ struct LateForce {
 // The rows with one coordinate's forces moved earlier by so many seconds, in whole samples. Where a
 // recording then has none, they do not count.
 void advance_force(ForceBalanceRows& rows, Eigen::Index coordinate, double seconds);
+
+// What is left of a lateness, s, where it is a small part of the motion's time:
+//
+//     y(t) = y_model(t - tau), so tau = -sum r y_model' / sum y_model'^2 with the rest r.
+//
+// The fit has taken part of it, so this is too small. 0 where nothing can be said.
+[[nodiscard]] double lateness_left(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
+                                   Eigen::Index coordinate);
+
+// Moves the forces of each joint earlier by so many seconds (later: negative), by interpolation;
+// samples at the ends for which there is no force then go. A piece that is too short for that
+// stays as it is.
+void advance_forces(const Eigen::VectorXd& seconds, std::vector<MotionRecord>& records);
 
 }  // namespace graybox

@@ -19,17 +19,6 @@ constexpr double kFlicker = 6.0;     // standard deviations from end to end
 constexpr double kWidestBand = 5.0;  // times the narrowest
 constexpr double kMedianOfNormal = 0.6745;
 
-Motion samples_of(const Motion& piece, Index first, Index count) {
-  Motion part = piece;
-  part.time = piece.time.segment(first, count);
-  for (Eigen::MatrixXd Motion::*signal :
-       {&Motion::position, &Motion::velocity, &Motion::acceleration, &Motion::torque}) {
-    part.*signal = (piece.*signal).middleRows(first, count);
-  }
-  if (piece.stands.size() > 0) part.stands = piece.stands.middleRows(first, count);
-  return part;
-}
-
 // How far what was held shows among the samples beside it: half a period of the low-pass that the
 // force went through, and what a slope reaches.
 double reach_of(const Motion& piece) {

@@ -411,6 +411,13 @@ bool is_dry_friction(std::string_view law) {
   return kDry.count(law) > 0;
 }
 
+bool are_one_friction(std::string_view one, std::string_view other) {
+  const auto bends = [](std::string_view law) { return law == "sublinear_friction"; };
+  if (is_dry_friction(one) && is_dry_friction(other)) return true;
+  return (bends(one) && is_dry_friction(other) && other != "coulomb") ||
+         (bends(other) && is_dry_friction(one) && one != "coulomb");
+}
+
 std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_friction_may_creep) {
   const std::string& name = entry.name;
   const bool is_dry_friction = name == "stribeck" || name == "asymmetric_coulomb" ||

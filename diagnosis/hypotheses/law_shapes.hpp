@@ -68,6 +68,11 @@ struct LawShape {
 // Friction with a level that it holds at standstill: a joint has one.
 [[nodiscard]] bool is_dry_friction(std::string_view law);
 
+// Whether two laws at one place would be the same physics twice: two dry frictions, or one that
+// grows less than speed does beside a dry one that is shaped at low speed, too. Beside plain dry
+// friction it is another.
+[[nodiscard]] bool are_one_friction(std::string_view one, std::string_view other);
+
 // Laws that this one is for some of its parameters. `dry_friction_may_creep`: its transition
 // velocity may lie above all velocities that were recorded, so that it is viscous.
 [[nodiscard]] std::vector<std::string> special_cases_of(const LawEntry& entry,

@@ -216,6 +216,12 @@ struct ChannelRest {
   std::optional<double> held_out_nrmse_in_time = {};
 };
 
+// A channel of the recordings that was moved in time (MismatchProblem::in_time).
+struct MovedChannel {
+  std::string channel;
+  double seconds = 0.0;  // it came so much later than the model says; earlier: negative
+};
+
 // The picture of a law: the force that the data ask for at a place, with its noise, against the
 // motion there, sample by sample. Beside it stands what the fitted law gives for the same motion.
 // The array `force` is empty where the recordings say too little of it.
@@ -333,9 +339,16 @@ class MismatchProblem {
   virtual void find_late_channels(const ExtendedFit& /*fit*/,
                                   std::vector<ChannelRest>& /*channels*/) const {}
 
+  // The same problem, with channels moved that come so late to this fit that laws would stand in
+  // for it. The hypotheses are the same. Null where no channel does.
+  [[nodiscard]] virtual std::unique_ptr<MismatchProblem> in_time(const ExtendedFit& /*fit*/) const {
+    return nullptr;
+  }
+  // The channels that were moved, with the whole time of each.
+  [[nodiscard]] virtual std::vector<MovedChannel> moved_channels() const { return {}; }
+
   // Where the noise is not known: the share of what a fit leaves that still depends on the motion,
-  // 0 to
-  // 1.
+  // 0 to 1.
   [[nodiscard]] virtual std::optional<double> remaining_structure(
       const ExtendedFit& /*fit*/) const {
     return {};

@@ -138,6 +138,17 @@ void check_loads(const RigidRobotModel& robot, const Campaign& campaign) {
 
 }  // namespace
 
+Motion samples_of(const Motion& motion, Index first, Index count) {
+  Motion part = motion;
+  part.time = motion.time.segment(first, count);
+  for (Eigen::MatrixXd Motion::*signal :
+       {&Motion::position, &Motion::velocity, &Motion::acceleration, &Motion::torque}) {
+    part.*signal = (motion.*signal).middleRows(first, count);
+  }
+  if (motion.stands.size() > 0) part.stands = motion.stands.middleRows(first, count);
+  return part;
+}
+
 bool needs_position(const RigidRobotModel& robot) {
   TorqueColumns columns(robot);
   const Eigen::Index joints = robot.size();

@@ -36,6 +36,9 @@ struct Motion {
   }
 };
 
+// So many samples from `first` on.
+[[nodiscard]] Motion samples_of(const Motion& motion, Eigen::Index first, Eigen::Index count);
+
 struct MotionRecord {
   std::string name;  // of the experiment
   ExperimentRole role = ExperimentRole::kEstimation;

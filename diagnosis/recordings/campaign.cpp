@@ -268,12 +268,15 @@ Campaign read_campaign(const fs::path& path) {
   campaign.file = is_folder(path) ? path / "campaign.yaml" : path;
   const YamlField root = YamlField::load(campaign.file);
   root.allow_keys({"format", "model", "sample_time", "time", "channels", "hold", "noise",
-                   "preprocess", "experiments"});
+                   "faulty_samples", "preprocess", "experiments"});
   (void)root.at("format").choice({"graybox-campaign/1"});
   if (root.has("model")) campaign.model = root.at("model").text();
   read_time(root, campaign);
   campaign.channels = channels_in(root.at("channels"));
   if (root.has("hold")) campaign.hold = hold_in(root.at("hold"));
+  if (root.has("faulty_samples")) {
+    campaign.mends_faulty_samples = root.at("faulty_samples").choice({"mend", "keep"}) == "mend";
+  }
   if (root.has("noise")) read_noise(root.at("noise"), campaign.channels);
   if (root.has("preprocess")) {
     campaign.preprocess = preprocess_steps_in(root.at("preprocess"), campaign.channels);

@@ -174,6 +174,7 @@ struct Campaign {
   std::vector<Channel> channels;
   TimeColumn time;
   InputHold hold = InputHold::kZero;
+  bool mends_faulty_samples = true;  // fault_mending.hpp
   std::vector<PreprocessStep> preprocess;
   std::vector<Experiment> experiments;
 };

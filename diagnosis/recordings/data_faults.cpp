@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/lost_samples.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
@@ -34,6 +35,11 @@ Finding finding_of(const ChannelSamples& samples, Index row, const char* check, 
                  strength, std::move(otherwise), std::move(mend));
   finding.time = time;
   return finding;
+}
+
+// Which a machine can't change at a stroke, as it can a force or the speed of what was held.
+bool is_measured_position(const Channel& channel) {
+  return channel.role == ChannelRole::kOutput && (channel.unit == "rad" || channel.unit == "m");
 }
 
 // Segments of the piece without rows first to last.
@@ -67,8 +73,8 @@ std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spi
                      samples.channel->name, lowest - margin, highest + margin);
 }
 
-void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings) {
-  std::set<Index> rows;
+void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings,
+                std::set<Index>& rows) {
   double strength = 1.0;
   for (const Spike& spike : find_spikes(samples.values)) {
     rows.insert(spike.sample);
@@ -104,7 +110,7 @@ std::string others_meanwhile(const std::vector<ChannelSamples>& piece,
 }
 
 void add_stuck_run(const std::vector<ChannelSamples>& piece, const ChannelSamples& samples,
-                   std::vector<Finding>& findings) {
+                   std::vector<Finding>& findings, FaultySamples& faulty) {
   const Index last = samples.time.size() - 1;
   const bool is_command = samples.channel->role == ChannelRole::kReference;  // may be held
   if (last < 1 || is_command) return;
@@ -114,6 +120,9 @@ void add_stuck_run(const std::vector<ChannelSamples>& piece, const ChannelSample
       static_cast<Index>(std::min(std::ceil(kStuckTime / step), static_cast<double>(last)));
   const std::optional<StuckRun> run = find_stuck_run(samples.values, shortest);
   if (!run) return;
+  if (is_measured_position(*samples.channel) && run->ends_in_jump) {
+    faulty.held = {run->first, run->last};
+  }
   findings.push_back(
       finding_of(samples, run->first, "stuck sensor", run->strength,
                  fmt::format("holds {:g} for {:.3g} s{}", samples.values(run->first),
@@ -141,23 +150,35 @@ void add_wrap(const ChannelSamples& samples, const CounterWrap& wrap,
 }
 
 // For positions that do not wrap.
-void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findings) {
-  const Channel& channel = *samples.channel;
-  const bool is_measured = channel.role == ChannelRole::kOutput;
-  if (!is_measured || (channel.unit != "rad" && channel.unit != "m")) return;
+void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findings,
+                      std::vector<Index>& jumps) {
+  if (!is_measured_position(*samples.channel)) return;
   const std::optional<LostSamples> lost = find_lost_samples(samples.time, samples.values);
   if (!lost) return;
+  jumps = lost->after;
+  const Index first = jumps.front(), last = samples.values.size() - 1;
   const std::string places =
-      lost->places > 1 ? fmt::format(" (and at {} more places)", lost->places - 1) : std::string();
-  const Index last = samples.values.size() - 1;
+      jumps.size() > 1 ? fmt::format(" (and at {} more places)", jumps.size() - 1) : std::string();
   findings.push_back(
-      finding_of(samples, lost->first, "lost samples", lost->strength,
+      finding_of(samples, first, "lost samples", lost->strength,
                  fmt::format("jumps by {:g}{}: were samples cut out?", lost->jump, places),
                  "a slip, an impact or a position that was set anew",
                  fmt::format("segments: [[{}, {}], [{}, {}]]", samples.first_sample,
-                             samples.first_sample + static_cast<std::size_t>(lost->first) - 1,
-                             samples.first_sample + static_cast<std::size_t>(lost->first),
+                             samples.first_sample + static_cast<std::size_t>(first) - 1,
+                             samples.first_sample + static_cast<std::size_t>(first),
                              samples.first_sample + static_cast<std::size_t>(last))));
+}
+
+bool has_arrival_times(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  if (!is_measured_position(*samples.channel)) return false;
+  const std::optional<ArrivalTimes> arrival = find_arrival_times(samples.time, samples.values);
+  if (!arrival) return false;
+  findings.push_back(finding_of(
+      samples, 0, "arrival times", arrival->strength,
+      "and on moves as if sampled evenly, while the times jitter: are they when samples arrived?",
+      "a motion that follows the jitter",
+      fmt::format("sample_time: {:.6g} with time: ignore", arrival->step)));
+  return true;
 }
 
 void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findings) {
@@ -173,16 +194,21 @@ void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findi
 
 }  // namespace
 
-void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings) {
+DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
+                            std::vector<Finding>& findings) {
+  DataFaults result;
   for (const ChannelSamples& samples : piece) {
+    FaultySamples& faulty = result.channels.emplace_back();
     if (samples.values.size() < 3) continue;
     const std::optional<CounterWrap> wrap = find_wrap(samples.values, samples.channel->turn());
     if (wrap) add_wrap(samples, *wrap, findings);
-    add_spikes(samples, findings);
-    add_stuck_run(piece, samples, findings);
-    if (!wrap) add_lost_samples(samples, findings);
+    add_spikes(samples, findings, faulty.spikes);
+    add_stuck_run(piece, samples, findings, faulty);
+    if (!wrap) add_lost_samples(samples, findings, faulty.jumps);
     add_quantisation(samples, findings);
+    if (!wrap && !result.times_jitter) result.times_jitter = has_arrival_times(samples, findings);
   }
+  return result;
 }
 
 }  // namespace graybox

@@ -1,14 +1,18 @@
 // Faults of the data that show in the samples by themselves, before any physics. What each detector
 // found is said in words (spike.hpp, stuck_sensor.hpp, counter_wrap.hpp, lost_samples.hpp,
 // quantisation.hpp, recording_copies.hpp). Each comes with its place, how sure it is, what else it
-// could be and the line of campaign.yaml that mends it. Nothing is mended here.
+// could be and the line of campaign.yaml that mends it. Nothing is mended here, but it is told
+// which samples can't be data, for fault_mending.hpp.
 //
 // How often each rule is wrong and right was measured on real recordings: docs/recordings.md.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
@@ -25,8 +29,22 @@ struct ChannelSamples {
   std::size_t first_sample;  // in the file
 };
 
+// Samples of one channel that can't be what the machine did. Rows of the piece.
+struct FaultySamples {
+  std::set<Eigen::Index> spikes;
+  // A measured position held its value and then jumped.
+  std::optional<std::pair<Eigen::Index, Eigen::Index>> held;  // first and last row
+  std::vector<Eigen::Index> jumps;                            // the sample after each
+};
+
+struct DataFaults {
+  std::vector<FaultySamples> channels;
+  bool times_jitter = false;  // and the samples don't (arrival_times.hpp)
+};
+
 // Adds warnings about the channels of one piece of an experiment.
 // Cost: O(samples) a channel, some sorting.
-void find_data_faults(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings);
+DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
+                            std::vector<Finding>& findings);
 
 }  // namespace graybox

@@ -10,6 +10,7 @@
 
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/fault_mending.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/time_axis.hpp"
@@ -222,9 +223,9 @@ void read_pieces(const Campaign& campaign, const Experiment& experiment,
   recording.data.excitation = experiment.excitation;
 }
 
-// Checks numbers as they were recorded.
-void check_piece(const Campaign& campaign, const Experiment& experiment, const SignalPiece& piece,
-                 ExperimentRecording& recording) {
+// Checks numbers as they were recorded; tells samples that can't be data, by channel.
+DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
+                       const SignalPiece& piece, ExperimentRecording& recording) {
   std::vector<ChannelSamples> samples;
   for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
     const Channel& channel = campaign.channels[k];
@@ -234,9 +235,22 @@ void check_piece(const Campaign& campaign, const Experiment& experiment, const S
     samples.push_back({experiment.files.at(channel.file).filename().string(), &channel, values,
                        piece.time, piece.first_sample});
   }
-  if (recording.sound()) find_data_faults(samples, recording.findings);
+  DataFaults faults;
+  if (recording.sound()) faults = find_data_faults(samples, recording.findings);
   const auto size = static_cast<std::size_t>(piece.time.size());
   check_period(experiment, {piece.first_sample, piece.first_sample + size - 1}, recording);
+  return faults;
+}
+
+void check_pieces(const Campaign& campaign, const Experiment& experiment,
+                  ExperimentRecording& recording) {
+  std::vector<DataFaults> faults;
+  for (const SignalPiece& piece : recording.data.pieces) {
+    faults.push_back(check_piece(campaign, experiment, piece, recording));
+  }
+  if (recording.sound() && campaign.mends_faulty_samples) {
+    mend_faulty_samples(faults, recording.data);
+  }
 }
 
 void take_fingerprints(const Campaign& campaign, ExperimentRecording& recording) {
@@ -355,9 +369,7 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
   const StepGroups steps = step_groups(campaign.preprocess);
   if (recording.sound()) {
     preprocess(source, steps.of_numbers, recording.data);
-    for (const SignalPiece& piece : recording.data.pieces) {
-      check_piece(campaign, experiment, piece, recording);
-    }
+    check_pieces(campaign, experiment, recording);
   }
   if (!recording.sound()) {
     recording.data = {};

@@ -71,14 +71,14 @@ bool may_stand_in(const Hypothesis& rival, const Hypothesis& found) {
 
 namespace {
 
-// Where the noise is not known: a further dry friction at a place that has one would be the same
-// physics twice. Another may take its place.
-bool is_second_dry_friction(const SearchState& state, const Hypothesis& hypothesis,
-                            const ExtendedFit& fit) {
-  if (state.problem->noise_is_known() || !is_dry_friction(hypothesis.law)) return false;
+// Where the noise is not known: a friction that is at the place already in another shape. It may
+// only take that one's place.
+bool is_second_friction(const SearchState& state, const Hypothesis& hypothesis,
+                        const ExtendedFit& fit) {
+  if (state.problem->noise_is_known()) return false;
   return std::ranges::any_of(fit.laws, [&](const FittedLaw& law) {
-    return state.place_of(law.hypothesis) == hypothesis.place &&
-           is_dry_friction(state.hypothesis(law.hypothesis).law);
+    const Hypothesis& present = state.hypothesis(law.hypothesis);
+    return present.place == hypothesis.place && are_one_friction(present.law, hypothesis.law);
   });
 }
 
@@ -90,7 +90,7 @@ std::vector<std::size_t> open_hypotheses(const SearchState& state, const Extende
     const auto present = [i](const FittedLaw& law) { return law.hypothesis == i; };
     const Hypothesis& hypothesis = state.hypothesis(i);
     if (hypothesis.only_named || is_excluded(state, hypothesis) || is_closed(state, hypothesis) ||
-        is_second_dry_friction(state, hypothesis, fit)) {
+        is_second_friction(state, hypothesis, fit)) {
       continue;
     }
     if (hypothesis.repeatable || std::none_of(fit.laws.begin(), fit.laws.end(), present)) {

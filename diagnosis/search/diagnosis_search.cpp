@@ -9,6 +9,7 @@
 #include "diagnosis/evidence/verification.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/search/first_fit.hpp"
+#include "diagnosis/search/late_channels.hpp"
 #include "diagnosis/search/law_exchange.hpp"
 #include "diagnosis/search/law_pruning.hpp"
 #include "diagnosis/search/law_rejection.hpp"
@@ -78,7 +79,10 @@ void search(SearchState& state) {
   if (!fit_as_it_is(state)) return;
   detect_mismatch(state);
   while (state.result.detection.detected && fit_better(state)) detect_mismatch(state);
-  if (state.result.detection.detected) find_laws(state);
+  if (state.result.detection.detected) {
+    find_laws(state);
+    find_laws_in_time(state, find_laws);
+  }
   verify_rest(state);
   look_for_departures(state);
   look_for_change(state);

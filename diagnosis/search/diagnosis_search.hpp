@@ -67,6 +67,8 @@
 //      out are asked about each law: what raises their error goes, and, where the noise is not
 //      known, what has a size that its error does not tell from zero (law_rejection.hpp). All laws
 //      go where the error still is as large as the signal.
+//      Where the noise is not known, and a force then comes so late that this takes a good part of
+//      the error kept out, laws are sought once more with the force moved (late_channels.hpp).
 //   6. Verify on recordings kept out of the fit, or on the fit's own where there are none: the rest
 //      must not be larger than noise by more than `tolerance` of its variance (a test of practical
 //      size: chi-square against the non-central distribution with noncentrality tolerance x degrees
@@ -74,8 +76,9 @@
 //      thousands.) On the fit's own recordings the same must hold with twice the tolerance: those
 //      kept out may not excite what is missing. Where the noise is not known there is no such test;
 //      then the error on recordings kept out must not be more than `generalisation` times that of
-//      the fit, and no more than `structure_tolerance` of the rest may still depend on the motion
-//      (MismatchProblem::remaining_structure), and what of the rest follows from its own past may
+//      the fit, no more than `structure_tolerance` of the rest may still depend on the motion
+//      (MismatchProblem::remaining_structure) unless that is less than `structure_error` of the
+//      signal, and what of the rest follows from its own past may
 //      be no more than `autocorrelation_tolerance` of the signal
 //      (MismatchProblem::autocorrelated_error).
 //

@@ -24,6 +24,8 @@ constexpr double kSameDistance = 0.02;
 // bare mention" (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
 constexpr double kAskedFor = 2.0;
 
+constexpr double kRarerErrors = 2.0;
+
 // Names of an effect, up to which generalisations are among them: more names say less.
 constexpr std::size_t kNames = 3;
 
@@ -64,6 +66,18 @@ std::optional<double> evidence_of_special_cases(const SearchState& state, const 
   return least;
 }
 
+// Where the noise is not known: a law that few machines have, with more parameters than the plain
+// one found, and which does not predict better by kRarerErrors standard errors. Much can stand in
+// for a constant force or for viscous friction; that is no reason to doubt these.
+bool is_rarer(const SearchState& state, const Trial& trial, const FoundEffect& effect) {
+  if (state.problem->noise_is_known()) return false;
+  const bool is_rare = state.hypothesis(trial.hypothesis).rank >= kRareRank &&
+                       state.hypothesis(effect.law.hypothesis).rank < kRareRank;
+  const bool is_richer = trial.fit.laws.back().parameters.size() > effect.law.parameters.size();
+  return is_rare && is_richer &&
+         state.compare.disadvantage(trial.fit, state.result.after) > -kRarerErrors * kRarerErrors;
+}
+
 std::optional<NextExperiment> experiment_against(SearchState& state, const ExtendedFit& rival) {
   if (!state.proceed("designing the experiment that excludes " +
                      state.name_of(rival.laws.back().hypothesis))) {
@@ -92,7 +106,9 @@ void divide_rivals(SearchState& state, FoundEffect& effect, const std::vector<Tr
   for (const bool richer : {false, true}) {
     for (const Trial& trial : trials) {
       const std::optional<double> least = evidence_of_special_cases(state, trial, effect, standing);
-      if (least.has_value() != richer) continue;
+      const bool stands = std::ranges::find(standing, &trial) != standing.end();
+      const bool rarer = !least && stands && is_rarer(state, trial, effect);
+      if ((least.has_value() || rarer) != richer) continue;
       Rival rival{
           .law = trial.fit.laws.back(),
           .bic_difference = state.compare.disadvantage(trial.fit, state.result.after),
@@ -103,7 +119,7 @@ void divide_rivals(SearchState& state, FoundEffect& effect, const std::vector<Tr
       const bool is_rival = richer ? state.problem->noise_is_known() && !rival.is_contradicted &&
                                          state.compare.evidence_of_all(
                                              trial.fit, state.result.after) < *least - kAskedFor
-                                   : std::ranges::find(standing, &trial) != standing.end();
+                                   : stands;
       if (is_rival) {
         if (std::vector<FittedLaw>* same = same_law_among(state, members, trial.fit, effect)) {
           same->push_back(std::move(rival.law));

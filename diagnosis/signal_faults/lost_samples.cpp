@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 
 #include "diagnosis/signal_faults/sample_statistics.hpp"
 
@@ -40,8 +39,8 @@ std::optional<LostSamples> find_lost_samples(const Eigen::Ref<const Eigen::Vecto
   for (Index k = kEnds; k < rest.size() - kEnds; ++k) {
     const double strength = std::abs(rest(k)) / threshold;
     if (strength <= 1.0 || comes_back(rest, k)) continue;
-    if (!found) found = LostSamples{k + 1, 0, steps(k), strength};
-    ++found->places;
+    if (!found) found = LostSamples{{}, steps(k), strength};
+    found->after.push_back(k + 1);
     found->strength = std::max(found->strength, strength);
   }
   return found;

@@ -10,14 +10,14 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 namespace graybox {
 
 struct LostSamples {
-  Eigen::Index first;  // sample after the jump
-  std::size_t places;  // jumps in all
-  double jump;         // of the first, in the position's unit
-  double strength;     // largest |r| over its threshold
+  std::vector<Eigen::Index> after;  // the sample after each jump, rising
+  double jump;                      // of the first, in the position's unit
+  double strength;                  // largest |r| over its threshold
 };
 
 // Below 100 samples or for signals of at most 16 levels there is no answer.

@@ -15,15 +15,14 @@ constexpr Index kBefore = 5;  // steps
 constexpr double kJump = 5.0;
 constexpr double kMotion = 0.5;
 
-// The evidence of the run that begins at `first` and ends before `end`; 0 if nothing is odd about
+// The run that begins at `first` and ends before `end`; its strength is 0 if nothing is odd about
 // it.
-double strength_of(const Eigen::VectorXd& steps, Index first, Index end, double jump,
-                   double motion) {
+StuckRun run_of(const Eigen::VectorXd& steps, Index first, Index end, double jump, double motion) {
   const double after = std::abs(steps(end - 1)) / jump;
-  if (after > 1.0) return after;
-  if (first < kBefore) return 0.0;
+  if (after > 1.0) return {first, end - 1, after, true};
+  if (first < kBefore) return {first, end - 1, 0.0, false};
   const double before = steps.segment(first - kBefore, kBefore).cwiseAbs().minCoeff() / motion;
-  return before > 1.0 ? before : 0.0;
+  return {first, end - 1, before > 1.0 ? before : 0.0, false};
 }
 
 }  // namespace
@@ -44,8 +43,8 @@ std::optional<StuckRun> find_stuck_run(const Eigen::Ref<const Eigen::VectorXd>& 
     if (!inside || count < std::max(shortest, kShortest)) continue;
     if (values(first) == lowest || values(first) == highest) continue;
     if (longest && count <= longest->last - longest->first + 1) continue;
-    const double strength = strength_of(steps, first, end, jump, motion);
-    if (strength > 0.0) longest = StuckRun{first, end - 1, strength};
+    const StuckRun run = run_of(steps, first, end, jump, motion);
+    if (run.strength > 0.0) longest = run;
   }
   return longest;
 }

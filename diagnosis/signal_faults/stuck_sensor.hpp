@@ -19,6 +19,7 @@ struct StuckRun {
   Eigen::Index first;
   Eigen::Index last;  // included
   double strength;    // the jump or the motion over its threshold
+  bool ends_in_jump;
 };
 
 // `shortest` in samples; the command takes what lasts 50 ms.

@@ -113,10 +113,10 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
       const double speed = share * highest;
       const bool is_first = curve.empty();
       curve += fmt::format(
-          "{}{} at {:.2g}{}", is_first ? "" : ", ",
+          "{}{} at {}{}", is_first ? "" : ", ",
           force_words(force_at(place, hypotheses, speed), -force_at(place, hypotheses, -speed),
                       is_first ? " " + force->unit : ""),
-          speed, is_first ? " " + velocity->unit : "");
+          two_digits(speed), is_first ? " " + velocity->unit : "");
     }
     lines.push_back(fmt::format("Friction of {}: {}.", place_words(place.name), curve));
   }

@@ -159,6 +159,17 @@ Json detectable_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hyp
   return list;
 }
 
+Json late_channels_json(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  for (const LateChannel& late : diagnosis.late_channels) {
+    list.push_back({{"channel", late.moved.channel},
+                    {"late_by_s", number(late.moved.seconds)},
+                    {"nrmse_held_out_before", number(late.error_before)},
+                    {"nrmse_held_out", number(late.error_after)}});
+  }
+  return list;
+}
+
 Json channel_rests_json(const std::vector<ChannelRest>& before,
                         const std::vector<ChannelRest>& after) {
   const auto rest_json = [](const ChannelRest& rest) {
@@ -386,6 +397,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"time_variation_tested", diagnosis.time_variation_was_tested},
       {"physics", physics},
       {"rejected", rejected_json(diagnosis, hypotheses)},
+      {"late_channels", late_channels_json(diagnosis)},
       {"freed_model", freed_model_json(diagnosis)},
       {"shapes_compared", diagnosis.shapes_compared},
       {"departures", departures_json(diagnosis, hypotheses)},

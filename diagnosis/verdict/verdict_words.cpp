@@ -1,6 +1,7 @@
 #include "diagnosis/verdict/verdict_words.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +22,25 @@ constexpr double kSaysNothing = 100.0;
 std::string spaced(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
   return name;
+}
+
+// How much of the squared error the laws found take, and that not all tests passed.
+std::string part_words(const Diagnosis& diagnosis) {
+  const bool is_kept_out = diagnosis.validation_before && diagnosis.validation_after;
+  const double before =
+      is_kept_out ? diagnosis.validation_before->nrmse : diagnosis.before.estimation.nrmse;
+  const double after =
+      is_kept_out ? diagnosis.validation_after->nrmse : diagnosis.after.estimation.nrmse;
+  const double share = before > 0.0 ? 1.0 - after * after / (before * before) : 0.0;
+  if (!(share > 0.0)) return "Physics is missing; what was found explains only part of it.";
+  return fmt::format(
+      "Physics is missing. What was found takes {:.{}f} % of the squared error{}; not all tests of "
+      "what is left passed.",
+      std::min(100.0 * share, 99.99),
+      share > 0.99  ? 2
+      : share > 0.9 ? 1
+                    : 0,
+      is_kept_out ? " of recordings kept out" : "");
 }
 
 std::string headline(const Diagnosis& diagnosis) {
@@ -50,7 +70,7 @@ std::string headline(const Diagnosis& diagnosis) {
   if (diagnosis.time_variation) {
     return "Something changes while it is recorded, and more is missing than what was found.";
   }
-  if (diagnosis.effects.empty())
+  if (diagnosis.effects.empty() && diagnosis.late_channels.empty())
     return "Physics is missing, and no law of the catalogue explains it.";
   if (!diagnosis.departures.empty()) {
     return "Physics is missing; what was found comes close to it, but is not quite what is there.";
@@ -59,7 +79,7 @@ std::string headline(const Diagnosis& diagnosis) {
     return "Physics is missing; several laws at one place describe it together, and may stand for "
            "one that was not tried.";
   }
-  return "Physics is missing; what was found explains only part of it.";
+  return part_words(diagnosis);
 }
 
 std::string parameters_words(const FittedLaw& law) {
@@ -172,8 +192,10 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                          hypothesis_words(hypotheses[law.law.hypothesis]), reason);
   }
   if (names.empty()) return;
-  lines.push_back("More general laws, which the recordings neither ask for nor exclude: " + names +
-                  ".");
+  lines.push_back((noise_is_known
+                       ? "More general laws, which the recordings neither ask for nor exclude: "
+                       : "Not excluded, but rarer or more general, and better by too little: ") +
+                  names + ".");
 }
 
 // "coulomb at motor with viscous at motor"
@@ -256,6 +278,45 @@ void add_fit(const char* data, const std::optional<Assessment>& before,
   lines.push_back(line + ".");
 }
 
+// What keeps one channel from being explained; empty: nothing.
+std::string doubt_of(const ChannelRest& rest) {
+  const SearchOptions limits;
+  std::vector<std::string> doubts;
+  if (rest.held_out_nrmse && *rest.held_out_nrmse > limits.channel_tolerance) {
+    doubts.push_back(fmt::format("more than {:g} %", limits.channel_tolerance));
+  }
+  if (rest.held_out_nrmse && *rest.held_out_nrmse > limits.generalisation * rest.nrmse) {
+    doubts.push_back(fmt::format("{:.2g} times the error of the fit's recordings",
+                                 *rest.held_out_nrmse / rest.nrmse));
+  }
+  const double of_motion = std::sqrt(rest.structure) * rest.nrmse;
+  if (rest.structure > limits.structure_tolerance && of_motion > limits.structure_error) {
+    doubts.push_back(fmt::format("{:.2g} % of the signal still depend on the motion", of_motion));
+  }
+  if (rest.autocorrelated_error > limits.autocorrelation_tolerance) {
+    doubts.push_back(
+        fmt::format("{:.3g} % of the signal follow from its own past", rest.autocorrelated_error));
+  }
+  return fmt::format("{}", fmt::join(doubts, ", "));
+}
+
+// Of several channels, how well each is explained.
+void add_each_channel(const std::vector<ChannelRest>& before, const std::vector<ChannelRest>& after,
+                      std::vector<std::string>& lines) {
+  if (before.size() != after.size()) return;
+  for (std::size_t c = 0; c < after.size(); ++c) {
+    const bool is_kept_out = before[c].held_out_nrmse && after[c].held_out_nrmse;
+    const double error_before = is_kept_out ? *before[c].held_out_nrmse : before[c].nrmse;
+    const double error_after = is_kept_out ? *after[c].held_out_nrmse : after[c].nrmse;
+    if (!(error_before > 0.0)) continue;
+    const std::string doubt = doubt_of(after[c]);
+    lines.push_back(fmt::format("Channel: {}: error{} {:.3g} % before, {:.3g} % after: {}.",
+                                after[c].channel, is_kept_out ? " kept out" : "", error_before,
+                                error_after,
+                                doubt.empty() ? "explained" : "not explained (" + doubt + ")"));
+  }
+}
+
 // "torque of joint_2 (42 %, after 8.1 %)".
 void add_channels(const std::vector<ChannelRest>& before, const std::vector<ChannelRest>& after,
                   std::vector<std::string>& lines) {
@@ -287,6 +348,26 @@ void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::s
         "reference late, or damping that was not found.",
         rest.channel, std::abs(*rest.late_by), is_late ? "later" : "earlier", *rest.held_out_nrmse,
         *rest.held_out_nrmse_in_time, mend));
+  }
+}
+
+void add_moved_channels(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
+  for (const LateChannel& late : diagnosis.late_channels) {
+    const double seconds = std::abs(late.moved.seconds);
+    const std::string which =
+        late.moved.seconds > 0.0
+            ? fmt::format(
+                  "{} comes {:.2g} s later than the motion says: the channel is late, or "
+                  "behind a filter",
+                  late.moved.channel, seconds)
+            : fmt::format(
+                  "{} comes {:.2g} s earlier than the motion says: the positions are late, "
+                  "or behind a filter",
+                  late.moved.channel, seconds);
+    lines.push_back(fmt::format(
+        "Late: {} (preprocess: advance, time: {:.2g}). It was moved by that before laws were "
+        "sought: error kept out {:.3g} %, with the laws found without that {:.3g} %.",
+        which, seconds, late.error_after, late.error_before));
   }
 }
 
@@ -426,6 +507,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   }
   if (diagnosis.time_variation)
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
+  add_moved_channels(diagnosis, lines);
   for (const FoundEffect& effect : diagnosis.effects) {
     lines.push_back(effect_words(effect, hypotheses, diagnosis));
     add_same_places(effect.same_at, hypotheses, lines);
@@ -440,7 +522,11 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
     lines.push_back(shared_words(shared, hypotheses));
   }
-  add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
+  if (diagnosis.remaining_structure && diagnosis.channels_after.size() > 1) {
+    add_each_channel(diagnosis.channels_before, diagnosis.channels_after, lines);
+  } else {
+    add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
+  }
   add_late_channels(diagnosis.channels_after, lines);
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
           diagnosis.noise_is_known, lines);
@@ -483,7 +569,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (diagnosis.autocorrelated_error) {
     const double error = *diagnosis.autocorrelated_error;
     lines.push_back(
-        fmt::format("Of what is left, {:.2g} % of the signal follows from its own past.", error));
+        fmt::format("Of what is left, {:.{}f} % of the signal follows from its own past.", error,
+                    error < 9.95 ? 1 : 0));
     if (error > SearchOptions{}.autocorrelation_tolerance) {
       lines.back() +=
           " No sensor's noise does: it is a disturbance with memory, or physics that none of these "

@@ -13,10 +13,14 @@
 #include <numbers>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/fault_mending.hpp"
+#include "diagnosis/recordings/sample_interpolation.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/lost_samples.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
@@ -134,8 +138,7 @@ TEST(LostSamples, LeaveAJumpInThePosition) {
   cut << whole.head(2000), whole.tail(1800);
   const auto lost = find_lost_samples(times(3800), cut);
   ASSERT_TRUE(lost);
-  EXPECT_EQ(lost->first, 2000);
-  EXPECT_EQ(lost->places, 1U);
+  EXPECT_EQ(lost->after, std::vector<Index>{2000});
   // With the times cut, too, nothing is hidden: the rate goes on.
   VectorXd cut_times(3800);
   cut_times << times(4000).head(2000), times(4000).tail(1800);
@@ -143,6 +146,84 @@ TEST(LostSamples, LeaveAJumpInThePosition) {
   VectorXd spiked = whole;
   spiked(1000) += 1.0;
   EXPECT_FALSE(find_lost_samples(times(4000), spiked));
+}
+
+TEST(Spikes, DoNotHideOneAnother) {
+  VectorXd values = motion(4000, 9);
+  std::mt19937_64 random(9);
+  std::vector<Index> rows;
+  for (Index k = 50; k < 3950; k += 90) rows.push_back(k + static_cast<Index>(random() % 20));
+  for (const Index row : rows) values(row) += 0.8;
+  const std::vector<Spike> spikes = find_spikes(values);
+  ASSERT_EQ(spikes.size(), rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(spikes[i].sample, rows[i]);
+}
+
+// The same motion sampled evenly with times that jitter, and sampled when the times say.
+TEST(ArrivalTimes, AreToldFromTimesOfSampling) {
+  constexpr Index kCount = 4000;
+  std::mt19937_64 random(10);
+  std::uniform_real_distribution<double> jitter(-0.3, 0.3);
+  VectorXd stamps = times(kCount), even(kCount), sampled(kCount);
+  for (Index k = 0; k < kCount; ++k) {
+    const double t = stamps(k);
+    stamps(k) += kSampleTime * jitter(random);
+    even(k) = std::sin(5.0 * t) + 0.3 * std::sin(23.0 * t);
+    sampled(k) = std::sin(5.0 * stamps(k)) + 0.3 * std::sin(23.0 * stamps(k));
+  }
+  const auto arrival = find_arrival_times(stamps, even);
+  ASSERT_TRUE(arrival);
+  EXPECT_NEAR(arrival->step, kSampleTime, 1e-3 * kSampleTime);
+  EXPECT_GT(arrival->strength, 10.0);
+  EXPECT_FALSE(find_arrival_times(stamps, sampled));
+  EXPECT_FALSE(find_arrival_times(times(kCount), even));
+  // An encoder so coarse that its rounding hides the jitter says nothing.
+  EXPECT_FALSE(find_arrival_times(stamps, (even * 20.0).array().round().matrix() / 20.0));
+}
+
+TEST(FaultMending, ReplacesSpikesAndCutsOutWhatIsNoData) {
+  const VectorXd clean = motion(2000, 11);
+  Signals data;
+  data.signals.push_back({"x", "rad", ChannelRole::kOutput});
+  data.pieces.push_back({.first_sample = 100, .time = times(2000), .values = clean});
+  DataFaults faults;
+  FaultySamples& x = faults.channels.emplace_back();
+  x.spikes = {300, 301, 600, 601, 602, 603, 604};
+  x.held = {1000, 1099};
+  x.jumps = {1500};
+  for (const Index k : x.spikes) data.pieces[0].values(k, 0) = 90.0;
+  mend_faulty_samples({faults}, data);
+  ASSERT_EQ(data.pieces.size(), 4U);
+  const std::vector<std::pair<std::size_t, Index>> left{
+      {100, 600}, {705, 395}, {1200, 400}, {1600, 500}};
+  for (std::size_t p = 0; p < 4; ++p) {
+    EXPECT_EQ(data.pieces[p].first_sample, left[p].first);
+    ASSERT_EQ(data.pieces[p].values.rows(), left[p].second);
+    const auto first = static_cast<Index>(left[p].first) - 100;
+    EXPECT_LT(
+        (data.pieces[p].values.col(0) - clean.segment(first, left[p].second)).cwiseAbs().maxCoeff(),
+        0.02);
+  }
+  ASSERT_EQ(data.remarks.size(), 2U);
+  EXPECT_NE(data.remarks[0].find("x: 2 spikes were replaced"), std::string::npos)
+      << data.remarks[0];
+  EXPECT_NE(data.remarks[1].find("105 of 2000 samples can't be data"), std::string::npos)
+      << data.remarks[1];
+}
+
+TEST(FaultMending, LeavesPeriodsWholeAndNeverMostOfARecordingOut) {
+  Signals data;
+  data.signals.push_back({"x", "rad", ChannelRole::kOutput});
+  data.pieces.push_back({.first_sample = 0, .time = times(2000), .values = motion(2000, 12)});
+  DataFaults faults;
+  faults.channels.emplace_back().held = {500, 1500};
+  mend_faulty_samples({faults}, data);
+  EXPECT_EQ(data.pieces.size(), 1U);
+  faults.channels[0].held = {500, 600};
+  data.excitation = PeriodicExcitation{1000, 2, {1}};
+  mend_faulty_samples({faults}, data);
+  EXPECT_EQ(data.pieces.size(), 1U);
+  EXPECT_TRUE(data.remarks.empty());
 }
 
 TEST(Quantisation, IsCoarseBesideTheSignalItMeasures) {
@@ -253,9 +334,40 @@ TEST_F(RecordingFaultRates, Spikes) {
       return values;
     };
   };
+  const Fault often_spiked = [this](const RecordedChannel& channel) {
+    VectorXd values = channel.values;
+    for (int spike = 0; spike < 20; ++spike) {
+      values(somewhere(values.size(), 20)) += 10.0 * deviation_of(values);
+    }
+    return values;
+  };
   EXPECT_EQ(rate(detects, as_it_is), 0.0);
   EXPECT_GT(rate(detects, spiked(10.0)), 0.9);
+  EXPECT_GT(rate(detects, often_spiked), 0.9);
   EXPECT_GT(rate(detects, spiked(1.0)), 0.6);
+}
+
+// Positions at times that jitter: sampled evenly, and sampled when the times say.
+TEST_F(RecordingFaultRates, ArrivalTimes) {
+  std::size_t count = 0, alarms = 0, hits = 0;
+  for (const RecordedChannel& channel : testing::recorded_channels()) {
+    if (!channel.is_position) continue;
+    const Index last = channel.values.size() - 1;
+    const VectorXd even =
+        VectorXd::LinSpaced(last + 1, 0.0, channel.sample_time * static_cast<double>(last));
+    std::uniform_real_distribution<double> jitter(-0.3, 0.3);
+    VectorXd stamps = even;
+    for (double& stamp : stamps) stamp += channel.sample_time * jitter(random_);
+    stamps = stamps.cwiseMax(0.0).cwiseMin(even(last));
+    const auto inside = Eigen::seq(Index{1}, last - 1);
+    ++count;
+    if (find_arrival_times(stamps(inside), channel.values(inside))) ++hits;
+    const VectorXd sampled = interpolated(even, channel.values, stamps(inside));
+    if (find_arrival_times(stamps(inside), sampled)) ++alarms;
+  }
+  std::printf("  %zu false, %zu hits of %zu\n", alarms, hits, count);
+  EXPECT_EQ(alarms, 0U);
+  EXPECT_GT(static_cast<double>(hits), 0.3 * static_cast<double>(count));
 }
 
 // Commands that are held are no sensors.

@@ -81,7 +81,12 @@ const Change kOfBoth[] = {
 };
 const Change kOfUnknownNoise[] = {
     {"kept out", [](Diagnosis& d) { d.validation_after->chi_square = 4000.0; }, Verdict::kUnknown},
-    {"structure", [](Diagnosis& d) { d.remaining_structure = 0.4; }, Verdict::kUnknown},
+    {"structure",
+     [](Diagnosis& d) {
+       d.remaining_structure = 0.4;
+       d.after.estimation.nrmse = 8.0;
+     },
+     Verdict::kUnknown},
     {"structure not told", [](Diagnosis& d) { d.remaining_structure.reset(); }, Verdict::kUnknown},
     {"a channel",
      [](Diagnosis& d) {
@@ -108,6 +113,18 @@ const Change kOfKnownNoise[] = {
      },
      Verdict::kAmbiguous},
 };
+
+// A rest that nearly all depends on the motion is no matter where it is small.
+TEST(VerdictReasons, ASmallRestMayDependOnTheMotion) {
+  Diagnosis diagnosis = friction();
+  diagnosis.remaining_structure = 0.9;
+  EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kExplained);
+  diagnosis.after.estimation.nrmse = 3.2;  // 3.04 % of the signal depend on the motion
+  EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kUnknown);
+  diagnosis.remaining_structure = 0.09;
+  diagnosis.after.estimation.nrmse = 14.0;  // a share that a regression finds in noise, too
+  EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kExplained);
+}
 
 void expect_one_failure(Diagnosis diagnosis, const Change& change) {
   change.make(diagnosis);
