@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -1024,6 +1025,48 @@ TEST_F(ForceBalance, MovesAForceThatComesLate) {
       EXPECT_LT(channel.error_after, 0.5 * channel.error_before);
     }
   }
+}
+
+// One clock for the positions of all joints, 0.08 s behind: told once for all, and friction is found
+// as it is.
+TEST_F(ForceBalance, MovesAllJointsByOneClock) {
+  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder_ / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  Random random(6);
+  const auto motion_at = [](double t, int run) {
+    std::array<Eigen::Vector3d, 3> motion{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(),
+                                          Eigen::Vector3d::Zero()};
+    for (int j = 0; j < 3; ++j) {
+      for (const double w : {0.9 + 0.2 * j, 2.7 + 0.1 * run}) {
+        motion[0](j) += 0.5 * std::sin(w * t + 1.7 * j);
+        motion[1](j) += 0.5 * w * std::cos(w * t + 1.7 * j);
+        motion[2](j) -= 0.5 * w * w * std::sin(w * t + 1.7 * j);
+      }
+    }
+    return motion;
+  };
+  for (int run = 1; run <= 2; ++run) {
+    std::ofstream stream = arm_recording(folder_ / fmt::format("{}.csv", run));
+    for (int k = 0; k < 2000; ++k) {
+      const auto [q, v, a] = motion_at(0.01 * k, run);
+      columns.evaluate(q, v, a);
+      Eigen::Vector3d torque = columns.known();
+      torque(1) += 2.0 * std::tanh(v(1) / 0.01);
+      for (int j = 0; j < 3; ++j) torque(j) += 0.05 * random.normal();
+      const auto [then_q, then_v, then_a] = motion_at(0.01 * k - 0.08, run);
+      write_sample(stream, torque, then_q, then_v, then_a);
+    }
+  }
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  EXPECT_EQ(names_of(*data, diagnosis), "coulomb at shoulder.arm; ");
+  ASSERT_EQ(diagnosis.late_channels.size(), 3U);
+  for (const LateChannel& late : diagnosis.late_channels) {
+    EXPECT_NEAR(late.moved.seconds, -0.08, 0.004) << late.moved.channel;
+  }
+  EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
 }
 
 TEST_F(ForceBalance, RefusesTooFewSamples) {
