@@ -42,6 +42,7 @@ constexpr double kGainTolerance = 1e-4;
 constexpr int kNoiseRounds = 4;    // of refinements of shapes
 constexpr double kLateStep = 0.2;  // of a lateness, by which a force is moved on
 constexpr int kLateRounds = 3;
+constexpr double kTurning = 0.02;  // of a joint's speed, below which it turns round
 // Largest ratio of a coordinate's noise to that before: of shapes in general, and of a payload's
 // place, which hangs on it.
 constexpr double kSettledNoise = 1.5;
@@ -265,7 +266,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
                           held_out = residuals(fit, data_.validation);
     for (Index j = 0; j < coordinates(); ++j) {
       if (is_idle(j)) continue;
-      const auto late = late_force(data_.estimation, rest, data_.validation, held_out, j);
+      auto late = late_force(data_.estimation, rest, data_.validation, held_out, j);
+      const LatenessFit beside = lateness_beside(fit, rest, held_out, j);
+      if (is_told(beside) && (!late || beside.nrmse_held_out < late->nrmse_held_out)) {
+        late = {beside.seconds, beside.nrmse_held_out};
+      }
       if (!late) continue;
       const LateForce whole = with_laws_refitted(fit, j, *late);
       channels[static_cast<std::size_t>(j)].late_by = whole.seconds;
@@ -345,17 +350,64 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
-  [[nodiscard]] static bool is_worth_moving(const ChannelRest& rest) {
+  [[nodiscard]] bool is_worth_moving(const ChannelRest& rest) const {
     if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) return false;
+    const double sample_time = data_.recorded.front().sample_time();
+    if (std::abs(*rest.late_by) < kShortestMove * sample_time) return false;
     const double ratio = *rest.held_out_nrmse_in_time / *rest.held_out_nrmse;
     return ratio * ratio <= 1.0 - kWorthMoving;
+  }
+  // Columns of the model, of the laws found and of plain friction that act on a coordinate.
+  [[nodiscard]] Eigen::MatrixXd columns_on(Index coordinate, const ExtendedFit& fit,
+                                           const ForceBalanceRows& rows) const {
+    const auto at = static_cast<std::size_t>(coordinate);
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows.samples(), 0);
+    if (rows.model.in[at].size() > 0) append(rows.model.in[at], columns);
+    for (const FittedLaw& law : fit.laws) {
+      const BalanceColumns own = law_columns(placed_of(fit, law), data_, rows);
+      if (own.in[at].size() > 0) append(own.in[at], columns);
+    }
+    append_plain_friction(coordinate, rows, columns);
+    return columns;
+  }
+  void append_plain_friction(Index coordinate, const ForceBalanceRows& rows,
+                             Eigen::MatrixXd& columns) const {
+    const Eigen::VectorXd own = Eigen::VectorXd::Unit(coordinates(), coordinate);
+    const auto place = std::ranges::find_if(data_.places, [&](const CandidatePlace& each) {
+      return each.location.input.size() == own.size() && each.location.input == own &&
+             each.location.output == own;
+    });
+    if (place == data_.places.end()) return;
+    double square = 0.0;
+    for (const Motion& piece : data_.estimation.pieces) {
+      square += piece.velocity.col(coordinate).squaredNorm();
+    }
+    const double speed = std::sqrt(square / static_cast<double>(data_.estimation.samples()));
+    if (!(speed > 0.0)) return;
+    append(law_samples(*place, *find_law("viscous", false)->make(std::vector{1.0}), rows), columns);
+    append(law_samples(*place,
+                       *find_law("coulomb", false)->make(std::vector{1.0, kTurning * speed}), rows),
+           columns);
+  }
+  [[nodiscard]] LatenessFit lateness_beside(const ExtendedFit& fit, const Eigen::MatrixXd& rest,
+                                            const Eigen::MatrixXd& held_out,
+                                            Index coordinate) const {
+    return fit_lateness(
+        {data_.estimation, rest.col(coordinate), columns_on(coordinate, fit, data_.estimation)},
+        {data_.validation, held_out.col(coordinate), columns_on(coordinate, fit, data_.validation)},
+        coordinate);
+  }
+  [[nodiscard]] static bool is_told(const LatenessFit& lateness) {
+    return std::abs(lateness.seconds) < kLongestDelay && lateness.share > kLeastShare &&
+           lateness.share_held_out > kLeastShare;
   }
   // What is left of the lateness of each joint that was moved.
   [[nodiscard]] Eigen::VectorXd lateness_left(const ExtendedFit& fit) const {
     Eigen::VectorXd left = Eigen::VectorXd::Zero(coordinates());
-    const Eigen::MatrixXd rest = residuals(fit, data_.estimation);
+    const Eigen::MatrixXd rest = residuals(fit, data_.estimation),
+                          held_out = residuals(fit, data_.validation);
     for (Index j = 0; j < data_.advance.size(); ++j) {
-      if (data_.advance(j) != 0.0) left(j) = graybox::lateness_left(data_.estimation, rest, j);
+      if (data_.advance(j) != 0.0) left(j) = lateness_beside(fit, rest, held_out, j).seconds;
     }
     return left;
   }
@@ -368,16 +420,20 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] std::unique_ptr<ForceBalanceProblem> in_time_by(
       const Eigen::VectorXd& advance) const {
     if (advance.cwiseAbs().maxCoeff() > kLongestDelay) return nullptr;
-    ForceBalanceData moved = read_in_time_(advance);
-    if (!data_.uncertain.empty()) {
-      std::optional<ForceBalanceData> freed = with_uncertain_bodies(moved, data_.estimation.worth);
-      if (!freed) return nullptr;
-      moved = *std::move(freed);
+    try {
+      ForceBalanceData moved = read_in_time_(advance);
+      if (!data_.uncertain.empty()) {
+        auto freed = with_uncertain_bodies(moved, data_.estimation.worth);
+        if (!freed) return nullptr;
+        moved = *std::move(freed);
+      }
+      return std::make_unique<ForceBalanceProblem>(std::move(moved), options_, read_in_time_);
+    } catch (const InputError&) {
+      return nullptr;  // too few samples are left, or the files have gone: what is known stands
     }
-    return std::make_unique<ForceBalanceProblem>(std::move(moved), options_, read_in_time_);
   }
-  // Where several joints are moved one way: one clock for all positions, or all forces, may be late.
-  // The median of all that come late or early at all.
+  // Where several joints are moved one way, one clock for all positions, or all forces, may be
+  // late. The median of all that come late or early at all.
   [[nodiscard]] static std::optional<double> lateness_of_all(
       const Eigen::VectorXd& each, const std::vector<ChannelRest>& channels) {
     const auto late = (each.array() > 0.0).count(), early = (each.array() < 0.0).count();

@@ -1,8 +1,10 @@
 #include "diagnosis/force_balance/late_forces.hpp"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "diagnosis/recordings/sample_interpolation.hpp"
 
@@ -12,6 +14,7 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kFewestMoved = 20;  // samples
+constexpr double kImitated = 1e-6;  // of a column's square, beside others
 
 // Squares of y(t + shift) - y_model(t), over pairs of samples of one piece that count.
 struct ShiftedError {
@@ -45,6 +48,36 @@ double variance(const ForceBalanceRows& rows, Index coordinate) {
          std::max(1.0, rows.counted(coordinate));
 }
 
+// Of the force that the model gives, in its unit per s; 0 where it or a neighbour does not count.
+struct Slopes {
+  Eigen::VectorXd values;
+  Eigen::VectorXd counts;  // 1 or 0
+  Index count = 0;
+  [[nodiscard]] Eigen::MatrixXd masked(const Eigen::MatrixXd& matrix) const {
+    return counts.asDiagonal() * matrix;
+  }
+};
+
+Slopes slopes_of(const LatenessRows& of, Index coordinate) {
+  const ForceBalanceRows& rows = of.rows;
+  const Eigen::VectorXd model = rows.measured.col(coordinate) - of.rest;
+  const auto counts = [&](Index row) {
+    return rows.counts.size() == 0 || rows.counts(row, coordinate) > 0.0;
+  };
+  Slopes slopes{Eigen::VectorXd::Zero(model.size()), Eigen::VectorXd::Zero(model.size())};
+  Index first = 0;
+  for (const Motion& piece : rows.pieces) {
+    for (Index t = first + 1; t + 1 < first + piece.samples(); ++t) {
+      if (!counts(t - 1) || !counts(t) || !counts(t + 1)) continue;
+      slopes.values(t) = (model(t + 1) - model(t - 1)) / (2.0 * piece.sample_time());
+      slopes.counts(t) = 1.0;
+      ++slopes.count;
+    }
+    first += piece.samples();
+  }
+  return slopes;
+}
+
 // Where a parabola through three neighbours is least, from the middle one, in samples.
 double least_between(double before, double middle, double after) {
   const double bend = before - 2.0 * middle + after;
@@ -71,23 +104,30 @@ Motion with_forces_moved(const Motion& piece, const Eigen::VectorXd& seconds) {
 
 }  // namespace
 
-double lateness_left(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest, Index coordinate) {
-  const Eigen::VectorXd model = rows.measured.col(coordinate) - rest.col(coordinate);
-  const auto counts = [&](Index row) {
-    return rows.counts.size() == 0 || rows.counts(row, coordinate) > 0.0;
+LatenessFit fit_lateness(const LatenessRows& fitted, const LatenessRows& held_out,
+                         Index coordinate) {
+  const Slopes slopes = slopes_of(fitted, coordinate), then = slopes_of(held_out, coordinate);
+  if (slopes.count < 2 * fitted.columns.cols() + 20 || then.count < 2) return {};
+  // Beside the other columns: of the slopes, and of what is left.
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(slopes.masked(fitted.columns));
+  const auto beside = [&](const Eigen::VectorXd& values, const Eigen::VectorXd& values_then) {
+    const Eigen::VectorXd taken = qr.solve(values);
+    return std::pair<Eigen::VectorXd, Eigen::VectorXd>(
+        values - slopes.masked(fitted.columns) * taken,
+        values_then - then.masked(held_out.columns) * taken);
   };
-  double product = 0.0, square = 0.0;
-  Index first = 0;
-  for (const Motion& piece : rows.pieces) {
-    for (Index t = first + 1; t + 1 < first + piece.samples(); ++t) {
-      if (!counts(t - 1) || !counts(t) || !counts(t + 1)) continue;
-      const double slope = (model(t + 1) - model(t - 1)) / (2.0 * piece.sample_time());
-      product += rest(t, coordinate) * slope;
-      square += slope * slope;
-    }
-    first += piece.samples();
-  }
-  return square > 0.0 ? -product / square : 0.0;
+  const auto [column, column_then] = beside(slopes.values, then.values);
+  const auto [rest, rest_then] = beside(slopes.masked(fitted.rest), then.masked(held_out.rest));
+  if (!(column.squaredNorm() > kImitated * slopes.values.squaredNorm())) return {};
+  const double coefficient = rest.dot(column) / column.squaredNorm();
+  const double left = (rest_then - coefficient * column_then).squaredNorm();
+  LatenessFit fit;
+  fit.seconds = -coefficient;
+  fit.share = coefficient * rest.dot(column) / rest.squaredNorm();
+  fit.share_held_out = 1.0 - left / rest_then.squaredNorm();
+  fit.nrmse_held_out = 100.0 * std::sqrt(left / static_cast<double>(then.count) /
+                                         variance(held_out.rows, coordinate));
+  return fit;
 }
 
 void advance_forces(const Eigen::VectorXd& seconds, std::vector<MotionRecord>& records) {

@@ -23,6 +23,8 @@ inline constexpr double kLeastShare = 0.1;
 // Of the squared error kept out: where lateness takes so much, laws that were fitted to the late
 // force stand in for it, and they are sought anew with the force moved.
 inline constexpr double kWorthMoving = 0.3;
+// Samples as recorded: what a drive holds from sample to sample acts half of one later.
+inline constexpr double kShortestMove = 1.5;
 
 struct LateForce {
   double seconds = 0.0;         // positive: late
@@ -40,13 +42,31 @@ struct LateForce {
 // recording then has none, they do not count.
 void advance_force(ForceBalanceRows& rows, Eigen::Index coordinate, double seconds);
 
-// What is left of a lateness, s, where it is a small part of the motion's time:
+// One coordinate's rows for a regression: what is left of its force, the columns of the model and
+// of laws that act there, and those of plain friction.
+struct LatenessRows {
+  const ForceBalanceRows& rows;
+  Eigen::VectorXd rest;
+  Eigen::MatrixXd columns;
+};
+
+// Lateness beside all that was fitted, and beside plain friction: where a mass moves at one
+// frequency, lateness looks like viscous friction of either sign, which takes its place or hides
+// it. To first order
 //
-//     y(t) = y_model(t - tau), so tau = -sum r y_model' / sum y_model'^2 with the rest r.
+//     y(t) = y_model(t - tau) = X b - tau y_model',
 //
-// The fit has taken part of it, so this is too small. 0 where nothing can be said.
-[[nodiscard]] double lateness_left(const ForceBalanceRows& rows, const Eigen::MatrixXd& rest,
-                                   Eigen::Index coordinate);
+// so tau is the coefficient of one more column, by least squares on these rows alone.
+struct LatenessFit {
+  double seconds = 0.0;  // tau; 0 where nothing can be said
+  // Of the squared error that the other columns leave, what this one takes; on recordings kept out
+  // with the coefficients of the fit's.
+  double share = 0.0, share_held_out = 0.0;
+  double nrmse_held_out = 0.0;  // with all columns, %
+};
+
+[[nodiscard]] LatenessFit fit_lateness(const LatenessRows& fitted, const LatenessRows& held_out,
+                                       Eigen::Index coordinate);
 
 // Moves the forces of each joint earlier by so many seconds (later: negative), by interpolation;
 // samples at the ends for which there is no force then go. A piece that is too short for that

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 
 #include "diagnosis/inverse_dynamics/law_force.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
@@ -26,6 +27,20 @@ std::vector<std::string> units_of(const RigidRobotModel& robot, const char* revo
     units.push_back(std::move(unit));
   }
   return units;
+}
+
+// A zero-phase filter guesses what came before a recording and after it. Of positions that are
+// differentiated twice the ends then are mostly that guess.
+Motion without_filter_ends(const Motion& motion) {
+  double lowest = 0.0;
+  for (const FilterPass& filter : motion.filters) {
+    lowest = lowest > 0.0 ? std::min(lowest, filter.frequency) : filter.frequency;
+  }
+  if (!(lowest > 0.0) || !(motion.sample_time() > 0.0)) return motion;
+  const double reach = std::ceil(kFilterReach / (lowest * motion.sample_time()) - 1e-9);
+  if (reach > 0.25 * static_cast<double>(motion.samples())) return motion;
+  const auto end = static_cast<Index>(reach);
+  return samples_of(motion, end, motion.samples() - 2 * end);
 }
 
 class MotionReader {
@@ -59,7 +74,7 @@ class MotionReader {
       if (position.empty()) motion.position = integral(motion.time, motion.velocity);
       motion.acceleration = acceleration.empty() ? slopes(motion.time, motion.velocity)
                                                  : joints(piece.values(Eigen::all, acceleration));
-      motions.push_back(std::move(motion));
+      motions.push_back(without_filter_ends(motion));
     }
     return motions;
   }

@@ -45,7 +45,12 @@ struct MotionRecord {
   std::vector<Motion> pieces;
 };
 
-// The signals that the robot's `channels` name, after the campaign's preprocessing. Motors' signals
+// Periods of a low-pass that its guess beyond the ends of a recording shows inside.
+inline constexpr double kFilterReach = 2.0;
+
+// The signals that the robot's `channels` name, after the campaign's preprocessing. The ends of
+// each piece are left out as far as its low-pass reaches (kFilterReach), where no more than half of
+// the piece goes by that. Motors' signals
 // go through the transmission; velocities and accelerations that are not named are parabolas'
 // slopes (time_derivative in preprocess.hpp). Throws InputError for recordings with errors, a robot
 // without channels, a channel that is not there or in a wrong unit, a payload's load that no

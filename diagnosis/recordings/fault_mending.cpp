@@ -14,14 +14,14 @@ namespace {
 using Index = Eigen::Index;
 
 // Rows first to last, both included.
-struct Stretch {
+struct RowRange {
   Index first, last;
   [[nodiscard]] Index size() const { return last - first + 1; }
 };
 
 // Neighbouring rows as one stretch.
-std::vector<Stretch> stretches_of(const std::set<Index>& rows) {
-  std::vector<Stretch> stretches;
+std::vector<RowRange> stretches_of(const std::set<Index>& rows) {
+  std::vector<RowRange> stretches;
   for (const Index row : rows) {
     if (!stretches.empty() && stretches.back().last + 1 == row) {
       stretches.back().last = row;
@@ -32,7 +32,7 @@ std::vector<Stretch> stretches_of(const std::set<Index>& rows) {
   return stretches;
 }
 
-void draw_line(const Stretch& stretch, const Eigen::VectorXd& time,
+void draw_line(const RowRange& stretch, const Eigen::VectorXd& time,
                Eigen::Ref<Eigen::VectorXd> values) {
   const Index before = stretch.first - 1, after = stretch.last + 1;
   const bool has_before = before >= 0, has_after = after < values.size();
@@ -55,7 +55,7 @@ struct Cuts {
 std::size_t replace_spikes(const FaultySamples& faulty, Index channel, SignalPiece& piece,
                            Cuts& cuts) {
   std::size_t count = 0;
-  for (const Stretch& stretch : stretches_of(faulty.spikes)) {
+  for (const RowRange& stretch : stretches_of(faulty.spikes)) {
     if (stretch.size() == piece.time.size()) continue;
     if (stretch.size() <= kLongestSpike) {
       draw_line(stretch, piece.time, piece.values.col(channel));

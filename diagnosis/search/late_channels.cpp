@@ -1,7 +1,6 @@
 #include "diagnosis/search/late_channels.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <set>
@@ -14,18 +13,21 @@
 namespace graybox {
 namespace {
 
-constexpr int kMoves = 3;  // the first is told beside laws that stand in for part of it
+constexpr double kPays = 0.9;  // of the squared error, at most, of the channels that were moved
+constexpr int kMoves = 3;      // the first is told beside laws that stand in for part of it
 
-// Root mean square over the channels of what each leaves of its own signal, %: a channel of small
-// forces counts as much as the others.
-double error_kept_out(const MismatchProblem& problem, const ExtendedFit& fit) {
-  double squares = 0.0, count = 0.0;
+// Mean square of what each of these channels leaves of its own signal on recordings kept out: a
+// channel of small forces counts as much as the others.
+double error_kept_out(const MismatchProblem& problem, const ExtendedFit& fit,
+                      const std::vector<MovedChannel>& channels) {
+  double squares = 0.0;
   for (const ChannelRest& rest : problem.channel_rests(fit)) {
-    if (!rest.held_out_nrmse) continue;
-    squares += *rest.held_out_nrmse * *rest.held_out_nrmse;
-    count += 1.0;
+    if (std::ranges::find(channels, rest.channel, &MovedChannel::channel) == channels.end())
+      continue;
+    const double error = rest.held_out_nrmse.value_or(0.0);
+    squares += error * error;
   }
-  return std::sqrt(squares / std::max(1.0, count));
+  return squares;
 }
 
 std::optional<double> error_kept_out(const MismatchProblem& problem, const ExtendedFit& fit,
@@ -52,7 +54,8 @@ bool find_better_in_time(SearchState& state, std::unique_ptr<MismatchProblem> mo
   if (!without_laws.usable) return false;
   Diagnosis& result = state.result;
   const MismatchProblem& before = *state.problem;
-  const double error = error_kept_out(before, result.after);
+  const std::vector<MovedChannel> channels = moved->moved_channels();
+  const double error = error_kept_out(before, result.after, channels);
   const ExtendedFit after = result.after;
   const std::vector<FoundEffect> effects = result.effects;
   const std::vector<RejectedLaw> rejected = result.rejected;
@@ -63,7 +66,7 @@ bool find_better_in_time(SearchState& state, std::unique_ptr<MismatchProblem> mo
   result.effects.clear();
   result.rejected.clear();
   find_laws(state);
-  if (error_kept_out(*state.problem, result.after) < error) return true;
+  if (error_kept_out(*state.problem, result.after, channels) < kPays * error) return true;
   state.go_back_to(before);
   state.freed_without_laws = freed;
   result.after = after;

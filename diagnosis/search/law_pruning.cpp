@@ -107,9 +107,65 @@ bool give_way_to_sum(SearchState& state, std::size_t law, const ExtendedFit& wit
   return true;
 }
 
+// The model found without two of its laws.
+ExtendedFit fit_without_both(SearchState& state, std::size_t first, std::size_t second) {
+  std::vector<LawStart> laws = starts_of(state.result.after);
+  laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(std::max(first, second)));
+  laws.erase(laws.begin() + static_cast<std::ptrdiff_t>(std::min(first, second)));
+  if (laws.empty()) return state.without_laws();
+  return state.refits.refit(laws, state.result.after);
+}
+
+// Whether one law took the place of two at one place. A rare law may be no more than what a plain
+// one leaves that came first, as the bend of a weight's force where a spring is.
+bool give_way_to_one(SearchState& state, std::size_t rare, std::size_t other) {
+  const ExtendedFit& after = state.result.after;
+  const std::string place = state.place_of(after.laws[rare].hypothesis);
+  const ExtendedFit without = fit_without_both(state, rare, other);
+  if (!without.usable) return false;
+  const auto is_there = [&](const Hypothesis& candidate) { return candidate.place == place; };
+  std::vector<LawStart> candidates;
+  for (const HypothesisScore& score : rank_hypotheses(state, without, 0, is_there).scores) {
+    if (can_be_refitted(state, score)) candidates.push_back(score.start);
+  }
+  for (const Trial& trial : state.refits.refit_each(starts_of(without), candidates, without)) {
+    const HeldOutGain gain = held_out_gain(trial.fit, after);
+    const bool are_better =
+        !(gain.mean <= std::max(state.options.held_out_gain, gain.standard_error));
+    if (trial.fit.parameter_count >= after.parameter_count || are_better ||
+        !state.compare.every_law_stands(trial.fit)) {
+      continue;
+    }
+    state.result.after = trial.fit;
+    return true;
+  }
+  return false;
+}
+
+void join_laws(SearchState& state) {
+  const auto is_rare = [&](std::size_t law) {
+    return state.hypothesis(state.result.after.laws[law].hypothesis).rank >= kRareRank;
+  };
+  for (std::size_t rare = 0; rare < state.result.after.laws.size(); ++rare) {
+    for (std::size_t other = 0; other < state.result.after.laws.size(); ++other) {
+      const std::vector<FittedLaw>& laws = state.result.after.laws;
+      const bool share_place =
+          state.place_of(laws[rare].hypothesis) == state.place_of(laws[other].hypothesis);
+      const bool are_alike = laws[rare].hypothesis == laws[other].hypothesis;  // two harmonics
+      if (rare == other || !is_rare(rare) || !share_place || are_alike) continue;
+      if (!state.proceed("one law in the place of two")) return;
+      if (give_way_to_one(state, rare, other)) {
+        rare = static_cast<std::size_t>(-1);
+        break;
+      }
+    }
+  }
+}
+
 }  // namespace
 
 void simplify_laws(SearchState& state) {
+  if (!state.problem->noise_is_known()) join_laws(state);
   for (std::size_t law = 0; law < state.result.after.laws.size(); ++law) {
     const Hypothesis& found = state.hypothesis(state.result.after.laws[law].hypothesis);
     if (found.special_cases.empty() && state.problem->noise_is_known()) continue;

@@ -24,7 +24,8 @@ void prune_laws(SearchState& state);
 
 // A law that only generalises another of fewer parameters gives way to it unless it is better
 // beyond the margin; one that a sum of plainer laws imitates gives way to the sum
-// (plainer_sums.hpp).
+// (plainer_sums.hpp). Where the noise is not known, two laws at a place of which one is rare give
+// way to one law there that predicts as well with fewer parameters.
 void simplify_laws(SearchState& state);
 
 }  // namespace graybox
