@@ -14,7 +14,7 @@ namespace graybox {
 namespace {
 
 constexpr double kPays = 0.9;  // of the squared error, at most, of the channels that were moved
-constexpr int kMoves = 3;      // the first is told beside laws that stand in for part of it
+constexpr int kMoves = 2;      // the first is told beside laws that stand in for part of it
 
 // Mean square of what each of these channels leaves of its own signal on recordings kept out: a
 // channel of small forces counts as much as the others.
