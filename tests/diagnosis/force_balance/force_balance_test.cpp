@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -1062,6 +1063,8 @@ TEST_F(ForceBalance, TellsLatenessFromViscousFriction) {
       }
     }
   }
+  std::printf("  %d of %d in time called late, %d of %d late told, laws right in %d of %d\n",
+              false_alarms, runs, told, 2 * runs, named_right, 3 * runs);
   EXPECT_EQ(false_alarms, 0);
   EXPECT_GE(told, 2 * runs - runs / 5);
   EXPECT_GE(named_right, 3 * runs - runs / 5);
