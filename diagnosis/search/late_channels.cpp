@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/search/candidate_ranking.hpp"
+#include "problems/base/stop.hpp"
 
 namespace graybox {
 namespace {
@@ -65,13 +66,21 @@ bool find_better_in_time(SearchState& state, std::unique_ptr<MismatchProblem> mo
   result.after = std::move(without_laws);
   result.effects.clear();
   result.rejected.clear();
-  find_laws(state);
+  const auto go_back = [&] {
+    state.go_back_to(before);
+    state.freed_without_laws = freed;
+    result.after = after;
+    result.effects = effects;
+    result.rejected = rejected;
+  };
+  try {
+    find_laws(state);
+  } catch (const Stopped&) {  // half a search is no answer: the one before stands
+    go_back();
+    throw;
+  }
   if (error_kept_out(*state.problem, result.after, channels) < kPays * error) return true;
-  state.go_back_to(before);
-  state.freed_without_laws = freed;
-  result.after = after;
-  result.effects = effects;
-  result.rejected = rejected;
+  go_back();
   return false;
 }
 
