@@ -43,7 +43,7 @@ struct SearchState {
 
   // Refines the shapes that the fits of candidates held, where these hold any.
   void settle_shapes();
-  // The same problem, its recordings freed of more. What was before it stays alive.
+  // Goes on with the same problem on recordings freed of more; the one before stays alive.
   void go_on_with(std::unique_ptr<MismatchProblem> freed);
   // What the model states as it is again.
   void go_back_to(const MismatchProblem& stated);

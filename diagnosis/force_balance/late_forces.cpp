@@ -48,7 +48,7 @@ double variance(const ForceBalanceRows& rows, Index coordinate) {
          std::max(1.0, rows.counted(coordinate));
 }
 
-// Of the force that the model gives, in its unit per s; 0 where it or a neighbour does not count.
+// Slopes of the force that the model gives, per s; 0 where it or a neighbour does not count.
 struct Slopes {
   Eigen::VectorXd values;
   Eigen::VectorXd counts;  // 1 or 0

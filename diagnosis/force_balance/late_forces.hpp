@@ -20,10 +20,10 @@ namespace graybox {
 
 inline constexpr double kLongestDelay = 0.25;  // s
 inline constexpr double kLeastShare = 0.1;
-// Of the squared error kept out: where lateness takes so much, laws that were fitted to the late
-// force stand in for it, and they are sought anew with the force moved.
+// Lateness that takes this share of the squared error kept out has laws stand in for it: they are
+// sought anew with the force moved.
 inline constexpr double kWorthMoving = 0.3;
-// Samples as recorded: what a drive holds from sample to sample acts half of one later.
+// Less lateness than so many samples is no fault: what a drive holds acts half a sample later.
 inline constexpr double kShortestMove = 1.5;
 
 struct LateForce {
@@ -59,8 +59,8 @@ struct LatenessRows {
 // so tau is the coefficient of one more column, by least squares on these rows alone.
 struct LatenessFit {
   double seconds = 0.0;  // tau; 0 where nothing can be said
-  // Of the squared error that the other columns leave, what this one takes; on recordings kept out
-  // with the coefficients of the fit's.
+  // This column takes so much of the squared error that the others leave, and so much on recordings
+  // kept out, with the coefficients of the fit's.
   double share = 0.0, share_held_out = 0.0;
   double nrmse_held_out = 0.0;  // with all columns, %
 };

@@ -339,8 +339,8 @@ class MismatchProblem {
   virtual void find_late_channels(const ExtendedFit& /*fit*/,
                                   std::vector<ChannelRest>& /*channels*/) const {}
 
-  // The same problem, with channels moved that come so late to this fit that laws would stand in
-  // for it. The hypotheses are the same. Null where no channel does.
+  // Moves channels that come so late to this fit that laws would stand in for that: the same
+  // problem with the same hypotheses. Null where no channel does.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> in_time(const ExtendedFit& /*fit*/) const {
     return nullptr;
   }

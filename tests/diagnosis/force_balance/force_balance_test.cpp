@@ -551,6 +551,14 @@ void write_arm_campaign(const fs::path& file, const std::string& experiments) {
   campaign << "experiments:\n" << experiments;
 }
 
+// Model and campaign of the lifting arm, its recordings still to be written: 1.csv and 2.csv.
+TorqueColumns lifting_arm_of_two_runs(const fs::path& folder) {
+  std::ofstream(folder / "drive.yaml") << kLiftingArm;
+  write_arm_campaign(folder / "campaign.yaml",
+                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
+  return TorqueColumns(load_rigid_robot(folder / "drive.yaml"));
+}
+
 // Two recordings of an arm that moves as `truth` says, the second kept out, and the model for them.
 void record_arm(const fs::path& folder, const std::string& truth, const std::string& model,
                 const Eigen::Vector3d& drives = Eigen::Vector3d::Ones(), std::uint64_t seed = 5,
@@ -787,10 +795,7 @@ known: [)";
 // A single joint of an arm moves, with a pause in which friction holds what it must; the others
 // stand, and their drives give what friction left of the weights.
 TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  TorqueColumns columns = lifting_arm_of_two_runs(folder_);
   Random random(5);
   for (int run = 1; run <= 2; ++run) {
     std::ofstream stream = arm_recording(folder_ / fmt::format("{}.csv", run));
@@ -824,10 +829,7 @@ TEST_F(ForceBalance, TakesNothingFromWhatStandsStill) {
 // One joint rests while the others go on: what friction holds there is no law, and what the others
 // show is.
 TEST_F(ForceBalance, LeavesOutTheForceOfOneJointThatRests) {
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  TorqueColumns columns = lifting_arm_of_two_runs(folder_);
   Random random(5);
   for (int run = 1; run <= 2; ++run) {
     std::ofstream stream = arm_recording(folder_ / fmt::format("{}.csv", run));
@@ -1104,10 +1106,7 @@ experiments:
 // One clock for the positions of all joints, 0.08 s behind: told once for all, and friction is
 // found as it is.
 TEST_F(ForceBalance, MovesAllJointsByOneClock) {
-  std::ofstream(folder_ / "drive.yaml") << kLiftingArm;
-  write_arm_campaign(folder_ / "campaign.yaml",
-                     "  - {file: 1.csv}\n  - {file: 2.csv, role: validation}\n");
-  TorqueColumns columns(load_rigid_robot(folder_ / "drive.yaml"));
+  TorqueColumns columns = lifting_arm_of_two_runs(folder_);
   Random random(6);
   const auto motion_at = [](double t, int run) {
     std::array<Eigen::Vector3d, 3> motion{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(),
