@@ -1,4 +1,4 @@
-// The code that the README and the headers show, compiled and run.
+// The code that docs/add_a_solver.md and the headers show, compiled and run.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,15 +33,15 @@ graybox::InformationSet two_candidates() {
   return set;
 }
 
-TEST(Readme, ShowsTheExampleSolverWhole) {
-  const std::string readme = text_of("README.md");
-  EXPECT_NE(readme.find(text_of("docs/examples/torsney_solver.hpp")), std::string::npos)
-      << "README.md and docs/examples/torsney_solver.hpp have drifted apart";
-  EXPECT_NE(readme.find(text_of("docs/examples/torsney_solver.cpp")), std::string::npos)
-      << "README.md and docs/examples/torsney_solver.cpp have drifted apart";
+TEST(AddASolver, ShowsTheExampleWhole) {
+  const std::string page = text_of("docs/add_a_solver.md");
+  EXPECT_NE(page.find(text_of("docs/examples/torsney_solver.hpp")), std::string::npos)
+      << "docs/add_a_solver.md and docs/examples/torsney_solver.hpp have drifted apart";
+  EXPECT_NE(page.find(text_of("docs/examples/torsney_solver.cpp")), std::string::npos)
+      << "docs/add_a_solver.md and docs/examples/torsney_solver.cpp have drifted apart";
 }
 
-TEST(Readme, TheExampleSolverIsCertified) {
+TEST(AddASolver, ExampleIsCertified) {
   graybox::SolverRegistry registry = graybox::make_registry();
   registry.add(std::make_unique<TorsneySolver>());
   const graybox::InformationSet set = two_candidates();
