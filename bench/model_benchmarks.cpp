@@ -45,8 +45,8 @@
 #include "problems/mechanisms/chain_dynamics.hpp"
 #include "problems/mechanisms/local_model.hpp"
 #include "problems/mechanisms/robot_dynamics.hpp"
-#include "problems/mechanisms/robot_elements.hpp"
 #include "problems/mechanisms/robot_model.hpp"
+#include "problems/mechanisms/robot_rest.hpp"
 #include "problems/robot_information/robot_grid.hpp"
 #include "problems/robot_information/robot_information.hpp"
 

@@ -13,6 +13,7 @@
 #include "problems/mechanisms/local_model.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/robot_rest.hpp"
 
 namespace graybox {
 namespace {

@@ -6,6 +6,7 @@
 #include "diagnosis/simulation/integrated_plant.hpp"
 #include "diagnosis/simulation/mechanism.hpp"
 #include "problems/base/error.hpp"
+#include "problems/mechanisms/robot_rest.hpp"
 
 namespace graybox {
 namespace {

@@ -14,7 +14,7 @@
 // The state is (q_a, q_m, q_a', q_m'), 36 numbers for the paper's robot.
 //
 //   RobotDynamics dynamics(robot);                              // one for each thread
-//   const RobotRest rest = robot_rest(robot, {}, position);     // elements/robot_elements.hpp
+//   const RobotRest rest = robot_rest(robot, {}, position);     // robot_rest.hpp
 //   dynamics.accelerate(rest.coordinates, zero, rest.holding_torque, zero, acceleration);   // = 0
 //
 // Cost of accelerate(): O(n_a^3), a few microseconds for the paper's robot; no allocation.

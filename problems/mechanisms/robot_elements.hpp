@@ -1,4 +1,4 @@
-// Elements on a robot: its places, what they do to the robot's rest, and the file that lists them.
+// Elements on a robot: its places, and the file that lists them.
 //
 // Places (`location` of element.hpp), coordinates q = (n_a arm rotations, n_m motors in joint
 // angles):
@@ -22,7 +22,6 @@
 #include <vector>
 
 #include "problems/elements/element.hpp"
-#include "problems/elements/element_dynamics.hpp"
 #include "problems/mechanisms/robot_model.hpp"
 
 namespace graybox {
@@ -65,15 +64,5 @@ struct LinearRobot {
 // model says is about a motion in which these are no more than a disturbance. Throws InputError,
 // also where a spring or damper in sum is negative.
 [[nodiscard]] LinearRobot load_linear_robot(const std::filesystem::path& file);
-
-// The robot with the elements at rest: motors at the commanded joint angles, the arm where springs,
-// gravity and elements balance, laws at rest.
-struct RobotRest {
-  Eigen::VectorXd coordinates;     // q, n_a + n_m
-  Eigen::VectorXd holding_torque;  // that the motors must give, motor-side
-};
-// Damped Newton from the rest without elements. Throws InputError where no balance is found.
-[[nodiscard]] RobotRest robot_rest(const RobotModel& robot, const ElementDynamics& elements,
-                                   const Eigen::VectorXd& joint_angles);
 
 }  // namespace graybox

@@ -88,10 +88,10 @@ struct RobotModel {
 };
 
 // Throws InputError of one line for whatever is wrong with the file or its URDF, and for a file
-// with elements, which load_linear_robot() reads (elements/robot_elements.hpp).
+// with elements, which load_linear_robot() reads (robot_elements.hpp).
 [[nodiscard]] RobotModel load_robot_model(const std::filesystem::path& file);
 
-// The same but for the elements, which it leaves to the reader (elements/robot_elements.hpp).
+// The same but for the elements, which it leaves to the reader (robot_elements.hpp).
 [[nodiscard]] RobotModel load_robot_without_elements(const std::filesystem::path& file);
 
 // The same robot with the stiffness of parameter p multiplied by theta_p: the robot one would have

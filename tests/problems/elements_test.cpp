@@ -14,6 +14,7 @@
 #include "problems/mechanisms/local_model.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/robot_rest.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/robot_test_support.hpp"
 #include "tests/support/temporary_folder.hpp"

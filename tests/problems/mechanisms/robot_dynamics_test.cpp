@@ -10,7 +10,7 @@
 #include "problems/base/random.hpp"
 #include "problems/mechanisms/chain_dynamics.hpp"
 #include "problems/mechanisms/local_model.hpp"
-#include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/robot_rest.hpp"
 #include "tests/support/robot_test_support.hpp"
 
 namespace graybox {
