@@ -19,7 +19,7 @@
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "diagnosis/force_balance/measured_drive.hpp"
+#include "diagnosis/force_balance_data/measured_drive.hpp"
 #include "diagnosis/load/load_mismatch_problem.hpp"
 #include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/recordings/campaign.hpp"

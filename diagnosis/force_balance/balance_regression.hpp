@@ -29,7 +29,7 @@
 #include <span>
 #include <vector>
 
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 
 namespace graybox {
 

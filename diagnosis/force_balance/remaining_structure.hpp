@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 
 namespace graybox {
 

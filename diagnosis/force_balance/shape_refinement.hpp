@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "diagnosis/force_balance/balance_regression.hpp"
-#include "diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance_data/force_balance_laws.hpp"
 
 namespace graybox {
 

@@ -15,10 +15,10 @@
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
-#include "diagnosis/force_balance/derivative_noise.hpp"
-#include "diagnosis/force_balance/force_balance_data.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
-#include "diagnosis/force_balance/standstill.hpp"
+#include "diagnosis/force_balance_data/derivative_noise.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/standstill.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "diagnosis/inverse_dynamics/law_force.hpp"

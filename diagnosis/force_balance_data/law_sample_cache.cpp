@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/law_sample_cache.hpp"
+#include "diagnosis/force_balance_data/law_sample_cache.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/derivative_noise.hpp"
+#include "diagnosis/force_balance_data/derivative_noise.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
 #include "diagnosis/plausibility/fitted_physics.hpp"
 #include "problems/mechanisms/rigid_body_regressor.hpp"

@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/standstill.hpp"
+#include "diagnosis/force_balance_data/standstill.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance_data/force_balance_laws.hpp"
 
 namespace graybox {
 

@@ -14,7 +14,7 @@
 
 #include <optional>
 
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/force_balance_laws.hpp"
+#include "diagnosis/force_balance_data/force_balance_laws.hpp"
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 #include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {

@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/measured_drive.hpp"
+#include "diagnosis/force_balance_data/measured_drive.hpp"
 
 #include <algorithm>
 

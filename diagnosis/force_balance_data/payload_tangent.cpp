@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/payload_tangent.hpp"
+#include "diagnosis/force_balance_data/payload_tangent.hpp"
 
 #include <Eigen/QR>
 

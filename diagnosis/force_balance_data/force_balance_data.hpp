@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/force_balance/law_sample_cache.hpp"
+#include "diagnosis/force_balance_data/law_sample_cache.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/inverse_dynamics/filtered_motion.hpp"
 #include "diagnosis/inverse_dynamics/law_force.hpp"

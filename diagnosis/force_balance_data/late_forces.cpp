@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/late_forces.hpp"
+#include "diagnosis/force_balance_data/late_forces.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/force_balance_data.hpp"
+#include "diagnosis/force_balance_data/force_balance_data.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,8 +8,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "diagnosis/force_balance/late_forces.hpp"
-#include "diagnosis/force_balance/standstill.hpp"
+#include "diagnosis/force_balance_data/late_forces.hpp"
+#include "diagnosis/force_balance_data/standstill.hpp"
 #include "diagnosis/hypotheses/place_file.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"

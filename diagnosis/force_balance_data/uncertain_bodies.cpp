@@ -1,4 +1,4 @@
-#include "diagnosis/force_balance/uncertain_bodies.hpp"
+#include "diagnosis/force_balance_data/uncertain_bodies.hpp"
 
 #include <fmt/format.h>
 
