@@ -111,6 +111,21 @@ struct BalanceRegression::Settled {
   [[nodiscard]] double deviance() const { return relative_noise.array().log().sum(); }
 };
 
+Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
+  const Eigen::VectorXd rms = rows.root_mean_squares(residuals);
+  return rms.cwiseMax(1e-12 * std::max(rms.maxCoeff(), 1e-300));
+}
+
+double centred_square(const Eigen::MatrixXd& values) {
+  return (values.rowwise() - values.colwise().mean()).squaredNorm();
+}
+
+void append_columns(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns) {
+  const Index first = columns.cols();
+  columns.conservativeResize(more.rows(), first + more.cols());
+  columns.rightCols(more.cols()) = more;
+}
+
 std::vector<bool> extend_basis(const Eigen::MatrixXd& columns, Eigen::MatrixXd& basis) {
   std::vector<bool> is_new;
   for (Index k = 0; k < columns.cols(); ++k) {

@@ -119,6 +119,16 @@ class BalanceProjection {
   Eigen::VectorXd force_;
 };
 
+// Root mean squares by coordinate, of the samples that count; none is zero.
+[[nodiscard]] Eigen::VectorXd rms_of(const ForceBalanceRows& rows,
+                                     const Eigen::MatrixXd& residuals);
+
+// Sum of squares about the mean of each column.
+[[nodiscard]] double centred_square(const Eigen::MatrixXd& values);
+
+// Puts columns to the right of those that are there.
+void append_columns(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns);
+
 // Adds what an orthonormal basis lacks of each column; whether more than 1e-5 of its length was
 // left.
 [[nodiscard]] std::vector<bool> extend_basis(const Eigen::MatrixXd& columns,

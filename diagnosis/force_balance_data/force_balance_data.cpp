@@ -398,6 +398,10 @@ void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows&
 
 }  // namespace
 
+std::string BalanceCoordinate::channel() const {
+  return (units.force == "N m" ? "torque of " : "force of ") + name;
+}
+
 double ForceBalanceRows::counted(Eigen::Index coordinate) const {
   return counted(coordinate, 0, samples());
 }

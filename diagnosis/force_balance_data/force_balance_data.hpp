@@ -62,6 +62,9 @@ struct ForceBalanceRows {
 struct BalanceCoordinate {
   std::string name;
   PlaceUnits units;
+
+  // "torque of joint_1", "force of carriage".
+  [[nodiscard]] std::string channel() const;
 };
 
 // A standard inertial parameter of a link that may depart from what the model states.

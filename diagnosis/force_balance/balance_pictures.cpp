@@ -1,0 +1,129 @@
+#include "diagnosis/force_balance/balance_pictures.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <utility>
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr Index kShownCurves = 6;  // of the recordings of one role
+
+void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index j,
+               CheckedRange& range) {
+  const BalanceCoordinate& moving = data.coordinates[static_cast<std::size_t>(j)];
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  CheckedRange::Span position{"position of " + moving.name, moving.units.deflection, kNever,
+                              -kNever};
+  CheckedRange::Span velocity{"velocity of " + moving.name, moving.units.deflection + "/s", kNever,
+                              -kNever};
+  const auto widen = [](CheckedRange::Span& span, const auto& values) {
+    span.from = std::min(span.from, values.minCoeff());
+    span.to = std::max(span.to, values.maxCoeff());
+  };
+  for (const Motion& piece : rows.pieces) {
+    widen(position, piece.position.col(j));
+    widen(velocity, piece.velocity.col(j));
+  }
+  if (data.position_is_recorded) range.spans.push_back(std::move(position));
+  range.spans.push_back(std::move(velocity));
+  range.spans.push_back({moving.channel(), moving.units.force, rows.measured.col(j).minCoeff(),
+                         rows.measured.col(j).maxCoeff()});
+}
+
+}  // namespace
+
+ForcePicture force_picture(const ForceBalanceData& data, std::size_t hypothesis,
+                           const PlacedLaw& law, const Eigen::MatrixXd& rest) {
+  const BalanceColumns own = law_force_column(law, data, data.estimation);
+  const Eigen::VectorXd& direction = law.place->location.output;
+  Eigen::VectorXd law_force = Eigen::VectorXd::Zero(rest.rows());
+  for (Index j = 0; j < rest.cols(); ++j) {
+    const Eigen::MatrixXd& block = own.in[static_cast<std::size_t>(j)];
+    if (block.size() > 0) law_force += direction(j) * block.col(0);
+  }
+  law_force /= direction.squaredNorm();
+  const Eigen::VectorXd force = law_force + rest * direction / direction.squaredNorm();
+  const PlaceUnits& units = law.place->location.units;
+  ForcePicture result{
+      hypothesis, units.deflection, units.deflection + "/s", units.force, {}, {}, {}, {}};
+  for (const Motion& piece : data.estimation.pieces) {
+    const RecordedPlaceMotion motion = motion_at(*law.place, piece);
+    result.deflection.insert(result.deflection.end(), motion.deflection.begin(),
+                             motion.deflection.end());
+    result.rate.insert(result.rate.end(), motion.rate.begin(), motion.rate.end());
+  }
+  result.force.assign(force.begin(), force.end());
+  result.law_force.assign(law_force.begin(), law_force.end());
+  return result;
+}
+
+void add_curves(const ForceBalanceData& data, const ForceBalanceRows& rows,
+                const Eigen::MatrixXd& rest, bool held_out, std::vector<ResidualCurve>& curves) {
+  const Motion& piece = rows.pieces.front();
+  for (Index j = 0; j < std::min(rows.coordinates(), kShownCurves); ++j) {
+    ResidualCurve curve;
+    curve.channel = data.coordinates[static_cast<std::size_t>(j)].channel();
+    curve.unit = data.coordinates[static_cast<std::size_t>(j)].units.force;
+    curve.experiment = rows.names.front();
+    curve.over_time = true;
+    curve.held_out = held_out;
+    const auto own = Eigen::seqN(Index{0}, piece.samples());
+    const Eigen::VectorXd measured = rows.measured(own, j), left = rest(own, j);
+    curve.axis.assign(piece.time.begin(), piece.time.end());
+    curve.measured.assign(measured.begin(), measured.end());
+    curve.residual.assign(left.begin(), left.end());
+    curves.push_back(std::move(curve));
+  }
+}
+
+CheckedRange checked_range(const ForceBalanceData& data) {
+  CheckedRange range;
+  range.kept_out = !data.validation.empty();
+  const ForceBalanceRows& rows = range.kept_out ? data.validation : data.estimation;
+  for (const std::string& name : rows.names) {
+    if (std::ranges::find(range.files, name) == range.files.end()) range.files.push_back(name);
+  }
+  for (Index j = 0; j < rows.coordinates(); ++j) add_spans(data, rows, j, range);
+  return range;
+}
+
+void describe_physics(const ForceBalanceData& data, const PlacedLaw& law,
+                      PhysicalContext::OfLaw& own) {
+  const Location& place = law.place->location;
+  if (place.input != place.output) return;  // driven from elsewhere, it may well feed energy in
+  own.inertia = data.known_inertia;
+  if (place.units.deflection == "m") own.stiffness = 0.0;  // gravity may make a joint topple
+  own.damping = 0.0;
+  for (const Element& element : data.robot.elements) {
+    const bool is_there = are_one_place(element.location, place);
+    if (is_there && element.law_name == "viscous") own.damping += element.parameters[0];
+  }
+  const ForceBalanceRows& rows = data.estimation;
+  const BalanceColumns force = law_force_column(law, data, rows);
+  const Eigen::VectorXd direction = place.output / place.output.squaredNorm();
+  Eigen::VectorXd at_place = Eigen::VectorXd::Zero(rows.samples());
+  for (Index j = 0; j < rows.coordinates(); ++j) {
+    const Eigen::MatrixXd& block = force.in[static_cast<std::size_t>(j)];
+    const Eigen::VectorXd column =
+        block.size() > 0 ? Eigen::VectorXd(block.col(0)) : Eigen::VectorXd::Zero(rows.samples());
+    own.trace.acting.insert(own.trace.acting.end(), column.begin(), column.end());
+    at_place += direction(j) * column;
+  }
+  own.trace.force.assign(at_place.begin(), at_place.end());
+  for (const Motion& piece : rows.pieces) {
+    const RecordedPlaceMotion motion = motion_at(*law.place, piece);
+    own.trace.deflection.insert(own.trace.deflection.end(), motion.deflection.begin(),
+                                motion.deflection.end());
+    own.trace.rate.insert(own.trace.rate.end(), motion.rate.begin(), motion.rate.end());
+  }
+  const Eigen::VectorXd measured = rows.measured * direction;
+  const Eigen::Map<const Eigen::VectorXd> rate(own.trace.rate.data(), rows.samples());
+  own.trace.carried = measured.cwiseAbs().maxCoeff();
+  own.trace.fed_in = measured.cwiseProduct(rate).cwiseMax(0.0).mean();
+}
+
+}  // namespace graybox
