@@ -179,6 +179,21 @@ struct Method {
   std::optional<RigidRobotModel> drive;  // a lumped model that is measured as a whole
 };
 
+// Why a lumped model and its recordings are none for harmonic balance; empty if they are.
+std::string why_not_periodic(const LumpedModel& model, const Campaign& campaign) {
+  const bool is_periodic = std::ranges::all_of(
+      campaign.experiments,
+      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
+  if (!is_periodic) return "the recordings have no period ('excitation')";
+  if (campaign.hold != InputHold::kZero) {
+    return "the inputs are not held between samples ('hold')";
+  }
+  const bool has_accelerations = std::ranges::any_of(model.outputs, [](const LumpedOutput& output) {
+    return output.quantity == LumpedOutput::Quantity::kAcceleration;
+  });
+  return has_accelerations ? "accelerations are measured" : "";
+}
+
 Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
   const std::string format = YamlField::load(arguments.model).at("format").text();
   Method method{"", "it was asked for", format == "graybox-lumped/1", {}};
@@ -190,8 +205,9 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
   }
   if (arguments.method == "force_balance" && method.is_lumped) {
     throw InputError(fmt::format(
-        "--method force_balance: {} is not one mass whose only force and whose position "
-        "or velocity are recorded: say prediction_error",
+        "--method force_balance: {} is no single mass, of which the only force and the position or "
+        "velocity are recorded, and no law is stated but viscous, stiffness and offset (others are "
+        "looked for): leave them out, or say prediction_error",
         arguments.model));
   }
   const bool is_rigid = format == "graybox-rigid-robot/1";
@@ -201,12 +217,12 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
                                  arguments.model, format, method.name,
                                  method.is_lumped ? " or prediction_error" : ""));
   }
-  const bool is_periodic = std::ranges::all_of(
-      campaign.experiments,
-      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
-  if (arguments.method == "auto" && method.is_lumped && !is_periodic) {
-    method.name = "prediction_error";
-    method.reason = "the recordings have no period ('excitation')";
+  if (arguments.method == "auto" && method.is_lumped) {
+    const std::string why_not = why_not_periodic(load_lumped_model(arguments.model), campaign);
+    if (!why_not.empty()) {
+      method.name = "prediction_error";
+      method.reason = why_not;
+    }
   }
   return method;
 }
@@ -308,6 +324,14 @@ int execute(Arguments& arguments) {
   const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
   DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
+  if (method.is_lumped && std::ranges::any_of(campaign.experiments, [](const Experiment& each) {
+        return !each.load.empty();
+      })) {
+    files.warnings.push_back(
+        "load: models of masses know no loads, so all recordings were taken for one machine: "
+        "diagnose "
+        "those with a load by themselves");
+  }
   if (answer.problem) {
     std::ranges::copy(answer.problem->remarks(), std::back_inserter(files.warnings));
   }

@@ -127,6 +127,7 @@ struct LateChannel {
 struct Diagnosis {
   Verdict verdict = Verdict::kUnknown;
   bool noise_is_known = false;
+  bool may_be_disturbed = false;  // no law, and nothing that is left depends on the motion
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
   std::vector<ChannelFault> channel_faults;

@@ -79,9 +79,9 @@ std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
       worst = rest.channel;
       largest = *rest.held_out_nrmse;
     }
-    if (grown.empty() || *rest.held_out_nrmse > ratio * rest.nrmse) {
+    if (grown.empty() || rest.growth() > ratio) {
       grown = rest.channel;
-      ratio = *rest.held_out_nrmse / rest.nrmse;
+      ratio = rest.growth();
     }
   }
   if (worst.empty()) return {};

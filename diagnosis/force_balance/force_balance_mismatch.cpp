@@ -447,14 +447,20 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
   [[nodiscard]] bool is_idle(Index j) const { return data_.idle[static_cast<std::size_t>(j)]; }
 
+  // Standard deviation of what was measured where it counts.
+  [[nodiscard]] static double signal_of(const ForceBalanceRows& rows, Index coordinate) {
+    return std::sqrt(centred_square(rows.measured.col(coordinate)) / rows.counted(coordinate));
+  }
+
   void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
     if (data_.validation.empty()) return;
     const Eigen::MatrixXd rest = residuals(fit, data_.validation);
     for (Index j = 0; j < coordinates(); ++j) {
       const double signal = centred_square(data_.validation.measured.col(j));
       if (!(signal > 0.0)) continue;
-      channels[static_cast<std::size_t>(j)].held_out_nrmse =
-          100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+      ChannelRest& channel = channels[static_cast<std::size_t>(j)];
+      channel.held_out_nrmse = 100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+      channel.held_out_signal = signal_of(data_.validation, j) / signal_of(data_.estimation, j);
     }
   }
 

@@ -240,6 +240,10 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   std::sort(scale.excursions.begin(), scale.excursions.end());
   std::sort(scale.rates.begin(), scale.rates.end());
   scale.range = highest - lowest;
+  if (place.location.units.deflection == "m") {
+    constexpr double kSamplesAWave = 2.0;
+    scale.finest_wave = kSamplesAWave * scale.rate(0.9) * rows.pieces.front().sample_time();
+  }
   return scale;
 }
 

@@ -122,7 +122,7 @@ LawShape ripple_of(double period) {
 // the recorded range, half a wave apart, where those leave them out.
 std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& scale) {
   constexpr int kHarmonics = 64;
-  constexpr int kHalfWaves = 24;
+  constexpr int kHalfWaves = 24, kHalfWavesOfLines = 240;  // magnets and screws of linear axes
   constexpr double kTurn = 2.0 * std::numbers::pi;
   std::vector<LawShape> shapes;
   if (!(scale.range > 0.0)) return shapes;
@@ -130,8 +130,10 @@ std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& sca
     const double period = kTurn / harmonic;
     if (scale.range >= period) shapes.push_back(ripple_of(period));
   }
-  for (int half_waves = 1; half_waves <= kHalfWaves; ++half_waves) {
+  const int most = scale.finest_wave > 0.0 ? kHalfWavesOfLines : kHalfWaves;
+  for (int half_waves = 1; half_waves <= most; ++half_waves) {
     const double period = 2.0 * scale.range / half_waves;
+    if (half_waves > kHalfWaves && period < scale.finest_wave) break;
     const bool is_whole_turn = period >= kTurn;
     const bool is_there = period <= scale.range && period >= kTurn / kHarmonics;
     if (!place.turns || !(is_whole_turn || is_there)) shapes.push_back(ripple_of(period));

@@ -23,6 +23,8 @@ struct MotionScale {
   std::vector<double> excursions;   // |z - its mean|, sorted: what laws with memory know of z
   std::vector<double> rates;        // |z'|, sorted
   double range = 0.0;               // of z
+  // Shortest wave along a line that the samples show, of magnets or screws; 0: not asked.
+  double finest_wave = 0.0;
 
   // Quantiles; 0 without motion.
   [[nodiscard]] double deflection(double share) const;

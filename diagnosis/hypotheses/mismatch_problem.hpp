@@ -210,6 +210,11 @@ struct ChannelRest {
   double autocorrelated_error = 0.0;  // 100 rms / std(signal) of what follows from its own past, %
   // nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
+  double held_out_signal = 1.0;  // std of the signal there over that of the fit's recordings
+  // The error kept out over that of the fit, in the unit of the channel.
+  [[nodiscard]] double growth() const {
+    return held_out_nrmse.value_or(0.0) * held_out_signal / nrmse;
+  }
   // How much later than the model says it comes, s (earlier: negative), and the last error with
   // that; none where it comes in time.
   std::optional<double> late_by = {};

@@ -18,13 +18,17 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
-constexpr int kIterations = 25;
+constexpr int kIterations = 25, kManyIterations = 75;
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
+
+double relative_size(const VectorXd& error, const VectorXd& scale) {
+  return std::sqrt((error.array() / scale.array()).square().mean());
+}
 
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
@@ -75,10 +79,12 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   found_ = judged(found_.fit.model, kIterations);
   fit_beside_disturbance();
   fit_where_laws_are_told();
+  as_given_ = judged(findings.as_given, kIterations);
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   take_plainer_laws();
-  found_.deviations = deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_));
+  found_.deviations =
+      with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   as_given_ = judged(findings.as_given, kIterations);
@@ -175,6 +181,50 @@ JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) c
   return result;
 }
 
+// The model fitted over longer and longer windows, up to those of the fit.
+ExtendedLumpedModel FinalFit::climbed(ExtendedLumpedModel model) const {
+  const VectorXd& scale = data_->output_scale();
+  std::vector<double> intensities{findings_->intensity};
+  if (!(findings_->intensity > 0.0)) intensities = force_noise_intensities(*data_);
+  for (const Index times : {1, 3, 10, 30, 100}) {
+    const Index samples = findings_->samples_of(*data_, times * kFirstHorizon);
+    if (!task_.is_free() && samples >= task_.horizon) break;
+    if (data_->window_count(samples) < kFewestRungWindows) break;
+    const PredictionTask task = data_->windows(samples);
+    PredictionFit best;
+    for (const double intensity : intensities) {
+      const PredictionFitter windows(*data_, task, intensity, threads_, disturbance_);
+      PredictionFit fit = windows.fit(model, scale, {}, kIterations);
+      if (!fit.usable || (best.usable && best.cost <= fit.cost)) continue;
+      best = std::move(fit);
+    }
+    if (!best.usable) break;
+    model = std::move(best.model);
+  }
+  return model;
+}
+
+// Without a law a model may leave its valley: where it does worse than the model as given, which it
+// contains, or where a law that few machines have seems to be worth nearly all. Then it is fitted
+// again over longer and longer windows.
+JudgedModel FinalFit::refitted_without(const PlacedFinding& law) const {
+  constexpr double kNearlyAll = 4.0;  // times the cost
+  const ExtendedLumpedModel model = without_part(found_.fit.model, law.part);
+  JudgedModel direct = judged(model, kIterations);
+  const VectorXd& scale = data_->output_scale();
+  const bool is_poor = !direct.fit.usable ||
+                       (as_given_.fit.usable &&
+                        relative_size(direct.error, scale) > relative_size(as_given_.error, scale));
+  const bool is_doubtful =
+      !hypotheses_->is_plain(law.hypothesis) && !(direct.fit.cost < kNearlyAll * found_.fit.cost);
+  if (!is_poor && !is_doubtful) return direct;
+  const ExtendedLumpedModel climbing = climbed(model);
+  JudgedModel again = judged(climbing, kManyIterations);
+  const bool is_better =
+      again.fit.usable && (!direct.fit.usable || again.fit.cost < direct.fit.cost);
+  return is_better ? std::move(again) : std::move(direct);
+}
+
 // By what a first fit leaves.
 JudgedModel FinalFit::weighed(const ExtendedLumpedModel& model) {
   const VectorXd& scale = data_->output_scale();
@@ -194,6 +244,45 @@ VectorXd FinalFit::deviations_of(const PredictionFit& fit) const {
     const double slope = space.logarithmic ? std::abs(value) : space.scale;
     const auto at = static_cast<Index>(i);
     deviations(at) = slope * std::sqrt(covariance(at, at));
+  }
+  return deviations;
+}
+
+// The next shorter windows of the search, or the next longer ones.
+std::optional<PredictionTask> FinalFit::another_horizon() const {
+  std::optional<Index> shorter, longer;
+  for (const Rung& rung : findings_->rungs) {
+    const Index horizon = findings_->samples_of(*data_, rung.horizon);
+    if (horizon == 0) continue;
+    if (task_.is_free() || horizon < task_.horizon) {
+      shorter = std::max(shorter.value_or(0), horizon);
+    } else if (horizon > task_.horizon) {
+      longer = std::min(longer.value_or(horizon), horizon);
+    }
+  }
+  const std::optional<Index> other = shorter ? shorter : longer;
+  if (!other) return {};
+  return data_->windows(*other);
+}
+
+VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
+  const std::optional<PredictionTask> task = another_horizon();
+  if (!task) return deviations;
+  const PredictionFitter other = fitter(*task);
+  const VectorXd& scale = data_->output_scale();
+  const PredictionFit first = other.fit(found_.fit.model, scale, {}, 0);
+  if (!first.usable) return deviations;
+  const VectorXd weights = other.errors(first, scale).cwiseMax(1e-9 * scale);
+  const PredictionFit fit = other.fit(found_.fit.model, weights, {}, kIterations);
+  if (!fit.usable || fit.free != found_.fit.free) return deviations;
+  const VectorXd own = deviations_of(fit);
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const auto at = static_cast<Index>(i);
+    const double apart = fit.model.model.parameters[fit.free[i]].value -
+                         found_.fit.model.model.parameters[fit.free[i]].value;
+    const double square = deviations(at) * deviations(at);
+    const double beyond = apart * apart - square - own(at) * own(at);
+    if (beyond > 0.0) deviations(at) = std::sqrt(square + beyond);
   }
   return deviations;
 }
@@ -294,6 +383,18 @@ bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const
   return false;
 }
 
+// What few machines have must predict, too.
+bool FinalFit::raises_held_out(const PlacedFinding& law, JudgedModel without) const {
+  constexpr double kRaised = 1.05;
+  if (hypotheses_->is_plain(law.hypothesis)) return false;
+  JudgedModel with = found_;
+  judge_held_out(with);
+  judge_held_out(without);
+  if (!with.held_out_error || !without.held_out_error) return false;
+  return relative_size(*with.held_out_error, with.held_out_scale) >
+         kRaised * relative_size(*without.held_out_error, without.held_out_scale);
+}
+
 // A long run may say nothing of a law that shows in short ones.
 void FinalFit::fit_where_laws_are_told() {
   if (!task_.is_free() || findings_->has_free_run) return;
@@ -341,9 +442,10 @@ void FinalFit::drop_idle_laws() {
     std::optional<JudgedModel> poorest;
     double least = kMissed;
     for (const PlacedFinding& law : found_.fit.model.laws) {
-      JudgedModel poorer = judged(without_part(found_.fit.model, law.part), kIterations);
+      JudgedModel poorer = refitted_without(law);
       if (!poorer.fit.usable) continue;
-      const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) || !is_told(found_.fit, law);
+      const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
+                              !is_told(found_.fit, law) || raises_held_out(law, poorer);
       const double z = is_nothing ? -kMissed : z_over(poorer);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
@@ -446,8 +548,7 @@ JudgedModel FinalFit::exchanged(std::size_t law, const ExtendedLumpedModel& riva
 }
 
 JudgedModel FinalFit::without(std::size_t law) const {
-  JudgedModel result =
-      judged(without_part(found_.fit.model, found_.fit.model.laws[law].part), kIterations);
+  JudgedModel result = refitted_without(found_.fit.model.laws[law]);
   judge_held_out(result);
   return result;
 }

@@ -10,8 +10,10 @@
 // likelihood of latent_force.hpp.
 //
 // Standard errors allow for residuals with memory and of changing size: H^-1 (sum over blocks
-// g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. Of recordings kept out the
-// predictor sees the first 200 samples, then runs free to the end.
+// g_b g_b') H^-1, g_b = J_b'r_b, never below those of white residuals. They don't see a bias: noise
+// in what the filter starts from, or a law that is finer in the machine. So the fit is repeated
+// over the next shorter windows, and what both differ by beyond their errors is added. Of
+// recordings kept out the predictor sees the first 200 samples, then runs free to the end.
 #pragma once
 
 #include <Eigen/Core>
@@ -97,6 +99,7 @@ class FinalFit {
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
   // Whether any of its parameters is more than two and a half standard errors from zero.
+  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();
   // z of a law on the rung where it was accepted, beside the others found.
@@ -106,7 +109,11 @@ class FinalFit {
   void take_plainer_laws();
   [[nodiscard]] bool take_plainer_law(std::size_t law);
   void judge_held_out(JudgedModel& model) const;
+  [[nodiscard]] ExtendedLumpedModel climbed(ExtendedLumpedModel model) const;
+  [[nodiscard]] JudgedModel refitted_without(const PlacedFinding& law) const;
   [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
+  [[nodiscard]] std::optional<PredictionTask> another_horizon() const;
+  [[nodiscard]] Eigen::VectorXd with_disagreement(Eigen::VectorXd deviations) const;
   [[nodiscard]] Eigen::ArrayXd relative_errors(const PredictionFit& fit) const;
 
   const PredictionData* data_;

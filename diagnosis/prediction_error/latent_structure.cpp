@@ -110,6 +110,22 @@ MatrixXd of_reversals(const VectorXd& q, const std::vector<Index>& starts) {
   return columns;
 }
 
+MatrixXd of_recording(const PredictionTask& task, const PredictionData& data, Index samples) {
+  std::vector<std::string> names;
+  for (const PredictionRun& run : task.runs) {
+    const std::string& name = data.recording(run.recording).name;
+    if (std::ranges::count(names, name) == 0) names.push_back(name);
+  }
+  MatrixXd columns = MatrixXd::Zero(samples, static_cast<Index>(names.size()));
+  Index first = 0;
+  for (const PredictionRun& run : task.runs) {
+    const auto own = std::ranges::find(names, data.recording(run.recording).name) - names.begin();
+    columns.col(own).segment(first, run.samples).setOnes();
+    first += run.samples;
+  }
+  return columns;
+}
+
 class Asked {
  public:
   Asked(const VectorXd& force, std::vector<Index> rows, BlockEdges edges)
@@ -213,6 +229,8 @@ std::vector<LatentStructure> latent_structures(const PredictionData& data, Exper
     asked.ask("load", "the size of the force that acts",
               of_load(drive, force.motion.col(coordinates + own)));
   }
+  const MatrixXd recordings = of_recording(task, data, force.force.size());
+  if (recordings.cols() > 1) asked.ask(kOfRecording, "the recording", recordings);
   return asked.take();
 }
 

@@ -6,6 +6,7 @@
 //   drive          the forces that act: now, and in exponential means of longer and longer memory
 //   load           the size of the force that acts, against the velocity
 //   reversals      of the position: play of 2, 10 and 30 % of its range
+//   recording      a constant of each recording's own
 //
 // Only samples that move count: where friction holds a place, no force on it is seen. `share` is of
 // the force's variance in blocks that were left out: what the curve of the others foretells of it.
@@ -23,8 +24,10 @@
 namespace graybox {
 
 // A structure is told from chance from there on: z and share. Of 300 simulated disturbances 4 pass
-// both with any of the five questions (unmodelled_force_test.cpp, GRAYBOX_TEST_RUNS=15).
+// both with any of the first five questions (unmodelled_force_test.cpp, GRAYBOX_TEST_RUNS=15).
 inline constexpr double kToldStructure = 2.3, kLeastStructure = 0.1;
+
+inline constexpr const char* kOfRecording = "recording";
 
 struct LatentStructure {
   std::string on;      // "position", ...

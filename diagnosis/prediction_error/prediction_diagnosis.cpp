@@ -36,6 +36,8 @@ constexpr double kHeldOutLimit = 15.0;             // % of the signal
 constexpr double kNoiseLimit = 1.5;                // times the stated noise
 constexpr double kForeseen = 0.5 * kHeldOutLimit;  // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
+constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
+constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
 constexpr double kExcluded = 2.0;                // z of what is found over a rival
 constexpr double kStructureLimit = 3.0;          // % of the forces that act
@@ -75,6 +77,9 @@ FittedLaw fitted_law(const ExtendedLumpedModel& model, const PlacedFinding& law,
   return result;
 }
 
+bool is_stiffness(const std::string& unit) { return unit == "N/m" || unit == "N m/rad"; }
+bool is_velocity(const std::string& unit) { return unit == "m/s" || unit == "rad/s"; }
+
 class DiagnosisBuilder {
  public:
   DiagnosisBuilder(const LumpedModel& stated, const PredictionData& data,
@@ -99,6 +104,8 @@ class DiagnosisBuilder {
       result_.pictures = latent_pictures(final_->found().fit.model, *force);
     }
     result_.detection.detected = !result_.effects.empty() || !is_disturbance();
+    result_.may_be_disturbed = result_.effects.empty() && final_->rest().force() != nullptr &&
+                               100.0 * final_->rest().structured_share() <= kStructureLimit;
     result_.checked = checked();
     result_.implausible =
         implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
@@ -324,7 +331,8 @@ class DiagnosisBuilder {
       if (index >= found.fit.model.own_parameters()) continue;
       context.starts.push_back(start_of(index, found.fit.model.model.parameters[index].value));
       const ParameterSpace& space = found.fit.model.space[index];
-      const bool has_bounds = space.logarithmic;  // the others may become zero
+      // The others may become zero. A velocity at a bound is one that the motion does not show.
+      const bool has_bounds = space.logarithmic && !is_velocity(stated_->parameters[index].unit);
       const bool has_lowest = has_bounds && space.low > kVanished * space.scale;
       context.lowest.push_back(has_lowest ? space.low : PhysicalQuantity::kNone);
       context.highest.push_back(has_bounds ? space.high : PhysicalQuantity::kNone);
@@ -379,7 +387,8 @@ class DiagnosisBuilder {
     const UnmodelledForce& rest = final_->rest();
     if (rest.multiple_of_noise() <= kNoiseMultiple) return true;
     return rest.multiple_of_rest() <= kNoiseMultiple &&
-           100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kRestLimit;
+           100.0 * rest.structured_share() <= kStructureLimit &&
+           100.0 * rest.share() <= kSmallForce;
   }
 
   static VerdictReason test(std::string name, std::optional<double> value, double limit,
@@ -438,6 +447,41 @@ class DiagnosisBuilder {
     }
   }
 
+  // Of what a machine must have. Damping and friction may vanish.
+  void add_determination(std::vector<VerdictReason>& list) const {
+    const auto must_be_there = [&](const Implausibility& flaw) {
+      if (flaw.rule != PlausibilityRule::kZero) return true;
+      return std::ranges::any_of(
+          result_.after.model_parameters, [&](const LawParameterEstimate& parameter) {
+            return parameter.name == flaw.quantity &&
+                   (parameter.unit.starts_with("kg") || is_stiffness(parameter.unit));
+          });
+    };
+    std::size_t count = 0;
+    std::string remedy;
+    for (const Implausibility& flaw : result_.implausible) {
+      if (flaw.excludes || !must_be_there(flaw)) continue;
+      ++count;
+      remedy = flaw.remedy;
+    }
+    if (remedy.ends_with('.')) remedy.pop_back();
+    list.push_back(test("masses and springs that are not determined", static_cast<double>(count),
+                        0.0, count == 0, remedy, Verdict::kAmbiguous));
+  }
+
+  // A law that raises an error which is small all the same may be right.
+  void add_misleading(std::vector<VerdictReason>& list) const {
+    if (!final_->found().held_out_error) return;
+    const auto misleading = std::ranges::count_if(result_.effects, [](const FoundEffect& effect) {
+      return effect.held_out && effect.held_out->misleads &&
+             effect.held_out->error_with > kHeldOutLimit;
+    });
+    list.push_back(test("laws found that raise the error kept out", static_cast<double>(misleading),
+                        0.0, misleading == 0,
+                        "leave them out (--without), or put recordings like those kept out into "
+                        "the fit"));
+  }
+
   void add_growth(std::vector<VerdictReason>& list) const {
     const std::string name = "growth of the error from the recordings of the fit to those kept out";
     const std::optional<FinalFit::Growth> growth = final_->growth();
@@ -453,10 +497,15 @@ class DiagnosisBuilder {
     const double most = growth->ratio.maxCoeff(&worst);
     const bool is_chance = std::log(most) < kGrowthErrors * growth->deviation(worst);
     const std::string& channel = stated_->output_names[static_cast<std::size_t>(worst)];
-    const bool is_excused = most > kGrowthLimit && is_chance;
+    const JudgedModel& found = final_->found();
+    const double kept_out = (*found.held_out_error)(worst) / found.held_out_scale(worst);
+    const bool is_small = 100.0 * kept_out <= kSmallError;
+    const char* excuse = "";
+    if (most > kGrowthLimit && is_chance) excuse = "; chance explains it";
+    if (most > kGrowthLimit && is_small) excuse = "; it is small all the same";
     list.push_back(test(
-        fmt::format("{} ({}{})", name, channel, is_excused ? "; chance explains it" : ""), most,
-        kGrowthLimit, most <= kGrowthLimit || is_chance,
+        fmt::format("{} ({}{})", name, channel, excuse), most, kGrowthLimit,
+        most <= kGrowthLimit || is_chance || is_small,
         "put recordings like those kept out into the fit: the laws found do not hold there as they "
         "hold in it"));
   }
@@ -470,6 +519,15 @@ class DiagnosisBuilder {
                         ratio <= limit,
                         "the laws found do not help where they were not fitted: put recordings "
                         "like those kept out into the fit"));
+  }
+
+  static std::string advice_on(const LatentStructure& structure) {
+    if (structure.on == kOfRecording) {
+      return "look for what differs between the recordings, as a load, a zero or a temperature, "
+             "and diagnose those that are alike by themselves";
+    }
+    return fmt::format("look for a law that depends on {}, and try laws of your own there (--laws)",
+                       structure.words);
   }
 
   // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
@@ -491,11 +549,7 @@ class DiagnosisBuilder {
                  : fmt::format("force left that depends on {}, % of the forces that act",
                                structure->words),
              structured, kStructureLimit, structured <= kStructureLimit,
-             structure == nullptr
-                 ? std::string()
-                 : fmt::format("look for a law that depends on {}, and try laws of your own there "
-                               "(--laws)",
-                               structure->words)));
+             structure == nullptr ? std::string() : advice_on(*structure)));
     const std::string place =
         stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
     list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
@@ -516,6 +570,7 @@ class DiagnosisBuilder {
                           "give it more time (--time-limit) or more threads"));
     }
     add_plausibility(list);
+    if (!result_.detection.detected && result_.interrupted) return list;
     if (!result_.detection.detected) {
       list.push_back(test("something is missing", {}, 0.0, false,
                           "nothing: the model as it is will do for motion like the recorded one",
@@ -528,10 +583,12 @@ class DiagnosisBuilder {
                                "of your own (--laws)");
     found.is_lower_limit = true;
     list.push_back(std::move(found));
+    add_misleading(list);
     add_held_out(list);
     add_growth(list);
     add_against_as_given(list);
     add_rest(list);
+    add_determination(list);
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
     list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals),

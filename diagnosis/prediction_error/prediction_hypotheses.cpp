@@ -93,6 +93,16 @@ LawExtension amplitude(LawExtension plain, std::vector<double> base, std::size_t
 
 }  // namespace
 
+namespace {
+
+// A known size of lengths and times alone, as a transition velocity, says nothing of forces.
+bool tells_scale(const LumpedParameter& parameter) {
+  return parameter.fixed && (parameter.unit.find('N') != std::string::npos ||
+                             parameter.unit.find("kg") != std::string::npos);
+}
+
+}  // namespace
+
 struct PredictionHypotheses::MotionAt {
   std::vector<double> sizes, rates;  // |z - median|, |z'|, sorted
   double range = 0.0, largest = 0.0, rms_rate = 0.0, force = 0.0;
@@ -117,7 +127,7 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
                                  }) ||
              std::ranges::any_of(model.output_units,
                                  [](const std::string& unit) { return unit.starts_with("rad"); });
-  has_known_scale_ = std::ranges::any_of(model.parameters, &LumpedParameter::fixed);
+  has_known_scale_ = std::ranges::any_of(model.parameters, tells_scale);
   Location place;
   place.units = rotates_ ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
   place.takes_inertia = true;

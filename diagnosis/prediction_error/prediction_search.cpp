@@ -26,6 +26,10 @@ constexpr double kHopeless = 0.3;  // of the gain that is asked for: no refit is
 constexpr double kPruneErrors = 1.5, kPruneGain = 0.03, kNoGain = 0.003;
 constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
 constexpr double kWandered = 1.5;      // of what is stated, either way
+constexpr double kMuch = 0.1;          // of the signal
+constexpr double kClimbed = 0.9;       // of what free run leaves
+
+bool leaves_much(const VectorXd& left) { return left.maxCoeff() > kMuch; }
 
 void forget_derivatives(PredictionFit& fit) {
   fit.jacobian.resize(0, 0);
@@ -117,9 +121,7 @@ PredictionFitter PredictionSearch::fitter(const State& state) const {
   return {*data_, state.task, findings_.intensity, options_.threads, disturbance_};
 }
 
-std::vector<Index> PredictionSearch::ladder(const LumpedModel& model) const {
-  const double duration = data_->sample_time() * static_cast<double>(data_->shortest());
-  if (forgets(model, duration)) return {0};
+std::vector<Index> PredictionSearch::window_ladder() const {
   std::vector<Index> horizons;
   for (Index decade = 10;; decade *= 10) {
     for (const Index horizon : {decade, 3 * decade}) {
@@ -450,7 +452,28 @@ void PredictionSearch::search_beside_disturbance() {
   }
 }
 
+// Where what is measured forgets the start, free run says all. But where a law is missing the model
+// may leave its valley there, and the law then gains nothing. So where much is left the search is
+// repeated over longer and longer windows, and the better of both is taken.
 PredictionFindings PredictionSearch::run(const LumpedModel& model) {
+  const double duration = data_->sample_time() * static_cast<double>(data_->shortest());
+  std::vector<Index> windows = window_ladder();
+  if (!forgets(model, duration)) return search_over(windows, model);
+  PredictionFindings free = search_over({0}, model);
+  const bool moves = !std::ranges::all_of(model.imposed, [](bool imposed) { return imposed; });
+  if (!moves || windows.empty() || free.stopped || (free.usable && !leaves_much(free.left))) {
+    return free;
+  }
+  windows.push_back(0);
+  PredictionFindings climbed = search_over(windows, model);
+  const bool is_better = climbed.has_free_run && climbed.usable &&
+                         (!free.usable || climbed.left.mean() < kClimbed * free.left.mean());
+  if (climbed.stopped) free.stopped = true;
+  return is_better ? std::move(climbed) : std::move(free);
+}
+
+PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horizons,
+                                                 const LumpedModel& model) {
   findings_ = {};
   stated_ = &model;
   findings_.sample_time = data_->sample_time();
@@ -465,8 +488,7 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
   start_ = findings_.found;
   disturbance_ = {};
   findings_.as_given = without_laws(findings_.found);
-  const std::vector<Index> horizons = ladder(model);
-  findings_.has_free_run = horizons.front() == 0;
+  findings_.has_free_run = !horizons.empty() && horizons.front() == 0;
   State state;
   if (findings_.has_free_run && moves) {  // a start for it
     if (climb(kFirstHorizon, findings_.found, state)) findings_.found = state.fit.model;
@@ -489,6 +511,8 @@ PredictionFindings PredictionSearch::run(const LumpedModel& model) {
     }
     findings_.found = state.fit.model;
     findings_.rungs.push_back(rung);
+    findings_.left = state.error.cwiseQuotient(data_->output_scale());
+    findings_.has_free_run = horizon == 0;
   }
   const bool is_disturbed = !findings_.rungs.empty() && !findings_.has_free_run &&
                             std::ranges::any_of(findings_.rungs, &Rung::was_searched);

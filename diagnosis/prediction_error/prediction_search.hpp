@@ -103,6 +103,7 @@ struct PredictionFindings {
   std::vector<ExtensionScore> ranking;  // of the first search, and what it ranked
   std::vector<LawExtension> ranked;
   bool has_free_run = false;  // whether it was searched in free run
+  Eigen::VectorXd left;       // rms by output on the last rung, of the signal
   // A horizon of the search in samples of `data`, which may be sampled faster.
   [[nodiscard]] Eigen::Index samples_of(const PredictionData& data, Eigen::Index horizon) const {
     return std::lround(sample_time / data.sample_time() * static_cast<double>(horizon));
@@ -122,6 +123,8 @@ class PredictionSearch {
     PredictionFit fit;
     Eigen::VectorXd error, by_noise;  // rms by output: what is left, and what noise alone leaves
   };
+  [[nodiscard]] PredictionFindings search_over(const std::vector<Eigen::Index>& horizons,
+                                               const LumpedModel& model);
   [[nodiscard]] PredictionFitter fitter(const State& state) const;
   [[nodiscard]] bool climb(Eigen::Index horizon, const ExtendedLumpedModel& from, State& state);
   [[nodiscard]] ExtendedLumpedModel as_started(const ExtendedLumpedModel& model) const;
@@ -161,7 +164,8 @@ class PredictionSearch {
   void prune(State& state);
   [[nodiscard]] bool is_noise(const State& state) const;
   [[nodiscard]] bool proceed(const std::string& step);
-  [[nodiscard]] std::vector<Eigen::Index> ladder(const LumpedModel& model) const;
+  // 10, 30, 100, ... samples, as long as there are enough windows.
+  [[nodiscard]] std::vector<Eigen::Index> window_ladder() const;
 
   const PredictionData* data_;
   const PredictionHypotheses* hypotheses_;

@@ -39,15 +39,56 @@ Index seen_before(Index horizon, Index samples) {
                   std::min(kMostSeen, samples / 10));
 }
 
-// rad/s of the fastest linear mode, as stated.
-double fastest_mode(const LumpedModel& model) {
+// Largest slope of a stated law's force over the deflection within +-`reach`, at rest.
+double largest_slope(const Element& part, double reach) {
+  constexpr int kSteps = 400;
+  const double step = 2.0 * reach / kSteps;
+  double largest = 0.0, before = part.law->force(-reach, 0.0, {});
+  for (int k = 1; k <= kSteps; ++k) {
+    const double force = part.law->force(-reach + k * step, 0.0, {});
+    if (std::isfinite(force - before)) largest = std::max(largest, (force - before) / step);
+    before = force;
+  }
+  return largest;
+}
+
+// Stiffness of the springs that bend, stops among them, where they are stiffest.
+Eigen::MatrixXd steepest_stiffness(const LumpedModel& model, double reach) {
+  Eigen::MatrixXd stiffness = model.stiffness;
+  for (const Element& part : model.parts) {
+    const Location& place = part.location;
+    const bool is_force = place.kind == LocationKind::kElement && place.input == place.output &&
+                          place.driver < 0 && part.law && part.law->state_count() == 0;
+    const bool is_linear = part.law_name == "stiffness" || part.law_name == "viscous";
+    if (!is_force || is_linear || !(reach > 0.0)) continue;
+    stiffness += largest_slope(part, reach) * place.output * place.output.transpose();
+  }
+  return stiffness;
+}
+
+// The largest position that was recorded.
+double reach_of(const LumpedModel& model, std::span<const OutputErrorRecording> recordings) {
+  double reach = 0.0;
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    if (model.outputs[j].quantity != LumpedOutput::Quantity::kPosition) continue;
+    for (const OutputErrorRecording& recording : recordings) {
+      const auto& values = recording.outputs.col(static_cast<Index>(j));
+      reach = std::max(reach, values.cwiseAbs().maxCoeff());
+    }
+  }
+  return reach;
+}
+
+// rad/s of the fastest mode, as stated.
+double fastest_mode(const LumpedModel& model, std::span<const OutputErrorRecording> recordings) {
   std::vector<Index> free;
   for (std::size_t i = 0; i < model.imposed.size(); ++i) {
     if (!model.imposed[i]) free.push_back(static_cast<Index>(i));
   }
   if (free.empty()) return 0.0;
   const Eigen::MatrixXd inverse = Eigen::MatrixXd(model.mass(free, free)).inverse();
-  const Eigen::MatrixXd k = inverse * model.stiffness(free, free);
+  const Eigen::MatrixXd k =
+      inverse * steepest_stiffness(model, reach_of(model, recordings))(free, free);
   const Eigen::MatrixXd c = inverse * model.damping(free, free);
   return std::max(std::sqrt(k.eigenvalues().cwiseAbs().maxCoeff()),
                   c.eigenvalues().cwiseAbs().maxCoeff());
@@ -126,7 +167,8 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index mo
     if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
   }
   if (most == 0 || samples <= most) return data;
-  const double phase = fastest_mode(model) * sample_time_of(data.recordings.front());
+  const double phase =
+      fastest_mode(model, data.recordings) * sample_time_of(data.recordings.front());
   for (Index factor = (samples + most - 1) / most; factor > 1; --factor) {
     const bool may = data.hold == InputHold::kZero &&
                      phase * static_cast<double>(factor) < kThinnedPhase &&
@@ -262,7 +304,7 @@ PredictionData PredictionData::with_reversed(const LumpedModel& model,
 PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, int threads)
     : problem_(model, std::move(data), threads) {
   sample_time_ = sample_time_of(problem_.data().recordings.front());
-  const double phase = fastest_mode(model) * sample_time_;
+  const double phase = fastest_mode(model, recordings()) * sample_time_;
   steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),
                       hold() == InputHold::kBandLimited ? 2 : 1, kMostSteps);
   nodes_ = recorded_nodes(recordings(), hold(), steps_);

@@ -112,7 +112,8 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
         held_out.channels.empty() ? "" : " of " + held_out.channels, errors_words(held_out),
         100.0 * held_out.gain, held_out.channels.empty() ? " over the noise" : "");
   }
-  return fmt::format(" On recordings kept out it makes no difference beyond chance ({}).",
+  return fmt::format(" On recordings kept out it {} ({}).",
+                     held_out.misleads ? "raises the error" : "makes no difference beyond chance",
                      errors_words(held_out));
 }
 

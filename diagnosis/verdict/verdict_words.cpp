@@ -71,7 +71,10 @@ std::string headline(const Diagnosis& diagnosis) {
     return "Something changes while it is recorded, and more is missing than what was found.";
   }
   if (diagnosis.effects.empty() && diagnosis.late_channels.empty())
-    return "Physics is missing, and no law of the catalogue explains it.";
+    return diagnosis.may_be_disturbed
+               ? "Something acts that the model does not have, and no law of the catalogue "
+                 "explains it: a disturbance, or missing physics."
+               : "Physics is missing, and no law of the catalogue explains it.";
   if (!diagnosis.departures.empty()) {
     return "Physics is missing; what was found comes close to it, but is not quite what is there.";
   }
@@ -262,13 +265,14 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
                                                     : "",
                             would_stand ? ", contradicted by recordings kept out" : "");
   }
-  if (!excluded.empty()) lines.push_back("Excluded: " + excluded + ".");
+  if (!excluded.empty()) lines.push_back("Excluded in its place: " + excluded + ".");
 }
 
 void add_fit(const char* data, const std::optional<Assessment>& before,
              const std::optional<Assessment>& after, bool noise_is_known,
              std::vector<std::string>& lines) {
   if (!before || !after) return;
+  if (before->nrmse == 0.0 && after->nrmse == 0.0) return;  // nothing was fitted
   std::string line = fmt::format("Error on {}: {:.4g} % before, {:.4g} % after", data,
                                  before->nrmse, after->nrmse);
   if (noise_is_known) {
@@ -285,9 +289,8 @@ std::string doubt_of(const ChannelRest& rest) {
   if (rest.held_out_nrmse && *rest.held_out_nrmse > limits.channel_tolerance) {
     doubts.push_back(fmt::format("more than {:g} %", limits.channel_tolerance));
   }
-  if (rest.held_out_nrmse && *rest.held_out_nrmse > limits.generalisation * rest.nrmse) {
-    doubts.push_back(fmt::format("{:.2g} times the error of the fit's recordings",
-                                 *rest.held_out_nrmse / rest.nrmse));
+  if (rest.held_out_nrmse && rest.growth() > limits.generalisation) {
+    doubts.push_back(fmt::format("{:.2g} times the error of the fit's recordings", rest.growth()));
   }
   const double of_motion = std::sqrt(rest.structure) * rest.nrmse;
   if (rest.structure > limits.structure_tolerance && of_motion > limits.structure_error) {

@@ -51,6 +51,8 @@ constexpr std::array kUnits = {
     Unit{"mV", "V", 1e-3},
     Unit{"Pa", "Pa", 1.0},
     Unit{"bar", "Pa", 1e5},
+    Unit{"degC", "degC", 1.0},  // as a thermometer reads; differences are those of K
+    Unit{"K", "K", 1.0},
     Unit{"counts", "counts", 1.0},
     Unit{"%", "1", 1e-2},
     Unit{"1", "1", 1.0},

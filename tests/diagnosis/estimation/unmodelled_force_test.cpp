@@ -262,10 +262,15 @@ PredictionDiagnosis diagnosis_of(const DriveCase& drive) {
                                 read_campaign(folder.file("campaign.yaml")), {}, 2);
 }
 
-// A force noise of a tenth of what moves the load, with a memory.
+// A force noise with a memory. Of a thirtieth of what moves the load it is a disturbance; of a
+// tenth it may be physics that no law describes.
 TEST(PredictionDiagnosis, AnswersBesideADisturbance) {
-  const PredictionDiagnosis nothing = diagnosis_of({"nothing", true, 31, 0.03});
+  const PredictionDiagnosis nothing = diagnosis_of({"nothing", true, 31, 0.01});
   EXPECT_EQ(nothing.diagnosis.verdict, Verdict::kNone);
+  const PredictionDiagnosis unclear = diagnosis_of({"nothing", true, 31, 0.03});
+  EXPECT_EQ(unclear.diagnosis.verdict, Verdict::kUnknown);
+  EXPECT_TRUE(unclear.diagnosis.effects.empty());
+  EXPECT_TRUE(unclear.diagnosis.may_be_disturbed);
   const PredictionDiagnosis found = diagnosis_of({"coulomb at load", true, 31, 0.03});
   EXPECT_EQ(found.diagnosis.verdict, Verdict::kExplained);
   ASSERT_EQ(found.diagnosis.effects.size(), 1U);

@@ -87,7 +87,9 @@ TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
   const std::string all = all_words(explained());
   EXPECT_NE(all.find("cubic spring at joint_3.gearbox"), std::string::npos) << all;
   EXPECT_NE(all.find("1.90e+09 ± 0.13e+09 N m/rad^3"), std::string::npos) << all;
-  EXPECT_NE(all.find("Excluded: backlash at joint_3.gearbox (BIC +54)"), std::string::npos) << all;
+  EXPECT_NE(all.find("Excluded in its place: backlash at joint_3.gearbox (BIC +54)"),
+            std::string::npos)
+      << all;
   EXPECT_NE(all.find("no more than noise"), std::string::npos) << all;
 }
 
