@@ -122,7 +122,7 @@ LawShape ripple_of(double period) {
 // the recorded range, half a wave apart, where those leave them out.
 std::vector<LawShape> ripple(const CandidatePlace& place, const MotionScale& scale) {
   constexpr int kHarmonics = 64;
-  constexpr int kHalfWaves = 24, kHalfWavesOfLines = 240;  // magnets and screws of linear axes
+  constexpr int kHalfWaves = 24, kHalfWavesOfLines = 120;  // magnets and screws of linear axes
   constexpr double kTurn = 2.0 * std::numbers::pi;
   std::vector<LawShape> shapes;
   if (!(scale.range > 0.0)) return shapes;

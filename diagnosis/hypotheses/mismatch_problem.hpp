@@ -10,6 +10,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -211,9 +212,10 @@ struct ChannelRest {
   // nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
   double held_out_signal = 1.0;  // std of the signal there over that of the fit's recordings
-  // The error kept out over that of the fit, in the unit of the channel.
+  // The error kept out over that of the fit: in the unit of the channel, or each of its own signal
+  // where what is kept out is the larger motion, with which the error of a law grows.
   [[nodiscard]] double growth() const {
-    return held_out_nrmse.value_or(0.0) * held_out_signal / nrmse;
+    return held_out_nrmse.value_or(0.0) * std::min(held_out_signal, 1.0) / nrmse;
   }
   // How much later than the model says it comes, s (earlier: negative), and the last error with
   // that; none where it comes in time.

@@ -83,8 +83,10 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   take_plainer_laws();
-  found_.deviations =
-      with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
+  do {
+    found_.deviations =
+        with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
+  } while (drop_undetermined_law());
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   as_given_ = judged(findings.as_given, kIterations);
@@ -379,6 +381,28 @@ bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const
     if (index < first || index >= first + count) continue;
     const double value = fit.model.model.parameters[index].value;
     if (std::abs(value) > kToldFromNone * deviations(static_cast<Index>(i))) return true;
+  }
+  return false;
+}
+
+// Whose every size is smaller than its error.
+bool FinalFit::drop_undetermined_law() {
+  const PredictionFit& fit = found_.fit;
+  for (const PlacedFinding& law : fit.model.laws) {
+    const std::size_t first = fit.model.first_parameter(law.part);
+    const std::size_t last = first + fit.model.model.parts[law.part].parameters.size();
+    bool has_size = false, has_free = false;
+    for (std::size_t i = 0; i < fit.free.size(); ++i) {
+      if (fit.free[i] < first || fit.free[i] >= last) continue;
+      has_free = true;
+      const double value = fit.model.model.parameters[fit.free[i]].value;
+      has_size = has_size || std::abs(value) > found_.deviations(static_cast<Index>(i));
+    }
+    if (!has_free || has_size) continue;
+    JudgedModel without = judged(without_part(fit.model, law.part), kIterations);
+    if (!without.fit.usable) continue;
+    found_ = std::move(without);
+    return true;
   }
   return false;
 }

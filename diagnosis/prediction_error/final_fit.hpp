@@ -99,6 +99,7 @@ class FinalFit {
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
   // Whether any of its parameters is more than two and a half standard errors from zero.
+  [[nodiscard]] bool drop_undetermined_law();
   [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();

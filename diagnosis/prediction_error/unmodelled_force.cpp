@@ -48,10 +48,18 @@ UnmodelledForce::UnmodelledForce(const PredictionData& data, const PredictionFin
 }
 
 const LatentStructure* UnmodelledForce::structure() const {
-  const auto told = std::ranges::find_if(structures_, [](const LatentStructure& structure) {
+  constexpr double kAsMuch = 0.6;
+  const auto is_told = [](const LatentStructure& structure) {
     return structure.z > kToldStructure && structure.share > kLeastStructure;
+  };
+  const auto most = std::ranges::find_if(structures_, is_told);
+  if (most == structures_.end()) return nullptr;
+  // A curve may draw what a constant of each recording does: positions differ between them, too.
+  const auto plainest = std::ranges::find_if(structures_, [&](const LatentStructure& structure) {
+    return structure.on == kOfRecording && is_told(structure) &&
+           structure.share > kAsMuch * most->share;
   });
-  return told == structures_.end() ? nullptr : &*told;
+  return plainest == structures_.end() ? &*most : &*plainest;
 }
 
 double UnmodelledForce::structured_share() const {

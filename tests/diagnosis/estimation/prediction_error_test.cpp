@@ -1,5 +1,6 @@
 // Diagnosis by prediction error: the predictor against closed forms, the gain against its equation,
 // the comparison against explicit refits, and whole diagnoses of simulated drives.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <omp.h>
 
@@ -11,6 +12,7 @@
 #include <random>
 #include <sstream>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/prediction_error/friction_energy.hpp"
 #include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
@@ -405,6 +407,74 @@ TEST(PredictionDiagnosis, TellsFrictionThatGrowsWithTheLoad) {
     EXPECT_NEAR(sizes[0].value, dry, std::max(4.0 * sizes[0].standard_error, 1e-3));
     EXPECT_NEAR(sizes[1].value, 0.3, 4.0 * sizes[1].standard_error);
     EXPECT_EQ(sizes[1].unit, "N m/(N m)");
+  }
+}
+
+// The same motor without dry friction, under a constant torque in some of its recordings.
+void write_motor_with_loads(const testing::TemporaryFolder& folder, double load) {
+  write_tachometer(folder, false, 0.0, 5);
+  std::ofstream(folder.file("campaign.yaml"))
+      << "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+         "hold: zero\nexperiments:\n  - {file: run_a.csv}\n  - {file: run_b.csv}\n"
+         "  - {file: run_d.csv}\n  - {file: run_e.csv}\n  - {file: run_c.csv, role: validation}\n";
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> torque(-0.3, 0.3);
+  std::normal_distribution<double> noise(0.0, 0.1);
+  for (const auto& [name, constant] : {std::pair{"run_a.csv", 0.0},
+                                       {"run_b.csv", load},
+                                       {"run_c.csv", load},
+                                       {"run_d.csv", 0.0},
+                                       {"run_e.csv", load}}) {
+    std::ofstream out(folder.file(name));
+    out << "torque,speed\n";
+    double speed = 0.0, applied = 0.0;
+    const double decay = std::exp(-0.01 * 0.01 / 0.002);
+    for (int k = 0; k < 2000; ++k) {
+      if (k % 40 == 0) applied = torque(random);
+      out << applied << ',' << speed + noise(random) << '\n';
+      speed = decay * speed + (1.0 - decay) * (applied + constant) / 0.01;
+    }
+  }
+}
+
+// A hoist that was recorded empty and loaded has no law for it.
+TEST(PredictionDiagnosis, NeverExplainsWhatDiffersBetweenRecordings) {
+  const testing::TemporaryFolder folder;
+  for (const double load : {0.0, 0.06}) {
+    write_motor_with_loads(folder, load);
+    const PredictionDiagnosis result = diagnose_by_prediction(
+        folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 2);
+    EXPECT_EQ(result.diagnosis.verdict, load == 0.0 ? Verdict::kNone : Verdict::kUnknown) << load;
+    const bool is_named =
+        std::ranges::any_of(result.diagnosis.reasons, [](const VerdictReason& reason) {
+          return has_failed(reason) && reason.test.find("the recording") != std::string::npos;
+        });
+    std::string tests;
+    for (const VerdictReason& reason : result.diagnosis.reasons) tests += reason.test + '\n';
+    EXPECT_EQ(is_named, load != 0.0) << tests;
+  }
+}
+
+// A velocity that is stated says nothing of the size of forces.
+TEST(PredictionHypotheses, AskAGainOnlyBesideAForceOrMassOfKnownSize) {
+  const testing::TemporaryFolder folder;
+  write_tachometer(folder, false, 0.05, 5);
+  const std::string motor = testing::read_text(folder.file("motor.yaml"));
+  for (const bool is_level : {false, true}) {
+    std::string text = motor;
+    text.insert(text.find("inputs:"),
+                fmt::format("  - {{name: seal, location: {{kind: element, mass: motor}}, law: "
+                            "coulomb, parameters: {{level: {{value: 0.05, unit: N m{}}}, "
+                            "transition_velocity: {{value: 0.01, unit: rad/s, fixed: true}}}}}}\n",
+                            is_level ? ", fixed: true" : ""));
+    testing::write_text(folder.file("motor.yaml"), text);
+    const LumpedModel model = load_lumped_model(folder.file("motor.yaml"));
+    const PredictionData data(model, read_campaign(folder.file("campaign.yaml")), 1);
+    const PredictionHypotheses list(model, data, {});
+    const bool has_gain = std::ranges::any_of(
+        list.hypotheses(), [](const Hypothesis& each) { return each.law == "gain"; });
+    EXPECT_EQ(has_gain, is_level);
   }
 }
 

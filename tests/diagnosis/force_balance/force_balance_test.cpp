@@ -128,6 +128,28 @@ const Hypothesis& named(const MismatchProblem& problem, const FoundEffect& effec
   return problem.hypotheses()[effect.law.hypothesis];
 }
 
+// Magnets of a linear motor: some twenty and forty waves of the recorded range.
+TEST_F(ForceBalance, FindsTheCoggingOfALongStroke) {
+  constexpr double kPitch = 0.036;
+  record(
+      [](double x, double) {
+        const double angle = 2.0 * std::numbers::pi * x / kPitch;
+        return 3.0 * std::sin(angle) + 1.5 * std::sin(2.0 * angle + 1.0);
+      },
+      0.3, 5);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  std::vector<double> periods;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    EXPECT_EQ(named(*data, effect).law, "ripple");
+    periods.push_back(effect.law.parameters[1].value);
+  }
+  std::ranges::sort(periods);
+  ASSERT_EQ(periods.size(), 2U);
+  EXPECT_NEAR(periods[0], 0.5 * kPitch, 1e-4);
+  EXPECT_NEAR(periods[1], kPitch, 1e-4);
+}
+
 TEST_F(ForceBalance, FindsNothingInAMassAlone) {
   int alarms = 0;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {

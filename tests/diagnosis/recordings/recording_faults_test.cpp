@@ -84,6 +84,15 @@ TEST(Spikes, AreFoundWhereTheyAreAndNowhereElse) {
   EXPECT_GT(spikes[1].strength, 10.0 * spikes[0].strength);
 }
 
+// A controller that is switched on may kick.
+TEST(Spikes, AreNotAskedInTheFirstSamples) {
+  for (const auto& [row, count] : {std::pair<Index, std::size_t>{0, 0}, {2, 0}, {3, 1}}) {
+    VectorXd values = motion(4000, 1);
+    values(row) += 5.0;
+    EXPECT_EQ(find_spikes(values).size(), count) << row;
+  }
+}
+
 TEST(StuckSensors, HoldInFullMotion) {
   VectorXd values = motion(4000, 2);
   EXPECT_FALSE(find_stuck_run(values, 50));
