@@ -400,6 +400,7 @@ class DiagnosisBuilder {
     reason.passed = passed;
     reason.otherwise = otherwise;
     if (!passed) reason.next = std::move(next);
+    if (reason.next.ends_with('.')) reason.next.pop_back();
     return reason;
   }
 
@@ -464,7 +465,6 @@ class DiagnosisBuilder {
       ++count;
       remedy = flaw.remedy;
     }
-    if (remedy.ends_with('.')) remedy.pop_back();
     list.push_back(test("masses and springs that are not determined", static_cast<double>(count),
                         0.0, count == 0, remedy, Verdict::kAmbiguous));
   }
@@ -640,8 +640,8 @@ Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& o
   diagnosis.interrupted = findings.stopped;
   if (!findings.stopped) {
     diagnosis.trouble =
-        "the model as it is can't be fitted: its simulation leaves all bounds from the stated "
-        "values";
+        "the model as it is can't be fitted: with the stated values its simulation grows without "
+        "bound";
   }
   diagnosis.reasons = verdict_reasons(diagnosis, options);
   diagnosis.verdict = verdict_of(diagnosis.reasons);
