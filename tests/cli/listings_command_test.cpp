@@ -111,6 +111,10 @@ TEST_F(Listings, OfTheReadmesDesignAreWhatTheProgramPrints) {
   const testing::Outcome outcome = graybox("solve set.csv --gap 1e-9");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   expect_quoted("README.md", outcome.out, "column_generation: ");
+  const testing::Outcome whole = graybox("exact set.csv --experiments 12");
+  EXPECT_EQ(whole.exit_code, 0) << whole.out;
+  EXPECT_NE(source_file("README.md").find("graybox exact set.npy --experiments 12"),
+            std::string::npos);
   const double root = 1.0 / std::sqrt(5.0);
   const std::array<double, 4> support{-1.0, -root, root, 1.0};
   double vandermonde = 1.0;
