@@ -197,7 +197,11 @@ std::string why_not_periodic(const LumpedModel& model, const Campaign& campaign)
 Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
   const std::string format = YamlField::load(arguments.model).at("format").text();
   Method method{"", "it was asked for", format == "graybox-lumped/1", {}};
-  if (method.is_lumped) method.drive = measured_drive(load_lumped_model(arguments.model));
+  std::optional<LumpedModel> lumped;
+  if (method.is_lumped) {
+    lumped = load_lumped_model(arguments.model);
+    method.drive = measured_drive(*lumped);
+  }
   if (arguments.method == "prediction_error" ||
       (arguments.method == "force_balance" && method.drive)) {
     method.name = arguments.method;
@@ -205,9 +209,9 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
   }
   if (arguments.method == "force_balance" && method.is_lumped) {
     throw InputError(fmt::format(
-        "--method force_balance: {} is no single mass, of which the only force and the position or "
-        "velocity are recorded, and no law is stated but viscous, stiffness and offset (others are "
-        "looked for): leave them out, or say prediction_error",
+        "--method force_balance: {} must be one mass whose only force and whose position or "
+        "velocity are recorded, without laws other than viscous, stiffness and offset: leave these "
+        "out, since they are looked for, or say prediction_error",
         arguments.model));
   }
   const bool is_rigid = format == "graybox-rigid-robot/1";
@@ -217,8 +221,8 @@ Method chosen_method(const Arguments& arguments, const Campaign& campaign) {
                                  arguments.model, format, method.name,
                                  method.is_lumped ? " or prediction_error" : ""));
   }
-  if (arguments.method == "auto" && method.is_lumped) {
-    const std::string why_not = why_not_periodic(load_lumped_model(arguments.model), campaign);
+  if (arguments.method == "auto" && lumped) {
+    const std::string why_not = why_not_periodic(*lumped, campaign);
     if (!why_not.empty()) {
       method.name = "prediction_error";
       method.reason = why_not;
@@ -329,8 +333,7 @@ int execute(Arguments& arguments) {
       })) {
     files.warnings.push_back(
         "load: models of masses know no loads, so all recordings were taken for one machine: "
-        "diagnose "
-        "those with a load by themselves");
+        "diagnose those with a load by themselves");
   }
   if (answer.problem) {
     std::ranges::copy(answer.problem->remarks(), std::back_inserter(files.warnings));

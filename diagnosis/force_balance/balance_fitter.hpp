@@ -41,7 +41,7 @@ class BalanceFitter {
 
   [[nodiscard]] const ForceBalanceData& data() const { return data_; }
   [[nodiscard]] const BalanceHypotheses& hypotheses() const { return hypotheses_; }
-  // Of what the model alone leaves, less what of that depends on the motion; by coordinate.
+  // The noise of each coordinate: what the model alone leaves, less what depends on the motion.
   [[nodiscard]] std::span<const ColouredNoise> noises() const { return noises_; }
   // Samples that they are worth, of all coordinates together.
   [[nodiscard]] double sample_count() const;

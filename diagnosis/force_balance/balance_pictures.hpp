@@ -22,7 +22,7 @@ namespace graybox {
 void add_curves(const ForceBalanceData& data, const ForceBalanceRows& rows,
                 const Eigen::MatrixXd& rest, bool held_out, std::vector<ResidualCurve>& curves);
 
-// Of the recordings kept out, or of the fit's where none are.
+// The range of the recordings kept out; where none are, that of the fit's recordings.
 [[nodiscard]] CheckedRange checked_range(const ForceBalanceData& data);
 
 // What the model has at the law's place, and the law along the motion.

@@ -26,10 +26,6 @@ constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
 
-double relative_size(const VectorXd& error, const VectorXd& scale) {
-  return std::sqrt((error.array() / scale.array()).square().mean());
-}
-
 // Covariance of the first `parameters` columns.
 MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
                            const BlockEdges& edges) {
@@ -64,6 +60,10 @@ MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
 
 }  // namespace
 
+double relative_size(const VectorXd& error, const VectorXd& scale) {
+  return std::sqrt((error.array() / scale.array()).square().mean());
+}
+
 FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypotheses,
                    const PredictionFindings& findings, int threads)
     : data_(&data),
@@ -89,7 +89,6 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   } while (drop_undetermined_law());
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
-  as_given_ = judged(findings.as_given, kIterations);
   judge_held_out(as_given_);
 }
 
@@ -385,7 +384,7 @@ bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const
   return false;
 }
 
-// Whose every size is smaller than its error.
+// A law goes whose every size is smaller than its error.
 bool FinalFit::drop_undetermined_law() {
   const PredictionFit& fit = found_.fit;
   for (const PlacedFinding& law : fit.model.laws) {

@@ -43,6 +43,9 @@ struct HeldOutError {
   Eigen::VectorXd error;     // rms by output
 };
 
+// rms over outputs of errors over their scales.
+[[nodiscard]] double relative_size(const Eigen::VectorXd& error, const Eigen::VectorXd& scale);
+
 class FinalFit {
  public:
   // References are kept.

@@ -45,7 +45,7 @@ constexpr double kRestLimit = 15.0;              // % of them
 constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
-  return 100.0 * std::sqrt((error.array() / scale.array()).square().mean());
+  return 100.0 * relative_size(error, scale);
 }
 
 Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
@@ -448,7 +448,7 @@ class DiagnosisBuilder {
     }
   }
 
-  // Of what a machine must have. Damping and friction may vanish.
+  // This asks for what a machine must have: damping and friction may vanish.
   void add_determination(std::vector<VerdictReason>& list) const {
     const auto must_be_there = [&](const Implausibility& flaw) {
       if (flaw.rule != PlausibilityRule::kZero) return true;

@@ -477,9 +477,9 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   const int decimals = std::clamp(shift - error_exponent + 1, 0, 12);
   const double scale = std::pow(10.0, -shift);
   const std::string power = plain ? "" : fmt::format("e{:+03d}", shift);
-  const std::string words = fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals,
-                                        power, error * scale, decimals, power, unit);
-  return is_determined(estimate) ? words : "not determined (" + words + ")";
+  const std::string text = fmt::format("{:.{}f}{} ± {:.{}f}{}{}", estimate.value * scale, decimals,
+                                       power, error * scale, decimals, power, unit);
+  return is_determined(estimate) ? text : "not determined (" + text + ")";
 }
 
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,

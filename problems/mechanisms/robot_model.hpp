@@ -91,7 +91,7 @@ struct RobotModel {
 // with elements, which load_linear_robot() reads (robot_elements.hpp).
 [[nodiscard]] RobotModel load_robot_model(const std::filesystem::path& file);
 
-// The same but for the elements, which it leaves to the reader (robot_elements.hpp).
+// This reads the same file and leaves its elements to the caller (robot_elements.hpp).
 [[nodiscard]] RobotModel load_robot_without_elements(const std::filesystem::path& file);
 
 // The same robot with the stiffness of parameter p multiplied by theta_p: the robot one would have

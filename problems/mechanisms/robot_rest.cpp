@@ -58,7 +58,7 @@ class Balance {
   }
   [[nodiscard]] Eigen::VectorXd rotations() const { return coordinates_.head(arm_); }
   [[nodiscard]] const Eigen::VectorXd& coordinates() const { return coordinates_; }
-  // Of the elements and the gearboxes on the motors, in joint angles.
+  // The torque of elements and gearboxes on the motors, in joint angles.
   [[nodiscard]] Eigen::VectorXd pull_on_motors() const {
     Eigen::VectorXd pull = element_force_.tail(coordinates_.size() - arm_);
     for (std::size_t j = 0; j < gearboxes_.size(); ++j) {
