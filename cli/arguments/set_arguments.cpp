@@ -20,10 +20,10 @@ void add_psd_tolerance(CLI::App& command, double& tolerance) {
       ->capture_default_str();
 }
 
-ProjectedSet read_set(const SetArguments& arguments) {
+ProjectedSet read_set(const SetArguments& arguments, SingularSum singular_sum) {
   return project_semidefinite(
       read_information_set(arguments.path, {.variable = arguments.variable}),
-      arguments.psd_tolerance);
+      arguments.psd_tolerance, singular_sum);
 }
 
 std::string change_note(const SemidefiniteChange& changed) {

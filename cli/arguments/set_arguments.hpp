@@ -21,7 +21,8 @@ void add_set_options(CLI::App& command, SetArguments& arguments);
 void add_psd_tolerance(CLI::App& command, double& tolerance);
 
 // Reads and validates; throws InputError naming file, field and remedy.
-[[nodiscard]] ProjectedSet read_set(const SetArguments& arguments);
+[[nodiscard]] ProjectedSet read_set(const SetArguments& arguments,
+                                    SingularSum singular_sum = SingularSum::kRefused);
 
 // "note: ..." with its newline, or nothing where no matrix was changed.
 [[nodiscard]] std::string change_note(const SemidefiniteChange& changed);

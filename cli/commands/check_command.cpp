@@ -4,12 +4,16 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
+#include "cli/output/constrained_report_text.hpp"
 #include "cli/output/exact_report_text.hpp"
+#include "solvers/constrained/constrained_design_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
 #include "solvers/report/design_file.hpp"
@@ -22,6 +26,7 @@ struct CheckArguments {
   SetArguments set;
   std::string design;
   CriterionArguments criterion;
+  RequestArguments request;
   std::optional<double> gap;
   bool json = false;
 };
@@ -74,12 +79,55 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
   return held && solution.status != ExactStatus::kSingular ? kDone : kShort;
 }
 
+// Against the request that is given, or the one that the design says it was made for.
+int check_request(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
+                  const ConstrainedClaim& claim) {
+  const InformationSet& set = read.set;
+  DesignRequest request = arguments.request.read();
+  const bool given = request.any();
+  DesignConstraints constraints =
+      given ? resolve(request, set) : resolve(claim, set, arguments.design);
+  SolveOptions options;
+  options.criterion = arguments.criterion.read(set).value_or(file.criterion.value_or(Criterion()));
+  options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
+  ConstrainedSolution solution{.efforts = file.design.weights,
+                               .status = claimed_status(file.status),
+                               .trace = {},
+                               .counters = file.counters,
+                               .message = {}};
+  // A design that does not say how many experiments it is meant for uses all that is allowed.
+  const LinearConstraint& total = constraints.rows.front();
+  const double experiments =
+      claim.experiments.value_or(total.upper / row_value(total, solution.efforts));
+  for (double& effort : solution.efforts) effort *= experiments;
+  ConstrainedReport report =
+      judge_constrained(set, file.solver, options, std::move(solution),
+                        given ? std::move(request) : claim.request, std::move(constraints));
+  report.report.problem_hash = set.content_hash();
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_constrained(report), describe_efforts(set, report));
+  }
+  return report.report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
 int check(const CheckArguments& arguments) {
   arguments.criterion.require_consistent();
-  const ProjectedSet read = read_set(arguments.set);
+  std::optional<ConstrainedClaim> request = read_constrained_claim(arguments.design);
+  if (!request.has_value() && arguments.request.read().any()) request.emplace();
+  const bool has_prior =
+      arguments.request.has_prior() ||
+      (request.has_value() && !(request->request.prior.empty() && request->request.done.empty()));
+  const ProjectedSet read =
+      read_set(arguments.set, has_prior ? SingularSum::kAllowed : SingularSum::kRefused);
   const InformationSet& set = read.set;
   const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
   const bool other_criterion = arguments.criterion.read(set).has_value();
+  if (request.has_value()) return check_request(arguments, read, file, *request);
   const auto exact = read_exact_claim(arguments.design, set, file.design);
   if (exact.has_value() && !other_criterion) return check_exact(arguments, read, file, *exact);
   SolveOptions options;
@@ -131,6 +179,7 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   add_set_options(*command, arguments->set);
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   add_criterion_options(*command, arguments->criterion);
+  add_request_options(*command, arguments->request);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -141,7 +190,8 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
       "compared\n"
       "with the best of its number of experiments, and only held to a gap that is given. A design\n"
       "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"
-      "--position-limit') is held to them and compared with the best that obeys them.\n"
+      "--position-limit') is held to them and compared with the best that obeys them; so is one\n"
+      "made for a request ('graybox solve --request'), whose files are read again.\n"
       "Examples:\n"
       "  graybox check set.h5 design.json\n"
       "  graybox check set.h5 design.json --gap 1e-6 --json\n"

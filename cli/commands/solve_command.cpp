@@ -8,16 +8,22 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
+#include "cli/output/constrained_report_text.hpp"
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "solvers/column_generation/column_generation.hpp"
+#include "solvers/constrained/constrained_design_file.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -30,6 +36,7 @@ struct SolveArguments {
   std::string solver = "column_generation";
   SolveOptions options;
   CriterionArguments criterion;
+  RequestArguments request;
   std::string trace;
   std::string output;
   bool json = false;
@@ -75,14 +82,56 @@ void print(const SolveArguments& arguments, const ProjectedSet& read, const Solu
   if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
 }
 
+// Under constraints: by column generation, the one back-end that takes them.
+int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
+                  const SolveOptions& options, DesignRequest request) {
+  const InformationSet& set = read.set;
+  DesignConstraints constraints = resolve(request, set);
+  Progress progress{arguments.solver};
+  catch_interrupts();
+  ConstrainedSolution solution = solve_constrained(set, constraints, options, &progress);
+  if (interrupted() && solution.status == SolveStatus::kTimeLimit) {
+    solution.message = "interrupted; this is the best design so far";
+  }
+  const std::vector<TracePoint> trace = solution.trace;
+  ConstrainedReport report = judge_constrained(set, arguments.solver, options, std::move(solution),
+                                               std::move(request), std::move(constraints));
+  report.report.problem_hash = set.content_hash();
+  const bool answer = !report.efforts.empty();
+  if (!arguments.trace.empty()) write_trace(arguments.trace, trace);
+  if (!arguments.output.empty() && answer) write_constrained_design(arguments.output, set, report);
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_constrained(report));
+    if (answer) fmt::print("{}", describe_efforts(set, report));
+    if (!arguments.output.empty() && answer) fmt::print("wrote {}\n", arguments.output);
+  }
+  return report.report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+// Throws InputError for a back-end that can't take them.
+void require_constrained(const SolveArguments& arguments) {
+  if (arguments.solver != ColumnGeneration().name()) {
+    throw InputError(fmt::format("{} can't take constraints, costs or earlier trials; use {}",
+                                 arguments.solver, ColumnGeneration().name()));
+  }
+}
+
 int solve(const SolveArguments& arguments, Invocation& invocation) {
   arguments.criterion.require_consistent();
+  DesignRequest request = arguments.request.read();
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
+  if (request.any()) require_constrained(arguments);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const ProjectedSet read = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
-    return read_set(arguments.set);
+    return read_set(arguments.set,
+                    arguments.request.has_prior() ? SingularSum::kAllowed : SingularSum::kRefused);
   }();
   const InformationSet& set = read.set;
   for (const std::string& file : {arguments.output, arguments.trace}) {
@@ -90,6 +139,7 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   }
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
+  if (request.any()) return solve_request(arguments, read, options, std::move(request));
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
@@ -111,6 +161,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
       ->capture_default_str();
   add_criterion_options(*command, arguments->criterion);
+  add_request_options(*command, arguments->request);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   command->add_option("--iteration-limit", options.iteration_limit,
@@ -129,7 +180,8 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
       "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"
-      "  graybox solve covdata.mat --variable Hi --solver dual_interior_point --json\n"
+      "  graybox solve set.h5 --experiments 20 --done last_week.json --stock 1\n"
+      "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"
       "  graybox solve set.h5 --solver multiplicative --time-limit 10 --trace trace.jsonl");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });

@@ -56,7 +56,8 @@ void require_tolerance(double tolerance) {
 
 }  // namespace
 
-ProjectedSet project_semidefinite(InformationSet set, double tolerance) {
+ProjectedSet project_semidefinite(InformationSet set, double tolerance,
+                                  SingularSum singular_sum) {
   require_tolerance(tolerance);
   const std::size_t d = set.dimension(), p = set.packed_size();
   SemidefiniteChange change;
@@ -79,7 +80,7 @@ ProjectedSet project_semidefinite(InformationSet set, double tolerance) {
   if (change.candidates > 0) {
     set = InformationSet(d, std::move(changed), set.candidates(), set.parameters(), set.name());
   }
-  require_regular_sum(set);
+  if (singular_sum == SingularSum::kRefused) require_regular_sum(set);
   return {std::move(set), change};
 }
 

@@ -16,6 +16,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
 #include "problems/information/information_set.hpp"
@@ -37,10 +38,15 @@ struct ProjectedSet {
   SemidefiniteChange changed;
 };
 
+// Whether a set may be one that leaves some parameter combination without any information. It is no
+// problem by itself; earlier trials can make it one.
+enum class SingularSum : std::int8_t { kRefused, kAllowed };
+
 // Throws InputError for a tolerance outside [1e-9, 1e-2], for a matrix with an eigenvalue below
 // -tolerance times its largest, and otherwise as InformationSet::validate().
 [[nodiscard]] ProjectedSet project_semidefinite(InformationSet set,
-                                                double tolerance = kDefaultSemidefiniteTolerance);
+                                                double tolerance = kDefaultSemidefiniteTolerance,
+                                                SingularSum singular_sum = SingularSum::kRefused);
 
 // One line without full stop: "12 matrices were made positive semidefinite ...". Empty where none
 // was.

@@ -1,0 +1,76 @@
+#include "cli/output/constrained_report_text.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "cli/output/console.hpp"
+
+namespace graybox::cli {
+namespace {
+
+constexpr std::size_t kShown = 10;
+constexpr double kNegligible = 1e-7;  // a multiplier times its bound; of an efficiency of one
+
+std::string binding_row(const LinearConstraint& row, double multiplier) {
+  const double bound = multiplier > 0.0 ? row.upper : row.lower;
+  const char* sign = row.lower == row.upper ? "=" : multiplier > 0.0 ? "<=" : ">=";
+  const std::string text = fmt::format("{} {} {:g}", row.name, sign, bound);
+  return fmt::format("  binds         {:<34} one more: {:+.3g} % efficiency\n", text,
+                     100.0 * multiplier);
+}
+
+}  // namespace
+
+std::string describe_constrained(const ConstrainedReport& report) {
+  std::string text = describe(report.report);
+  if (report.efforts.empty()) return text;
+  text += fmt::format("  request       {}\n", describe(report.request));
+  std::vector<std::size_t> binding;
+  for (std::size_t j = 0; j < report.proof.multipliers.size(); ++j) {
+    const LinearConstraint& row = report.constraints.rows[j];
+    const double y = report.proof.multipliers[j];
+    const double bound = y > 0.0 ? row.upper : row.lower;
+    if (std::abs(y) * std::max(std::abs(bound), 1e-9) > kNegligible) binding.push_back(j);
+  }
+  for (std::size_t k = 0; k < std::min(binding.size(), kShown); ++k) {
+    const std::size_t j = binding[k];
+    text += binding_row(report.constraints.rows[j], report.proof.multipliers[j]);
+  }
+  if (binding.size() > kShown) {
+    text += fmt::format("                and {} more that bind\n", binding.size() - kShown);
+  }
+  return text;
+}
+
+std::string describe_efforts(const InformationSet& set, const ConstrainedReport& report) {
+  std::vector<std::size_t> support;
+  for (std::size_t i = 0; i < report.efforts.size(); ++i) {
+    if (report.efforts[i] > 0.0) support.push_back(i);
+  }
+  std::ranges::stable_sort(
+      support, [&](std::size_t a, std::size_t b) { return report.efforts[a] > report.efforts[b]; });
+  const CandidateTable& table = set.candidates();
+  std::string text = fmt::format("  support       {} candidates, {:.6g} experiments\n",
+                                 support.size(), report.experiments());
+  text += fmt::format("  {:>12} {:>12}", "experiments", "candidate");
+  for (std::size_t k = 0; k < table.names.size(); ++k) {
+    const std::string unit = table.units[k].empty() ? "" : " [" + table.units[k] + "]";
+    text += fmt::format(" {:>12}", table.names[k] + unit);
+  }
+  text += '\n';
+  for (std::size_t rank = 0; rank < std::min(support.size(), kShown); ++rank) {
+    const std::size_t i = support[rank];
+    text += fmt::format("  {:>12.6g} {:>12}", report.efforts[i], i);
+    for (const double value : set.coordinates(i)) text += fmt::format(" {:>12.6g}", value);
+    text += '\n';
+  }
+  if (support.size() > kShown) {
+    text += fmt::format("  {:>12} and {} more\n", "...", support.size() - kShown);
+  }
+  return text;
+}
+
+}  // namespace graybox::cli

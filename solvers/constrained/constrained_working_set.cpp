@@ -1,0 +1,620 @@
+#include "solvers/constrained/constrained_working_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "problems/base/packed_matrix.hpp"
+#include "problems/kernels/kernels.hpp"
+#include "solvers/constrained/multiplier_bound.hpp"
+#include "solvers/kernels/dense_kernels.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kToBoundary = 0.995;
+constexpr double kRowTolerance = 1e-10;    // relative, of the rows
+constexpr double kEquationWidth = 1e-9;    // rows whose bounds are closer count as equations
+constexpr std::size_t kLargestFace = 400;  // free efforts of a last Newton step
+constexpr double kSmallestComplementarity = 1e-20;
+
+}  // namespace
+
+ConstrainedWorkingSet::ConstrainedWorkingSet(const Criterion& criterion, std::size_t dimension,
+                                             std::span<const double> coordinates,
+                                             std::span<const double> prior,
+                                             const DesignConstraints& constraints)
+    : constraints_(constraints),
+      dimension_(dimension),
+      packed_size_(packed_size(dimension)),
+      frame_(criterion, dimension, coordinates),
+      inverse_(dimension),
+      is_determinant_(criterion.kind() == CriterionKind::kD),
+      prior_(prior.begin(), prior.end()),
+      matrix_(packed_size_),
+      gram_(nullptr, 0, static_cast<Index>((packed_size_ + 7) / 8 * 8)),
+      scratch_(8 * dimension * (dimension + 1)),
+      unpacked_(static_cast<Index>(dimension), static_cast<Index>(dimension)) {
+  const auto m = static_cast<Index>(constraints.rows.size());
+  state_.s_limits.lower.resize(m);
+  state_.s_limits.upper.resize(m);
+  is_slack_.resize(m);
+  for (Index j = 0; j < m; ++j) {
+    const LinearConstraint& row = constraints.rows[static_cast<std::size_t>(j)];
+    const double size = std::max(std::abs(row.lower), std::abs(row.upper));
+    const bool equation = std::isfinite(size) && row.upper - row.lower <= kEquationWidth * size;
+    state_.s_limits.lower(j) = equation ? 0.5 * (row.lower + row.upper) : row.lower;
+    state_.s_limits.upper(j) = equation ? state_.s_limits.lower(j) : row.upper;
+    is_slack_(j) = equation ? 0.0 : 1.0;
+  }
+  state_.s_limits.at_lower = state_.s_limits.at_upper = state_.y = state_.s = Vector::Zero(m);
+}
+
+bool ConstrainedWorkingSet::holds(std::size_t candidate) const {
+  return members_.contains(candidate);
+}
+
+bool ConstrainedWorkingSet::add(std::size_t candidate, const double* information) {
+  if (!members_.insert(candidate).second) return false;
+  candidates_.push_back(candidate);
+  rows_.insert(rows_.end(), information, information + packed_size_);
+  return true;
+}
+
+// Limits, rows and states of all members; those of new members are set by start().
+void ConstrainedWorkingSet::resize() {
+  const auto n = static_cast<Index>(size());
+  const auto m = static_cast<Index>(constraints_.rows.size());
+  for (Vector* v : {&state_.x, &state_.x_limits.at_lower, &state_.x_limits.at_upper}) {
+    v->conservativeResizeLike(Vector::Zero(n));
+  }
+  state_.x_limits.lower.resize(n);
+  state_.x_limits.upper.resize(n);
+  a_.resize(m, n);
+  for (Index k = 0; k < n; ++k) {
+    const std::size_t i = candidates_[static_cast<std::size_t>(k)];
+    state_.x_limits.lower(k) = constraints_.lower_of(i);
+    state_.x_limits.upper(k) = constraints_.upper_of(i);
+    for (Index j = 0; j < m; ++j) {
+      a_(j, k) = constraints_.rows[static_cast<std::size_t>(j)].coefficients[i];
+    }
+  }
+}
+
+// Multipliers of the limits with (value - lower) at_lower at least mu, and likewise above.
+void ConstrainedWorkingSet::centre(const Vector& value, double mu, Limited& limited) const {
+  for (Index k = 0; k < value.size(); ++k) {
+    const double below = value(k) - limited.lower(k), above = limited.upper(k) - value(k);
+    limited.at_lower(k) =
+        std::isfinite(limited.lower(k)) ? std::max(limited.at_lower(k), mu / below) : 0.0;
+    limited.at_upper(k) =
+        std::isfinite(limited.upper(k)) ? std::max(limited.at_upper(k), mu / above) : 0.0;
+  }
+}
+
+// Inside all limits, with a complementarity that suits the gap.
+void ConstrainedWorkingSet::start(double pool_gap) {
+  const auto n = static_cast<Index>(size());
+  const auto fresh = static_cast<Index>(fresh_);
+  const double mu = std::clamp(pool_gap, 1e-14, 1.0) / static_cast<double>(limit_count());
+  const bool cold = fresh == 0;
+  double most_effort = 0.0;  // if every member were run as often as it may be
+  for (Index k = 0; k < n; ++k) {
+    most_effort += a_(0, k) * constraints_.largest_effort(candidates_[static_cast<std::size_t>(k)]);
+  }
+  const double feasible = std::min(0.5, constraints_.rows.front().upper / most_effort);
+  for (Index k = 0; k < n; ++k) {
+    const std::size_t i = candidates_[static_cast<std::size_t>(k)];
+    const double lower = state_.x_limits.lower(k);
+    const double room = constraints_.largest_effort(i) - lower;
+    const double share = room * feasible;
+    const double least = (cold ? 1.0 : std::min(1.0, pool_gap)) * share;
+    if (k >= fresh) state_.x(k) = lower + least;
+    const double inside = std::min(least, 0.1 * room);
+    const double most = std::isfinite(state_.x_limits.upper(k)) ? inside : 1e-3 * room;
+    state_.x(k) = std::clamp(state_.x(k), lower + inside, lower + room - most);
+  }
+  state_.s = (a_ * state_.x);
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) {
+      state_.s(j) = state_.s_limits.lower(j);
+      continue;
+    }
+    const double lower = state_.s_limits.lower(j), upper = state_.s_limits.upper(j);
+    const double scale = std::max(std::abs(state_.s(j)), 1e-3 * a_.row(j).cwiseAbs().dot(state_.x));
+    const double room = std::min(upper - lower, scale > 0.0 ? scale : 1.0);
+    const double inside = (cold ? 0.1 : 0.1 * std::min(1.0, pool_gap)) * room;
+    if (std::isfinite(lower)) state_.s(j) = std::max(state_.s(j), lower + inside);
+    if (std::isfinite(upper)) state_.s(j) = std::min(state_.s(j), upper - inside);
+  }
+  centre(state_.x, mu, state_.x_limits);
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    const double below = state_.s(j) - state_.s_limits.lower(j),
+                 above = state_.s_limits.upper(j) - state_.s(j);
+    state_.s_limits.at_lower(j) = std::isfinite(below) ? std::max(-state_.y(j), mu / below) : 0.0;
+    state_.s_limits.at_upper(j) = std::isfinite(above) ? std::max(state_.y(j), mu / above) : 0.0;
+  }
+  fresh_ = size();
+}
+
+Eigen::Index ConstrainedWorkingSet::limit_count() const {
+  const auto finite = [](const Vector& v) { return v.array().isFinite().count(); };
+  Index rows = 0;
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    rows += (std::isfinite(state_.s_limits.lower(j)) ? 1 : 0) +
+            (std::isfinite(state_.s_limits.upper(j)) ? 1 : 0);
+  }
+  return finite(state_.x_limits.lower) + finite(state_.x_limits.upper) + rows;
+}
+
+// M, G and w at x. False where M is singular.
+bool ConstrainedWorkingSet::evaluate() {
+  if (prior_.empty()) {
+    std::ranges::fill(matrix_, 0.0);
+  } else {
+    std::ranges::copy(prior_, matrix_.begin());
+  }
+  kernels().accumulate(rows_.data(), size(), packed_size_, state_.x.data(), matrix_.data());
+  if (!inverse_.factor(matrix_)) return false;
+  frame_.compute(inverse_);
+  gain_.resize(state_.x.size());
+  kernels().price(rows_.data(), size(), packed_size_, frame_.trace_dual().data(), gain_.data());
+  prior_gain_ = 0.0;
+  for (std::size_t k = 0; k < prior_.size(); ++k) prior_gain_ += prior_[k] * trace_dual()[k];
+  return true;
+}
+
+// The rows g_i with S_ij = g_i . g_j [- w_i w_j], as in smooth_restricted_problem.hpp.
+void ConstrainedWorkingSet::form_gram_rows() {
+  const std::size_t n = size(), stride = static_cast<std::size_t>(gram_.outerStride());
+  if (gram_rows_.size() < n * stride) gram_rows_ = AlignedArray(2 * n * stride);
+  new (&gram_) GramMap(gram_rows_.data(), static_cast<Index>(n), static_cast<Index>(stride));
+  if (is_determinant_) {
+    std::vector<std::size_t> members(n);
+    std::iota(members.begin(), members.end(), std::size_t{0});
+    traces_.resize(n);
+    dense_kernels().whiten(rows_.data(), members.data(), n, dimension_,
+                           inverse_.inverse_factor().data(), gram_rows_.data(), stride,
+                           traces_.data(), scratch_.data());
+    gram_ /= std::sqrt(static_cast<double>(dimension_));
+    return;
+  }
+  const auto d = static_cast<Index>(dimension_);
+  const Vector& shares = frame_.shares();
+  for (std::size_t i = 0; i < n; ++i) {
+    unpack(row(i), dimension_, unpacked_.data());
+    half_.noalias() = frame_.axes() * unpacked_;
+    rotated_.noalias() = half_ * frame_.axes().transpose();
+    double* out = gram_rows_.data() + i * stride;
+    std::size_t k = 0;
+    for (Index a = 0; a < d; ++a) {
+      for (Index b = 0; b <= a; ++b, ++k) {
+        const double omega =
+            frame_.is_trace() ? shares(a) + shares(b) : std::max(shares(a), shares(b));
+        out[k] = std::sqrt((a == b ? 1.0 : 2.0) * omega) * rotated_(a, b);
+      }
+    }
+    std::fill(out + packed_size_, out + stride, 0.0);
+  }
+}
+
+// The diagonal Z of the limits, with a proximal term that keeps S + Z regular under ties.
+Eigen::VectorXd ConstrainedWorkingSet::limit_stiffness() const {
+  Vector z = 1e-10 * gram_.rowwise().squaredNorm().cwiseMax(gain_.cwiseAbs2());
+  for (Index k = 0; k < z.size(); ++k) {
+    const double below = state_.x(k) - state_.x_limits.lower(k);
+    const double above = state_.x_limits.upper(k) - state_.x(k);
+    if (std::isfinite(below)) z(k) += state_.x_limits.at_lower(k) / below;
+    if (std::isfinite(above)) z(k) += state_.x_limits.at_upper(k) / above;
+  }
+  return z;
+}
+
+// S + Z as a matrix where members are few; where they are more than the p columns of the g_i, by
+// the formula of Woodbury: n p^2 in place of n^3 / 3.
+bool ConstrainedWorkingSet::factorise_hessian() {
+  form_gram_rows();
+  const Vector z = limit_stiffness();
+  by_columns_ = size() > 2 * packed_size_;
+  if (!by_columns_) {
+    Matrix matrix(gram_.rows(), gram_.rows());
+    dense_kernels().gram(gram_rows_.data(), size(), static_cast<std::size_t>(gram_.cols()),
+                         matrix.data());
+    if (frame_.is_trace()) matrix.selfadjointView<Eigen::Lower>().rankUpdate(gain_, -1.0);
+    matrix.diagonal() += z;
+    factor_.compute(matrix);
+    return factor_.info() == Eigen::Success;
+  }
+  inverse_stiffness_ = z.cwiseInverse();
+  scaled_gram_ = inverse_stiffness_.cwiseSqrt().asDiagonal() * gram_;
+  Matrix columns = Matrix::Identity(gram_.cols(), gram_.cols());
+  columns.selfadjointView<Eigen::Lower>().rankUpdate(scaled_gram_.transpose());
+  factor_.compute(columns);
+  if (factor_.info() != Eigen::Success) return false;
+  if (!frame_.is_trace()) return true;
+  solved_gain_ = Vector();
+  solved_gain_ = solve_hessian(gain_);
+  downdate_ = 1.0 - gain_.dot(solved_gain_);
+  return downdate_ > 0.0;
+}
+
+// (S + Z)^-1 right.
+Eigen::MatrixXd ConstrainedWorkingSet::solve_hessian(const Matrix& right) const {
+  if (!by_columns_) return factor_.solve(right);
+  const Vector root = inverse_stiffness_.cwiseSqrt();
+  const Matrix scaled = root.asDiagonal() * right;
+  Matrix out = root.asDiagonal() *
+               (scaled - scaled_gram_ * factor_.solve(scaled_gram_.transpose() * scaled));
+  if (frame_.is_trace() && solved_gain_.size() > 0) {
+    out += solved_gain_ * (solved_gain_.transpose() * right) / downdate_;
+  }
+  return out;
+}
+
+// S + Z, and the Schur complement of the rows.
+bool ConstrainedWorkingSet::factorise() {
+  if (!factorise_hessian()) return false;
+  inverse_slack_ = Vector::Zero(state_.s.size());
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    double stiffness = 0.0;
+    const double below = state_.s(j) - state_.s_limits.lower(j);
+    const double above = state_.s_limits.upper(j) - state_.s(j);
+    if (std::isfinite(below)) stiffness += state_.s_limits.at_lower(j) / below;
+    if (std::isfinite(above)) stiffness += state_.s_limits.at_upper(j) / above;
+    inverse_slack_(j) = 1.0 / stiffness;
+  }
+  Matrix schur = a_ * solve_hessian(a_.transpose());
+  const Vector size = schur.diagonal();
+  schur.diagonal() += inverse_slack_ + 1e-13 * size;
+  schur_factor_.compute(schur);
+  return schur_factor_.info() == Eigen::Success;
+}
+
+// Newton's step to complementarity `mu`, with the second-order terms of a predicted step.
+void ConstrainedWorkingSet::solve(double mu, const Direction* predicted, Direction& step) {
+  const Index n = state_.x.size(), m = state_.s.size();
+  // Complementarity of a limit at distance t with multiplier z: z dt + t dz = target - z t.
+  const auto target = [&](const Vector* dt, const Vector* dz, Index k, double sign) {
+    return mu - (dt == nullptr ? 0.0 : sign * (*dt)(k) * (*dz)(k));
+  };
+  Vector lower_push = Vector::Zero(n), upper_push = Vector::Zero(n);
+  for (Index k = 0; k < n; ++k) {
+    if (std::isfinite(state_.x_limits.lower(k))) {
+      const double t =
+          predicted == nullptr ? mu : target(&predicted->x, &predicted->x_lower, k, 1.0);
+      lower_push(k) = t / (state_.x(k) - state_.x_limits.lower(k));
+    }
+    if (std::isfinite(state_.x_limits.upper(k))) {
+      const double t =
+          predicted == nullptr ? mu : target(&predicted->x, &predicted->x_upper, k, -1.0);
+      upper_push(k) = t / (state_.x_limits.upper(k) - state_.x(k));
+    }
+  }
+  const Vector h = gain_ - a_.transpose() * state_.y + lower_push - upper_push;
+  Vector slack_lower = Vector::Zero(m), slack_upper = Vector::Zero(m), g = Vector::Zero(m);
+  for (Index j = 0; j < m; ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    if (std::isfinite(state_.s_limits.lower(j))) {
+      const double t =
+          predicted == nullptr ? mu : target(&predicted->s, &predicted->s_lower, j, 1.0);
+      slack_lower(j) = t / (state_.s(j) - state_.s_limits.lower(j));
+    }
+    if (std::isfinite(state_.s_limits.upper(j))) {
+      const double t =
+          predicted == nullptr ? mu : target(&predicted->s, &predicted->s_upper, j, -1.0);
+      slack_upper(j) = t / (state_.s_limits.upper(j) - state_.s(j));
+    }
+    g(j) = state_.y(j) - slack_upper(j) + slack_lower(j);
+  }
+  const Vector kh = solve_hessian(h);
+  const Vector rp = state_.s - (a_ * state_.x);
+  step.y = schur_factor_.solve(a_ * kh - rp - inverse_slack_.cwiseProduct(g));
+  step.x = kh - solve_hessian(a_.transpose() * step.y);
+  step.s = inverse_slack_.cwiseProduct(step.y + g);
+  step.x_lower = step.x_upper = Vector::Zero(n);
+  for (Index k = 0; k < n; ++k) {
+    if (std::isfinite(state_.x_limits.lower(k))) {
+      const double t = state_.x(k) - state_.x_limits.lower(k), z = state_.x_limits.at_lower(k);
+      step.x_lower(k) = lower_push(k) - z - z / t * step.x(k);
+    }
+    if (std::isfinite(state_.x_limits.upper(k))) {
+      const double t = state_.x_limits.upper(k) - state_.x(k), z = state_.x_limits.at_upper(k);
+      step.x_upper(k) = upper_push(k) - z + z / t * step.x(k);
+    }
+  }
+  step.s_lower = step.s_upper = Vector::Zero(m);
+  for (Index j = 0; j < m; ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    if (std::isfinite(state_.s_limits.lower(j))) {
+      const double t = state_.s(j) - state_.s_limits.lower(j), v = state_.s_limits.at_lower(j);
+      step.s_lower(j) = slack_lower(j) - v - v / t * step.s(j);
+    }
+    if (std::isfinite(state_.s_limits.upper(j))) {
+      const double t = state_.s_limits.upper(j) - state_.s(j), v = state_.s_limits.at_upper(j);
+      step.s_upper(j) = slack_upper(j) - v + v / t * step.s(j);
+    }
+  }
+}
+
+namespace {
+
+// The largest length <= 1 for which value + length * change stays above zero.
+void shorten(double value, double change, double& length) {
+  if (change < 0.0) length = std::min(length, -value / change);
+}
+
+}  // namespace
+
+double ConstrainedWorkingSet::step_length(const Direction& step) const {
+  double length = 1.0 / kToBoundary;
+  for (Index k = 0; k < state_.x.size(); ++k) {
+    shorten(state_.x(k) - state_.x_limits.lower(k), step.x(k), length);
+    if (std::isfinite(state_.x_limits.upper(k))) {
+      shorten(state_.x_limits.upper(k) - state_.x(k), -step.x(k), length);
+      shorten(state_.x_limits.at_upper(k), step.x_upper(k), length);
+    }
+    shorten(state_.x_limits.at_lower(k), step.x_lower(k), length);
+  }
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    if (std::isfinite(state_.s_limits.lower(j))) {
+      shorten(state_.s(j) - state_.s_limits.lower(j), step.s(j), length);
+      shorten(state_.s_limits.at_lower(j), step.s_lower(j), length);
+    }
+    if (std::isfinite(state_.s_limits.upper(j))) {
+      shorten(state_.s_limits.upper(j) - state_.s(j), -step.s(j), length);
+      shorten(state_.s_limits.at_upper(j), step.s_upper(j), length);
+    }
+  }
+  return std::min(1.0, kToBoundary * length);
+}
+
+// |B|_F of the change of M, where S measures it.
+double ConstrainedWorkingSet::model_length(const Direction& step) const {
+  double squared = (gram_.transpose() * step.x).squaredNorm();
+  if (frame_.is_trace()) squared -= std::pow(gain_.dot(step.x), 2);
+  return std::sqrt(std::max(squared, 0.0) * static_cast<double>(dimension_));
+}
+
+double ConstrainedWorkingSet::complementarity() const {
+  Direction none;
+  none.x = Vector::Zero(state_.x.size());
+  none.s = Vector::Zero(state_.s.size());
+  none.x_lower = none.x_upper = none.x;
+  none.s_lower = none.s_upper = none.s;
+  return complementarity_after(none, 0.0);
+}
+
+double ConstrainedWorkingSet::complementarity_after(const Direction& step, double length) const {
+  double sum = 0.0;
+  for (Index k = 0; k < state_.x.size(); ++k) {
+    const double x = state_.x(k) + length * step.x(k);
+    if (std::isfinite(state_.x_limits.lower(k))) {
+      sum +=
+          (x - state_.x_limits.lower(k)) * (state_.x_limits.at_lower(k) + length * step.x_lower(k));
+    }
+    if (std::isfinite(state_.x_limits.upper(k))) {
+      sum +=
+          (state_.x_limits.upper(k) - x) * (state_.x_limits.at_upper(k) + length * step.x_upper(k));
+    }
+  }
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    if (is_slack_(j) == 0.0) continue;
+    const double s = state_.s(j) + length * step.s(j);
+    if (std::isfinite(state_.s_limits.lower(j))) {
+      sum +=
+          (s - state_.s_limits.lower(j)) * (state_.s_limits.at_lower(j) + length * step.s_lower(j));
+    }
+    if (std::isfinite(state_.s_limits.upper(j))) {
+      sum +=
+          (state_.s_limits.upper(j) - s) * (state_.s_limits.at_upper(j) + length * step.s_upper(j));
+    }
+  }
+  return sum / static_cast<double>(limit_count());
+}
+
+void ConstrainedWorkingSet::move(const Direction& step, double length) {
+  state_.x += length * step.x;
+  state_.y += length * step.y;
+  state_.s += length * step.s;
+  state_.x_limits.at_lower += length * step.x_lower;
+  state_.x_limits.at_upper += length * step.x_upper;
+  state_.s_limits.at_lower += length * step.s_lower;
+  state_.s_limits.at_upper += length * step.s_upper;
+}
+
+// The gap over the members, with what the rows are still broken by.
+void ConstrainedWorkingSet::measure_gap() {
+  const auto bound =
+      multiplier_bound<double>(constraints_, candidates_, {gain_.data(), size()}, multipliers());
+  gap_ = std::max(prior_gain_ + bound.value - 1.0, 0.0) + infeasibility();
+}
+
+double ConstrainedWorkingSet::infeasibility() const {
+  const Vector value = (a_ * state_.x);
+  double worst = 0.0;
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    const double outside =
+        std::max({state_.s_limits.lower(j) - value(j), value(j) - state_.s_limits.upper(j), 0.0});
+    const double scale = std::max(a_.row(j).cwiseAbs().dot(state_.x), std::abs(state_.s(j)));
+    if (outside > 0.0) worst = std::max(worst, outside / std::max(scale, 1e-300));
+  }
+  return worst;
+}
+
+bool ConstrainedWorkingSet::obeys_rows() const { return infeasibility() <= kRowTolerance; }
+
+// Predictor and corrector. Where the last step was short, or gained nothing, the point is too far
+// from the central path: it is first brought back there.
+void ConstrainedWorkingSet::step(bool centring) {
+  const double mu = complementarity();
+  double target = 0.5 * mu;
+  if (!centring) {
+    solve(0.0, nullptr, predictor_);
+    const double after = complementarity_after(predictor_, step_length(predictor_));
+    const double ratio = std::max(after, 0.0) / mu;
+    target = std::max(ratio * ratio * ratio, 1e-6) * mu;
+  }
+  solve(target, centring ? nullptr : &predictor_, corrector_);
+  length_ = step_length(corrector_);
+  const double reach = model_length(corrector_);
+  if (reach > 1.0) length_ = std::min(length_, 1.5 / reach);
+  const State before = state_;
+  ++steps_;
+  for (int attempt = 0; attempt < 8; ++attempt, length_ *= 0.3) {
+    move(corrector_, length_);
+    if (evaluate()) return;
+    state_ = before;
+  }
+  length_ = 0.0;
+}
+
+bool ConstrainedWorkingSet::improve(double pool_gap, double tolerance) {
+  constexpr int kStepLimit = 80, kStalledLimit = 12;
+  constexpr double kShortStep = 0.1;
+  resize();
+  start(pool_gap);
+  if (!evaluate()) return false;
+  double best = kInfinity;
+  for (int count = 0, stalled = 0; count < kStepLimit; ++count) {
+    measure_gap();
+    if (gap_ <= tolerance) {
+      const State before = state_;
+      polish();
+      if (obeys_rows()) return true;
+      state_ = before;
+      if (!evaluate()) return false;
+      measure_gap();
+    }
+    stalled = gap_ < 0.9 * best ? 0 : stalled + 1;
+    best = std::min(best, gap_);
+    if (stalled > kStalledLimit || !(complementarity() > kSmallestComplementarity)) break;
+    if (!factorise()) break;
+    step(count > 0 && (length_ < kShortStep || stalled > 2));
+    if (length_ == 0.0) break;
+  }
+  polish();
+  return gap_ <= tolerance && obeys_rows();
+}
+
+// Efforts that are at a limit are put there; what is left to solve for, and the rows that bind.
+ConstrainedWorkingSet::Face ConstrainedWorkingSet::snap_to_face() {
+  Face face;
+  for (Index k = 0; k < state_.x.size(); ++k) {
+    const double room = constraints_.largest_effort(candidates_[static_cast<std::size_t>(k)]);
+    const double below = (state_.x(k) - state_.x_limits.lower(k)) / room;
+    const double above = (state_.x_limits.upper(k) - state_.x(k)) / room;
+    if (below < std::min(1e-3, state_.x_limits.at_lower(k) * room)) {
+      state_.x(k) = state_.x_limits.lower(k);
+    } else if (above < std::min(1e-3, state_.x_limits.at_upper(k) * room)) {
+      state_.x(k) = state_.x_limits.upper(k);
+    } else {
+      face.free.push_back(k);
+    }
+  }
+  std::vector<double> limits;
+  for (Index j = 0; j < state_.s.size(); ++j) {
+    const double size = std::max(a_.row(j).cwiseAbs().dot(state_.x), 1e-300);
+    const bool above = is_slack_(j) == 0.0 || state_.y(j) > 0.0;
+    const double limit = above ? state_.s_limits.upper(j) : state_.s_limits.lower(j);
+    if (is_slack_(j) > 0.0 && std::abs(limit - state_.s(j)) / size > std::abs(state_.y(j)) * size)
+      continue;
+    face.rows.push_back(j);
+    limits.push_back(limit);
+  }
+  face.limits = Vector::Map(limits.data(), static_cast<Index>(limits.size()));
+  return face;
+}
+
+// Newton's step in the face. False where it leaves the limits or M is singular.
+bool ConstrainedWorkingSet::step_in(const Face& face) {
+  const auto n = static_cast<Index>(face.free.size()), m = static_cast<Index>(face.rows.size());
+  form_gram_rows();
+  const Matrix gram = gram_(face.free, Eigen::all);
+  Matrix kkt = Matrix::Zero(n + m, n + m);
+  kkt.topLeftCorner(n, n) = gram * gram.transpose();
+  if (frame_.is_trace()) {
+    const Vector w = gain_(face.free);
+    kkt.topLeftCorner(n, n) -= w * w.transpose();
+  }
+  const Vector diagonal = kkt.diagonal().head(n);
+  kkt.diagonal().head(n) += 1e-12 * diagonal;
+  kkt.bottomLeftCorner(m, n) = a_(face.rows, face.free);
+  kkt.topRightCorner(n, m) = kkt.bottomLeftCorner(m, n).transpose();
+  Vector right(n + m);
+  right.head(n) = gain_(face.free);
+  right.tail(m) = face.limits - (a_ * state_.x)(face.rows);
+  Vector solution = kkt.partialPivLu().solve(right);
+  if (!((kkt * solution - right).norm() <=
+        1e-9 * right.norm())) {  // rows that depend on each other
+    solution = kkt.completeOrthogonalDecomposition().solve(right);
+  }
+  if (!solution.allFinite()) return false;
+  state_.x(face.free) += solution.head(n);
+  state_.y.setZero();
+  state_.y(face.rows) = solution.tail(m);
+  const bool inside = (state_.x.array() >= state_.x_limits.lower.array()).all() &&
+                      (state_.x.array() <= state_.x_limits.upper.array()).all();
+  return inside && evaluate();
+}
+
+// Kept where the gap, with what the rows are broken by, does not grow.
+void ConstrainedWorkingSet::polish() {
+  constexpr int kSteps = 3;
+  constexpr double kNothingToGain = 1e-13;
+  State best = state_;
+  double best_gap = gap_;
+  const Face face = snap_to_face();
+  const bool small = face.free.size() <= kLargestFace;
+  if (!face.free.empty() && small && evaluate()) {
+    for (int step = 0; step < kSteps && best_gap > kNothingToGain && step_in(face); ++step) {
+      measure_gap();
+      if (!(gap_ <= best_gap)) break;
+      best_gap = gap_;
+      best = state_;
+    }
+  }
+  state_ = std::move(best);
+  (void)evaluate();
+  measure_gap();
+}
+
+void ConstrainedWorkingSet::drop(double threshold) {
+  const Vector reduced = gain_ - a_.transpose() * state_.y;
+  std::vector<Index> kept;
+  for (Index k = 0; k < state_.x.size(); ++k) {
+    const std::size_t i = candidates_[static_cast<std::size_t>(k)];
+    const double room = constraints_.largest_effort(i);
+    const bool idle = state_.x(k) <= 1e-9 * room && reduced(k) * room < -threshold;
+    if (!idle || !dropped_.insert(i).second) kept.push_back(k);
+  }
+  keep(kept);
+}
+
+void ConstrainedWorkingSet::keep(const std::vector<Index>& kept) {
+  if (kept.size() == size()) return;
+  for (std::size_t to = 0; to < kept.size(); ++to) {
+    const auto from = static_cast<std::size_t>(kept[to]);
+    candidates_[to] = candidates_[from];
+    std::copy_n(row(from), packed_size_,
+                rows_.begin() + static_cast<std::ptrdiff_t>(to * packed_size_));
+  }
+  for (Vector* v : {&state_.x, &state_.x_limits.at_lower, &state_.x_limits.at_upper}) {
+    *v = Vector((*v)(kept));
+  }
+  candidates_.resize(kept.size());
+  members_ = {candidates_.begin(), candidates_.end()};
+  rows_.resize(kept.size() * packed_size_);
+  fresh_ = kept.size();
+  resize();
+}
+
+}  // namespace graybox

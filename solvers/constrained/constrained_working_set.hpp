@@ -1,0 +1,161 @@
+// ConstrainedWorkingSet: the problem of design_constraints.hpp on a few dozen candidates, by a
+// primal-dual interior point.
+//
+// Mathematics. f = -log Phi(M), M = P + sum_i x_i H_i, is convex with gradient -w_i, w_i = tr(G H_i),
+// and Hessian S (smooth_restricted_problem.hpp, which has S for all criteria: S_ij = tr(B_i B_j)/d
+// for D). The rows have slacks s_j in [L_j, U_j] where L_j < U_j. With multipliers y of the rows and
+// z >= 0 of the limits, the conditions of optimality are
+//
+//   w = A^T y + z^u - z^l,     A x = s,     y = v^u - v^l  (slacks),
+//   z^l (x - l) = z^u (u - x) = v^l (s - L) = v^u (U - s) = mu -> 0.
+//
+// Newton's step eliminates the multipliers of the limits,
+//
+//   (S + Z) dx + A^T dy = w - A^T y + mu/(x - l) - mu/(u - x),     Z = z^l/(x - l) + z^u/(u - x),
+//   A dx - D^-1 dy = s - A x + D^-1 g,                             D = v^l/(s - L) + v^u/(U - s),
+//
+// and solves for dy with the m x m Schur complement. Predictor and corrector (Mehrotra 1992) share
+// the factors. All steps have one length, 0.995 of the way to the boundary. The step of f is held to
+// where its second-order model holds, |B|_F of the change of M about one.
+//
+// It stops by the bound of multiplier_bound.hpp over its members, which is a proof, not an estimate.
+// A last Newton step on the limits that are active then puts the weights that are zero to zero.
+//
+// Starts are warm: members keep x, y and z, lifted to the complementarity that the gap of the pool
+// calls for.
+//
+// Cost of a step: n d^3 + n^2 p / 2 + n^3 / 6 + n^2 m for n members, n (d^3 + p^2 + p m) where n > 2 p.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+#include <unordered_set>
+#include <vector>
+
+#include "problems/base/aligned_array.hpp"
+#include "solvers/constrained/design_constraints.hpp"
+#include "solvers/core/criterion.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/restricted_problem/criterion_frame.hpp"
+
+namespace graybox {
+
+class ConstrainedWorkingSet {
+ public:
+  // `coordinates`: as CriterionFrame; `prior`: P in these coordinates, packed, or empty. Keeps a
+  // reference to the constraints.
+  ConstrainedWorkingSet(const Criterion& criterion, std::size_t dimension,
+                        std::span<const double> coordinates, std::span<const double> prior,
+                        const DesignConstraints& constraints);
+
+  // Adds a candidate with its packed matrix, which is copied. False if it is there already.
+  bool add(std::size_t candidate, const double* information);
+  [[nodiscard]] bool holds(std::size_t candidate) const;
+
+  // Steps until the gap over the members is at most `tolerance`. `pool_gap`: of the last pricing of
+  // candidates outside, where the steps begin. False where no further progress is possible.
+  bool improve(double pool_gap, double tolerance);
+
+  // Takes out members that are not run and whose reduced gain is below -threshold, but none twice:
+  // where multipliers are not unique, it would come and go for ever.
+  void drop(double threshold);
+
+  [[nodiscard]] std::span<const std::size_t> candidates() const { return candidates_; }
+  [[nodiscard]] std::span<const double> efforts() const { return {state_.x.data(), size()}; }
+  [[nodiscard]] std::span<const double> multipliers() const {
+    return {state_.y.data(), static_cast<std::size_t>(state_.y.size())};
+  }
+  [[nodiscard]] std::span<const double> trace_dual() const { return frame_.trace_dual(); }  // G
+  [[nodiscard]] double prior_gain() const { return prior_gain_; }  // tr(G P)
+  [[nodiscard]] double gap() const { return gap_; }                // over the members
+  [[nodiscard]] bool obeys_rows() const;                           // to a relative 1e-10
+  [[nodiscard]] std::size_t steps() const { return steps_; }
+  [[nodiscard]] std::size_t size() const { return candidates_.size(); }
+
+ private:
+  using Vector = Eigen::VectorXd;
+  using Matrix = Eigen::MatrixXd;
+  // What has a lower and an upper limit, either of which may be infinite, with its multipliers.
+  struct Limited {
+    Vector lower, upper, at_lower, at_upper;  // bounds; multipliers
+  };
+  struct State {
+    Vector x, y, s;
+    Limited x_limits, s_limits;
+  };
+  struct Direction {
+    Vector x, y, s, x_lower, x_upper, s_lower, s_upper;
+  };
+
+  // Where some efforts stand at their limits and some rows bind.
+  struct Face {
+    std::vector<Eigen::Index> free;  // efforts that do not
+    std::vector<Eigen::Index> rows;
+    Vector limits;  // of these rows
+  };
+
+  void keep(const std::vector<Eigen::Index>& kept);
+  void resize();
+  void start(double pool_gap);
+  void centre(const Vector& value, double mu, Limited& limited) const;
+  bool evaluate();
+  void form_gram_rows();
+  [[nodiscard]] Vector limit_stiffness() const;
+  bool factorise_hessian();
+  [[nodiscard]] Matrix solve_hessian(const Matrix& right) const;
+  bool factorise();
+  void solve(double mu, const Direction* predicted, Direction& step);
+  [[nodiscard]] double step_length(const Direction& step) const;
+  [[nodiscard]] double model_length(const Direction& step) const;
+  [[nodiscard]] double complementarity() const;
+  [[nodiscard]] double complementarity_after(const Direction& step, double length) const;
+  [[nodiscard]] Eigen::Index limit_count() const;
+  void step(bool centring);
+  void move(const Direction& step, double length);
+  void measure_gap();
+  Face snap_to_face();
+  bool step_in(const Face& face);
+  void polish();
+  [[nodiscard]] double infeasibility() const;
+  [[nodiscard]] const double* row(std::size_t k) const { return rows_.data() + k * packed_size_; }
+
+  const DesignConstraints& constraints_;
+  std::size_t dimension_, packed_size_;
+  CriterionFrame frame_;
+  InverseCholesky inverse_;
+  bool is_determinant_;  // criterion D
+  std::vector<double> prior_;
+  std::vector<std::size_t> candidates_;
+  std::unordered_set<std::size_t> members_, dropped_;
+  std::vector<double> rows_;  // packed matrices of the members
+  std::vector<double> matrix_;
+
+  State state_;
+  Direction predictor_, corrector_;
+  double length_ = 0.0;  // of the last step
+  Vector is_slack_;      // 1 for rows with L < U, 0 for equations
+  Matrix a_;             // rows of the members, m x n
+  Vector gain_;          // w
+  double prior_gain_ = 0.0;
+  double gap_ = 0.0;
+  std::size_t fresh_ = 0;  // members from here on have never been solved for
+  std::size_t steps_ = 0;
+
+  AlignedArray gram_rows_;
+  using GramMap =
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  GramMap gram_;  // n x stride, the rows g_i
+  std::vector<double> traces_, scratch_;
+  bool by_columns_ = false;
+  Eigen::LLT<Matrix> factor_;  // of S + Z, or of I + g^T Z^-1 g
+  Vector inverse_stiffness_, solved_gain_;
+  Matrix scaled_gram_;
+  double downdate_ = 1.0;
+  Matrix half_, rotated_, unpacked_;
+  Vector inverse_slack_;
+  Eigen::LDLT<Matrix> schur_factor_;
+};
+
+}  // namespace graybox
