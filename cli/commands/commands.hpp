@@ -19,6 +19,7 @@ void add_solvers_command(CLI::App& app, Invocation& invocation);
 void add_solve_command(CLI::App& app, Invocation& invocation);
 void add_check_command(CLI::App& app, Invocation& invocation);
 void add_exact_command(CLI::App& app, Invocation& invocation);
+void add_ellipsoid_command(CLI::App& app, Invocation& invocation);
 void add_simulate_command(CLI::App& app, Invocation& invocation);
 void add_recordings_command(CLI::App& app, Invocation& invocation);
 void add_responses_command(CLI::App& app, Invocation& invocation);

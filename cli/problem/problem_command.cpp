@@ -8,6 +8,7 @@
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
+#include "cli/problem/jacobian_problem.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
@@ -247,6 +248,7 @@ void add_problem_command(CLI::App& app, Invocation& /*invocation*/) {
   add_spectrum(*problem);
   add_random(*problem);
   add_regression(*problem);
+  add_jacobian_problem(*problem, write);
   add_subset(*problem);
   add_convert(*problem);
 }

@@ -1,0 +1,93 @@
+#include "cli/problem/jacobian_problem.hpp"
+
+#include <memory>
+#include <utility>
+
+#include "cli/problem/jacobian_file.hpp"
+#include "problems/base/error.hpp"
+
+namespace graybox::cli {
+namespace {
+
+struct JacobianArguments {
+  std::string jacobians;
+  std::size_t outputs = 0;
+  std::string model = "linear";
+  std::string noise;
+  std::string nominal;
+  std::string coordinates;
+  std::string output;
+};
+
+InformationSet make_set(const JacobianArguments& arguments) {
+  const bool linear = arguments.model == "linear";
+  if (linear && !arguments.nominal.empty()) {
+    throw InputError("--at is for --model logistic and poisson; Jacobians are taken as they are");
+  }
+  if (!linear && !arguments.noise.empty()) {
+    throw InputError("--noise is for --model linear; " + arguments.model + " states its own");
+  }
+  if (!linear && arguments.nominal.empty()) {
+    throw InputError("--model " + arguments.model +
+                     " needs nominal parameters: --at name=value,...");
+  }
+  Jacobians jacobians = read_jacobians(arguments.jacobians, arguments.outputs);
+  if (!arguments.coordinates.empty()) {
+    jacobians.table = read_coordinates(arguments.coordinates, jacobians.candidates);
+  }
+  if (linear) {
+    const OutputNoise noise =
+        read_noise(arguments.noise.empty() ? "1" : arguments.noise, jacobians.outputs);
+    return information_set_from_jacobians(std::move(jacobians), noise);
+  }
+  const std::vector<double> nominal = read_nominal(arguments.nominal, jacobians);
+  const auto model = arguments.model == "logistic" ? GeneralisedLinearModel::kLogistic
+                                                   : GeneralisedLinearModel::kPoisson;
+  return generalised_linear_set(std::move(jacobians), model, nominal);
+}
+
+}  // namespace
+
+void add_jacobian_problem(
+    CLI::App& problem,
+    std::function<void(const std::string& path, const InformationSet& set)> write) {
+  auto arguments = std::make_shared<JacobianArguments>();
+  auto* command = problem.add_subcommand(
+      "from-jacobians", "Information matrices of your own model, from its Jacobians");
+  command
+      ->add_option("jacobians", arguments->jacobians,
+                   "CSV: one row a candidate and output, one column a parameter; or .npy "
+                   "[Q x r x d], [Q x d]")
+      ->required();
+  command
+      ->add_option("--outputs", arguments->outputs,
+                   "rows a candidate, r (default: by a column 'candidate', else 1)")
+      ->check(CLI::PositiveNumber);
+  command->add_option(
+      "--noise", arguments->noise,
+      "standard deviation, one for each output (0.1,0.2), or the file of a covariance "
+      "(default: 1)");
+  command->add_option("--model", arguments->model, "linear, logistic or poisson")
+      ->check(CLI::IsMember({"linear", "logistic", "poisson"}))
+      ->capture_default_str();
+  command->add_option("--at", arguments->nominal,
+                      "logistic, poisson: nominal parameters, name=value,..., or a file");
+  command->add_option("--candidates", arguments->coordinates,
+                      "CSV: coordinates, one row a candidate");
+  command->add_option("-o,--output", arguments->output, "file to write: .h5, .npy, .csv or .mat")
+      ->required();
+  command->footer(
+      "linear    H = J' R^-1 J, J the derivatives of the outputs with respect to the parameters\n"
+      "logistic  rows are regressors x, y is 1 with probability 1 / (1 + exp(-x'theta))\n"
+      "poisson   likewise, y a count of mean exp(x'theta)\n"
+      "Examples:\n"
+      "  graybox problem from-jacobians jacobians.csv --noise 0.1 -o set.h5\n"
+      "  graybox problem from-jacobians jacobians.npy --noise covariance.csv --candidates "
+      "places.csv -o set.h5\n"
+      "  graybox problem from-jacobians doses.csv --model logistic --at constant=-2,dose=0.5 "
+      "-o set.h5");
+  command->callback(
+      [arguments, write = std::move(write)] { write(arguments->output, make_set(*arguments)); });
+}
+
+}  // namespace graybox::cli
