@@ -171,7 +171,7 @@ Jacobians read_jacobians(const std::string& path, std::size_t outputs) {
   return jacobians;
 }
 
-OutputNoise read_noise(const std::string& text, std::size_t outputs) {
+JacobianNoise read_noise(const std::string& text, std::size_t outputs) {
   if (auto numbers = listed_numbers(text)) {
     if (numbers->size() == 1) numbers->resize(outputs, numbers->front());
     if (numbers->size() != outputs) {
@@ -180,14 +180,14 @@ OutputNoise read_noise(const std::string& text, std::size_t outputs) {
                       "one for each",
                       numbers->size(), outputs));
     }
-    return OutputNoise::deviations(*numbers);
+    return JacobianNoise::deviations(*numbers);
   }
   const NumberTable table = read_number_table(text);
   if (table.rows != outputs || table.columns != outputs) {
     throw InputError(fmt::format("{}: {} x {} numbers; the covariance of {} outputs is {} x {}",
                                  text, table.rows, table.columns, outputs, outputs, outputs));
   }
-  return OutputNoise::covariance(table.values, outputs);
+  return JacobianNoise::covariance(table.values, outputs);
 }
 
 std::vector<double> read_nominal(const std::string& text, const Jacobians& jacobians) {

@@ -19,7 +19,7 @@ namespace graybox::cli {
 [[nodiscard]] Jacobians read_jacobians(const std::string& path, std::size_t outputs);
 
 // "0.1" for all outputs, "0.1,0.2" for each, or the file of a covariance matrix.
-[[nodiscard]] OutputNoise read_noise(const std::string& text, std::size_t outputs);
+[[nodiscard]] JacobianNoise read_noise(const std::string& text, std::size_t outputs);
 
 // "k=0.5,c=2", "0.5,2", or a file of one row or one column; in the order of the Jacobians' columns.
 [[nodiscard]] std::vector<double> read_nominal(const std::string& text, const Jacobians& jacobians);

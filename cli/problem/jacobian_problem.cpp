@@ -36,7 +36,7 @@ InformationSet make_set(const JacobianArguments& arguments) {
     jacobians.table = read_coordinates(arguments.coordinates, jacobians.candidates);
   }
   if (linear) {
-    const OutputNoise noise =
+    const JacobianNoise noise =
         read_noise(arguments.noise.empty() ? "1" : arguments.noise, jacobians.outputs);
     return information_set_from_jacobians(std::move(jacobians), noise);
   }

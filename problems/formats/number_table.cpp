@@ -57,7 +57,9 @@ class TextTableReader {
     std::string_view line;
     if (!lines_.next(line)) fail_empty();
     FieldSplitter splitter(line);
+    std::string header;
     if (is_header(splitter.split(line))) {
+      header = line;
       for (const std::string_view name : splitter.split(line)) table_.names.emplace_back(name);
       if (!lines_.next(line)) fail_empty();
       splitter = FieldSplitter(line);
@@ -65,6 +67,11 @@ class TextTableReader {
     table_.columns = splitter.split(line).size();
     do add(splitter.split(line));
     while (lines_.next(line));
+    // Blanks in the only name, as in "time [s]", separate nothing.
+    if (table_.columns == 1 && header.find_first_of(",;\t") == std::string::npos &&
+        !header.empty()) {
+      table_.names = {header};
+    }
     if (!table_.names.empty() && table_.names.size() != table_.columns) {
       throw InputError(fmt::format("{}: header: {} columns are named, but a line has {} numbers",
                                    table_.path, table_.names.size(), table_.columns));

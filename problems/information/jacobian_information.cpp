@@ -43,7 +43,7 @@ void add_square(const double* row, std::size_t d, double* packed) {
 }
 
 // packed += J^T W^T W J; `row` holds d numbers.
-void add_information(const double* jacobian, std::size_t d, const OutputNoise& noise,
+void add_information(const double* jacobian, std::size_t d, const JacobianNoise& noise,
                      std::span<double> row, double* packed) {
   const std::size_t r = noise.outputs();
   for (std::size_t k = 0; k < r; ++k) {
@@ -78,8 +78,8 @@ InformationSet finished(Jacobians jacobians, AlignedArray information) {
 
 }  // namespace
 
-OutputNoise OutputNoise::deviations(std::span<const double> deviations) {
-  OutputNoise noise;
+JacobianNoise JacobianNoise::deviations(std::span<const double> deviations) {
+  JacobianNoise noise;
   noise.outputs_ = deviations.size();
   noise.whitening_.assign(noise.outputs_ * noise.outputs_, 0.0);
   for (std::size_t k = 0; k < noise.outputs_; ++k) {
@@ -92,7 +92,7 @@ OutputNoise OutputNoise::deviations(std::span<const double> deviations) {
   return noise;
 }
 
-OutputNoise OutputNoise::covariance(std::span<const double> matrix, std::size_t outputs) {
+JacobianNoise JacobianNoise::covariance(std::span<const double> matrix, std::size_t outputs) {
   if (outputs == 0 || matrix.size() != outputs * outputs) {
     throw InputError(fmt::format("noise: the covariance of {} outputs has {} entries, not {}",
                                  outputs, outputs * outputs, matrix.size()));
@@ -108,7 +108,7 @@ OutputNoise OutputNoise::covariance(std::span<const double> matrix, std::size_t 
   if (cholesky.info() != Eigen::Success) {
     throw InputError("noise: the covariance must be positive definite");
   }
-  OutputNoise noise;
+  JacobianNoise noise;
   noise.outputs_ = outputs;
   noise.whitening_.resize(outputs * outputs);
   Eigen::Map<RowMajor>(noise.whitening_.data(), r, r) =
@@ -117,7 +117,7 @@ OutputNoise OutputNoise::covariance(std::span<const double> matrix, std::size_t 
 }
 
 std::vector<double> information(std::span<const double> jacobian, std::size_t parameters,
-                                const OutputNoise& noise) {
+                                const JacobianNoise& noise) {
   if (parameters == 0 || jacobian.size() != noise.outputs() * parameters) {
     throw InputError(
         fmt::format("a Jacobian of {} outputs and {} parameters has {} entries, not {}",
@@ -128,7 +128,7 @@ std::vector<double> information(std::span<const double> jacobian, std::size_t pa
   return packed;
 }
 
-InformationSet information_set_from_jacobians(Jacobians jacobians, const OutputNoise& noise) {
+InformationSet information_set_from_jacobians(Jacobians jacobians, const JacobianNoise& noise) {
   require_shape(jacobians);
   if (noise.outputs() != jacobians.outputs) {
     throw InputError(fmt::format("noise: of {} outputs, but {} has {} a candidate", noise.outputs(),

@@ -19,7 +19,7 @@
 //   Jacobians jacobians{.candidates = 3, .outputs = 1, .parameters = 2,
 //                       .values = {1, -1,  1, 0,  1, 1}};              // a straight line
 //   const InformationSet set =
-//       information_set_from_jacobians(std::move(jacobians), OutputNoise::deviations({0.1}));
+//       information_set_from_jacobians(std::move(jacobians), JacobianNoise::deviations({0.1}));
 //
 // Cost: Q r d (r + d / 2) multiplications, Q d (d + 1) / 2 numbers of memory.
 #pragma once
@@ -45,12 +45,13 @@ struct Jacobians {
 };
 
 // What the noise of r outputs is, as a matrix W with R^-1 = W^T W.
-class OutputNoise {
+class JacobianNoise {
  public:
   // Independent outputs. Throws InputError unless each is positive and finite.
-  [[nodiscard]] static OutputNoise deviations(std::span<const double> deviations);
+  [[nodiscard]] static JacobianNoise deviations(std::span<const double> deviations);
   // R, r x r row-major. Throws InputError unless it is symmetric to 1e-12 and positive definite.
-  [[nodiscard]] static OutputNoise covariance(std::span<const double> matrix, std::size_t outputs);
+  [[nodiscard]] static JacobianNoise covariance(std::span<const double> matrix,
+                                                std::size_t outputs);
 
   [[nodiscard]] std::size_t outputs() const { return outputs_; }
   // W, r x r row-major, lower triangular.
@@ -63,12 +64,12 @@ class OutputNoise {
 
 // H of one Jacobian (r x d row-major), packed (packed_matrix.hpp).
 [[nodiscard]] std::vector<double> information(std::span<const double> jacobian,
-                                              std::size_t parameters, const OutputNoise& noise);
+                                              std::size_t parameters, const JacobianNoise& noise);
 
 // Throws InputError where sizes do not fit or a number is not finite. That the sum of all matrices
 // is regular is left to InformationSet::validate().
 [[nodiscard]] InformationSet information_set_from_jacobians(Jacobians jacobians,
-                                                            const OutputNoise& noise);
+                                                            const JacobianNoise& noise);
 
 enum class GeneralisedLinearModel { kLogistic, kPoisson };
 
