@@ -1,9 +1,11 @@
 // `graybox ellipsoid`: the smallest ellipsoid around points, with proof.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "bench/pin_threads.hpp"
 #include "cli/commands/commands.hpp"
@@ -11,6 +13,7 @@
 #include "cli/process/interrupt.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/ellipsoid/ellipsoid_file.hpp"
+#include "solvers/ellipsoid/outlier_peeling.hpp"
 #include "solvers/report/solve_report.hpp"
 
 namespace graybox::cli {
@@ -20,6 +23,7 @@ struct EllipsoidArguments {
   std::string points;
   std::string checked;
   EllipsoidOptions options;
+  std::size_t drop = 0;
   std::string output;
   bool json = false;
 };
@@ -33,19 +37,29 @@ int solve_ellipsoid(const EllipsoidArguments& arguments) {
   const PointSet points = read_points(arguments);
   if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
-  const EllipsoidSolution solution = smallest_ellipsoid(points, arguments.options);
-  nlohmann::ordered_json file = ellipsoid_json(points, arguments.options, solution);
+  const PeeledEllipsoid found = peeled_ellipsoid(points, arguments.options, arguments.drop);
+  nlohmann::ordered_json file = ellipsoid_json(points, arguments.options, found);
   if (!arguments.output.empty()) write_text_file(arguments.output, file.dump(1) + "\n");
   if (arguments.json) {
     file["peak_memory_bytes"] = peak_memory_bytes();
     fmt::print("{}\n", file.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", points.path, describe_points(points),
-               describe_ellipsoid(points, arguments.options, solution),
-               describe_contact(points, solution));
+    fmt::print("{}: {}\n{}{}{}", points.path, describe_points(points),
+               describe_ellipsoid(points, arguments.options, found.solution),
+               describe_dropped(points, found.dropped), describe_contact(points, found.solution));
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
   }
-  return solution.status == EllipsoidStatus::kSolved ? kDone : kShort;
+  return found.solution.status == EllipsoidStatus::kSolved ? kDone : kShort;
+}
+
+// What the file says was dropped is left out of the points, and the support counts the others.
+void leave_out_dropped(PointSet& points, EllipsoidFile& file) {
+  if (file.dropped.empty()) return;
+  RemainingPoints rest = points_without(points, file.dropped);
+  for (std::size_t& i : file.support.indices) {
+    i = static_cast<std::size_t>(std::ranges::lower_bound(rest.indices, i) - rest.indices.begin());
+  }
+  points = std::move(rest.points);
 }
 
 // Where the file has no weights, the bound comes from those of the smallest ellipsoid found here.
@@ -53,6 +67,7 @@ int check_ellipsoid(const EllipsoidArguments& arguments) {
   EllipsoidOptions options = arguments.options;
   PointSet points = read_points(arguments);
   EllipsoidFile file = read_ellipsoid(arguments.checked, points);
+  leave_out_dropped(points, file);
   options.centred = options.centred || file.centred;
   catch_interrupts();
   const bool own_weights = file.support.indices.empty();
@@ -63,6 +78,7 @@ int check_ellipsoid(const EllipsoidArguments& arguments) {
     fmt::print("{}\n", nlohmann::ordered_json{{"contains_all", certificate.contains_all()},
                                               {"largest_distance", certificate.largest_distance},
                                               {"farthest", certificate.farthest},
+                                              {"dropped", file.dropped.size()},
                                               {"log_volume", certificate.log_volume},
                                               {"volume_bound", certificate.volume_bound},
                                               {"rounding_bound", certificate.rounding_bound},
@@ -71,6 +87,9 @@ int check_ellipsoid(const EllipsoidArguments& arguments) {
   } else {
     fmt::print("{}: {}\n{}", points.path, describe_points(points),
                describe_check(points, options.gap, certificate));
+    if (!file.dropped.empty()) {
+      fmt::print("  dropped       {}, as the file says; not counted here\n", file.dropped.size());
+    }
     if (own_weights) fmt::print("  weights       of 'graybox ellipsoid', for the file has none\n");
   }
   return certificate.contains_all() && certificate.volume_bound <= options.gap ? kDone : kShort;
@@ -92,6 +111,9 @@ void add_ellipsoid_command(CLI::App& app, Invocation& invocation) {
       ->add_option("--gap", options.gap,
                    "proven: volume at most 1 + gap times that of the smallest")
       ->capture_default_str();
+  command->add_option(
+      "--drop", arguments->drop,
+      "leave out this many points, each time the one that holds the ellipsoid most");
   command->add_option("--check", arguments->checked,
                       "certify this ellipsoid: graybox-ellipsoid/1 JSON, whoever wrote it");
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
@@ -110,6 +132,7 @@ void add_ellipsoid_command(CLI::App& app, Invocation& invocation) {
       "  graybox ellipsoid points.csv -o ellipsoid.json\n"
       "  graybox ellipsoid points.npy --gap 1e-9 --threads 2 --json\n"
       "  graybox ellipsoid residuals.csv --centred\n"
+      "  graybox ellipsoid points.csv --drop 2\n"
       "  graybox ellipsoid points.csv --check ellipsoid.json");
   command->callback([arguments, &invocation] {
     bench::pin_threads(arguments->options.threads, invocation.arguments);

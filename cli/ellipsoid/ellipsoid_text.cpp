@@ -54,6 +54,23 @@ std::string time_text(double seconds) {
   return seconds < 1.0 ? fmt::format("{:.3g} ms", 1e3 * seconds) : fmt::format("{:.3g} s", seconds);
 }
 
+std::string point_heading(const PointSet& points, const std::string& first) {
+  std::string text = fmt::format("  {:>10} {:>10}", first, points.lines.empty() ? "row" : "line");
+  for (std::size_t j = 0; j < std::min(kShownCoordinates, points.dimension); ++j) {
+    text += fmt::format(" {:>12}", points.names[j]);
+  }
+  return text + '\n';
+}
+
+std::string point_row(const PointSet& points, double first, std::size_t i) {
+  std::string text =
+      fmt::format("  {:>10.6f} {:>10}", first, points.lines.empty() ? i : points.lines[i]);
+  for (std::size_t j = 0; j < std::min(kShownCoordinates, points.dimension); ++j) {
+    text += fmt::format(" {:>12.6g}", points.point(i)[j]);
+  }
+  return text + '\n';
+}
+
 }  // namespace
 
 std::string describe_points(const PointSet& points) {
@@ -85,22 +102,26 @@ std::string describe_contact(const PointSet& points, const EllipsoidSolution& so
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::ranges::stable_sort(order,
                            [&](std::size_t a, std::size_t b) { return weights[a] > weights[b]; });
-  const std::size_t columns = std::min(kShownCoordinates, points.dimension);
   std::string text = fmt::format(
-      "  contact       {} points hold the ellipsoid, heaviest first: look at them as outliers\n"
-      "  {:>10} {:>10}",
-      weights.size(), "weight", points.lines.empty() ? "row" : "line");
-  for (std::size_t j = 0; j < columns; ++j) text += fmt::format(" {:>12}", points.names[j]);
-  text += '\n';
+      "  contact       {} points hold the ellipsoid, heaviest first: look at them as outliers\n",
+      weights.size());
+  text += point_heading(points, "weight");
   for (std::size_t rank = 0; rank < std::min(order.size(), kShownPoints); ++rank) {
-    const std::size_t i = solution.support.indices[order[rank]];
-    text += fmt::format("  {:>10.6f} {:>10}", weights[order[rank]],
-                        points.lines.empty() ? i : points.lines[i]);
-    for (std::size_t j = 0; j < columns; ++j) text += fmt::format(" {:>12.6g}", points.point(i)[j]);
-    text += '\n';
+    const std::size_t k = order[rank];
+    text += point_row(points, weights[k], solution.support.indices[k]);
   }
   if (order.size() > kShownPoints) {
     text += fmt::format("  {:>10} and {} more\n", "...", order.size() - kShownPoints);
+  }
+  return text;
+}
+
+std::string describe_dropped(const PointSet& points, const std::vector<DroppedPoint>& dropped) {
+  if (dropped.empty()) return {};
+  std::string text = "  dropped       one after the other; factor by which the volume fell\n";
+  text += point_heading(points, "factor");
+  for (const DroppedPoint& point : dropped) {
+    text += point_row(points, point.volume_factor, point.index);
   }
   return text;
 }

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
-#include "solvers/ellipsoid/smallest_ellipsoid.hpp"
+#include "solvers/ellipsoid/outlier_peeling.hpp"
 
 namespace graybox::cli {
 
@@ -18,6 +19,10 @@ namespace graybox::cli {
 // The points that the ellipsoid touches, heaviest first.
 [[nodiscard]] std::string describe_contact(const PointSet& points,
                                            const EllipsoidSolution& solution);
+
+// The points left out, in that order, with what the volume became; empty where there are none.
+[[nodiscard]] std::string describe_dropped(const PointSet& points,
+                                           const std::vector<DroppedPoint>& dropped);
 
 // Whether a given ellipsoid holds what it promises.
 [[nodiscard]] std::string describe_check(const PointSet& points, double gap,

@@ -67,6 +67,18 @@ EllipsoidJson contact_entries(const PointSet& points, const EllipsoidSolution& s
   return entries;
 }
 
+EllipsoidJson dropped_entries(const PointSet& points, const std::vector<DroppedPoint>& dropped) {
+  EllipsoidJson entries = EllipsoidJson::array();
+  for (const DroppedPoint& point : dropped) {
+    const double* x = points.point(point.index);
+    entries.push_back({{"index", point.index},
+                       {"weight", point.weight},
+                       {"volume_factor", point.volume_factor},
+                       {"point", std::vector<double>(x, x + points.dimension)}});
+  }
+  return entries;
+}
+
 class EllipsoidReader {
  public:
   EllipsoidReader(const std::string& path, const PointSet& points)
@@ -90,6 +102,12 @@ class EllipsoidReader {
     }
     file.ellipsoid.factor = root_.contains("factor") ? factor() : factor_from_shape();
     file.support = support();
+    file.dropped = dropped();
+    for (const std::size_t i : file.support.indices) {
+      if (std::ranges::find(file.dropped, i) != file.dropped.end()) {
+        fail(fmt::format("point {} is both in contact and dropped", i));
+      }
+    }
     return file;
   }
 
@@ -178,22 +196,37 @@ class EllipsoidReader {
     if (contact == root_.end() || !contact->is_array()) return found;
     for (std::size_t k = 0; k < contact->size(); ++k) {
       const EllipsoidJson& entry = (*contact)[k];
-      const auto index = entry.is_object() ? entry.find("index") : entry.end();
-      const auto weight = entry.is_object() ? entry.find("weight") : entry.end();
-      if (index == entry.end() || !index->is_number_integer() || *index < 0 ||
-          *index >= points_.count) {
-        fail(fmt::format("contact[{}]: index must be an integer from 0 to {}", k,
-                         points_.count - 1));
-      }
+      const std::size_t index = point_index(entry, "contact", k);
+      const auto weight = entry.find("weight");
       if (weight == entry.end()) return {};  // they prove nothing
       if (!weight->is_number() || !(weight->get<double>() >= 0.0) ||
           !std::isfinite(weight->get<double>())) {
         fail(fmt::format("contact[{}]: weight must be a number of at least 0", k));
       }
-      found.indices.push_back(index->get<std::size_t>());
+      found.indices.push_back(index);
       found.weights.push_back(weight->get<double>());
     }
     return found;
+  }
+
+  [[nodiscard]] std::vector<std::size_t> dropped() const {
+    std::vector<std::size_t> found;
+    const auto list = root_.find("dropped");
+    if (list == root_.end() || !list->is_array()) return found;
+    for (std::size_t k = 0; k < list->size(); ++k) {
+      found.push_back(point_index((*list)[k], "dropped", k));
+    }
+    return found;
+  }
+
+  [[nodiscard]] std::size_t point_index(const EllipsoidJson& entry, const char* key,
+                                        std::size_t k) const {
+    const auto index = entry.is_object() ? entry.find("index") : entry.end();
+    if (index == entry.end() || !index->is_number_integer() || *index < 0 ||
+        *index >= points_.count) {
+      fail(fmt::format("{}[{}]: index must be an integer from 0 to {}", key, k, points_.count - 1));
+    }
+    return index->get<std::size_t>();
   }
 
   std::string path_;
@@ -205,14 +238,15 @@ class EllipsoidReader {
 }  // namespace
 
 nlohmann::ordered_json ellipsoid_json(const PointSet& points, const EllipsoidOptions& options,
-                                      const EllipsoidSolution& solution) {
+                                      const PeeledEllipsoid& found) {
+  const EllipsoidSolution& solution = found.solution;
   const Ellipsoid& ellipsoid = solution.ellipsoid;
   const EllipsoidCertificate& certificate = solution.certificate;
   EllipsoidJson axes = EllipsoidJson::array();
   for (const SemiAxis& axis : semi_axes(ellipsoid)) {
     axes.push_back({{"length", axis.length}, {"direction", axis.direction}});
   }
-  return {
+  EllipsoidJson root{
       {"format", kEllipsoidFormat},
       {"written_by", written_by()},
       {"points", points.path},
@@ -238,6 +272,8 @@ nlohmann::ordered_json ellipsoid_json(const PointSet& points, const EllipsoidOpt
       {"contact", contact_entries(points, solution)},
       {"counters",
        {{"rounds", solution.rounds}, {"passes", solution.passes}, {"seconds", solution.seconds}}}};
+  if (!found.dropped.empty()) root["dropped"] = dropped_entries(points, found.dropped);
+  return root;
 }
 
 EllipsoidFile read_ellipsoid(const std::string& path, const PointSet& points) {

@@ -18,19 +18,6 @@ constexpr std::size_t kBlock = 2048;  // points
 constexpr double kSmallestRange = 1e-140;
 constexpr double kLargestMagnitude = 1e140;
 
-void find_range(PointSet& points) {
-  points.lower.assign(points.values.begin(),
-                      points.values.begin() + static_cast<std::ptrdiff_t>(points.dimension));
-  points.upper = points.lower;
-  for (std::size_t i = 1; i < points.count; ++i) {
-    const double* x = points.point(i);
-    for (std::size_t j = 0; j < points.dimension; ++j) {
-      points.lower[j] = std::min(points.lower[j], x[j]);
-      points.upper[j] = std::max(points.upper[j], x[j]);
-    }
-  }
-}
-
 void require_range(const PointSet& points, bool centred) {
   for (std::size_t j = 0; j < points.dimension; ++j) {
     const double low = points.lower[j], high = points.upper[j];
@@ -74,6 +61,19 @@ PointSet point_set(NumberTable table, bool centred) {
   return points;
 }
 
+void find_range(PointSet& points) {
+  points.lower.assign(points.values.begin(),
+                      points.values.begin() + static_cast<std::ptrdiff_t>(points.dimension));
+  points.upper = points.lower;
+  for (std::size_t i = 1; i < points.count; ++i) {
+    const double* x = points.point(i);
+    for (std::size_t j = 0; j < points.dimension; ++j) {
+      points.lower[j] = std::min(points.lower[j], x[j]);
+      points.upper[j] = std::max(points.upper[j], x[j]);
+    }
+  }
+}
+
 PointSet subset(const PointSet& points, std::span<const std::size_t> indices) {
   PointSet chosen;
   chosen.path = points.path;
@@ -84,6 +84,7 @@ PointSet subset(const PointSet& points, std::span<const std::size_t> indices) {
   chosen.dimension = points.dimension;
   chosen.values.resize(indices.size() * points.dimension);
   for (std::size_t k = 0; k < indices.size(); ++k) {
+    if (!points.lines.empty()) chosen.lines.push_back(points.lines[indices[k]]);
     std::copy_n(points.point(indices[k]), points.dimension,
                 chosen.values.begin() + static_cast<std::ptrdiff_t>(k * points.dimension));
   }

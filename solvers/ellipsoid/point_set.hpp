@@ -34,7 +34,10 @@ struct PointSet {
 // Names x1, x2, ... where the table has none.
 [[nodiscard]] PointSet point_set(NumberTable table, bool centred);
 
-// The points listed, in that order.
+// Sets lower and upper.
+void find_range(PointSet& points);
+
+// The points listed, in that order; lower and upper stay those of all points.
 [[nodiscard]] PointSet subset(const PointSet& points, std::span<const std::size_t> indices);
 
 // out_i = |F (x_i - c)|^2 in double precision for all points. One read of the points, n^2 flops

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "problems/base/aligned_array.hpp"
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
@@ -242,7 +243,10 @@ EllipsoidSolution EllipsoidRun::run() {
     }
     if (gap <= working_gap(1.0 - kShareForRounding)) {
       EllipsoidSolution solution = finish(EllipsoidStatus::kSolved);
-      if (solution.certificate.volume_bound <= options_.gap) return solution;
+      if (solution.certificate.contains_all() &&
+          solution.certificate.volume_bound <= options_.gap) {
+        return solution;
+      }
     }
     if (stop_requested()) break;
     if (without_progress > kPassesWithoutProgress) {
@@ -293,6 +297,14 @@ EllipsoidSolution EllipsoidRun::finish(EllipsoidStatus status) {
   return solution;
 }
 
+// The working set keeps packed matrices of 8 d points twice, and more where it has to.
+void require_memory_for_newton(const PointSet& points) {
+  const std::size_t d = points.dimension + 1;
+  require_memory(2 * 8 * d * packed_size(d) * sizeof(double),
+                 fmt::format("the smallest ellipsoid in {} dimensions", points.dimension),
+                 "use fewer columns");
+}
+
 void require_options(const EllipsoidOptions& options) {
   if (!(options.gap > 0.0) || !std::isfinite(options.gap)) {
     throw InputError(
@@ -322,6 +334,7 @@ std::string_view to_string(EllipsoidStatus status) {
 
 EllipsoidSolution smallest_ellipsoid(const PointSet& points, const EllipsoidOptions& options) {
   require_options(options);
+  require_memory_for_newton(points);
   const TimeLimit limit(options.time_limit);
   return EllipsoidRun(points, options).run();
 }

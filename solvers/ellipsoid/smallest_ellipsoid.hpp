@@ -26,8 +26,8 @@
 //   assert(found.certificate.contains_all() && found.certificate.volume_bound <= 1e-9);
 //
 // Cost: a handful of passes of n^2 flops a point. A Newton step on m points costs
-// m d^3 + m^2 d^2 / 4 + m^3; m is from 2 d to some d^2. Memory: 8 Q bytes beyond the points, and some
-// 32 d^3 + 8 m^2. Results do not depend on the number of threads.
+// m d^3 + m^2 d^2 / 4 + m^3; m is from 2 d to some d^2. Memory: 8 Q bytes beyond the points, and
+// some 32 d^3 + 8 m^2. Results do not depend on the number of threads.
 #pragma once
 
 #include <cstdint>

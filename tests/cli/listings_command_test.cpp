@@ -126,6 +126,33 @@ TEST_F(Listings, OfTheReadmesDesignAreWhatTheProgramPrints) {
   EXPECT_NEAR(std::stod(page.substr(page.find(label) + label.size())), optimum, 1e-4);
 }
 
+TEST_F(Listings, OfAnEllipsoidAreWhatTheProgramPrints) {
+  testing::write_text(folder_.file("motors.csv"),
+                      source_file("docs/examples/ellipsoid/motors.csv"));
+  const testing::Outcome outcome = graybox("ellipsoid motors.csv --drop 2");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  expect_quoted("docs/ellipsoid.md", outcome.out, "ellipsoid: ");
+}
+
+// The thermometer of docs/own_model.md, as its Python makes it.
+TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
+  const double final = 60.0, tau = 8.0;
+  std::string jacobians = "final,tau\n", times = "time [s]\n";
+  for (int k = 0; k < 600; ++k) {
+    const double t = 0.1 + 59.9 * k / 599.0, decay = std::exp(-t / tau);
+    jacobians += fmt::format("{:.17g},{:.17g}\n", 1.0 - decay, -final * t / (tau * tau) * decay);
+    times += fmt::format("{:.17g}\n", t);
+  }
+  testing::write_text(folder_.file("jacobians.csv"), jacobians);
+  testing::write_text(folder_.file("times.csv"), times);
+  const testing::Outcome made =
+      graybox("problem from-jacobians jacobians.csv --noise 0.2 --candidates times.csv -o set.h5");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const testing::Outcome solved = graybox("solve set.h5 --gap 1e-9");
+  ASSERT_EQ(solved.exit_code, 0) << solved.err;
+  expect_quoted("docs/own_model.md", made.out + solved.out, "wrote set.h5");
+}
+
 TEST_F(Listings, OfTheReadmesDiagnosisAreWhatTheProgramPrints) {
   const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive";
   const testing::Outcome outcome = graybox("diagnose " + drive + "/motor.yaml " + drive);
