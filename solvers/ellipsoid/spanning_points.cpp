@@ -37,9 +37,7 @@ class SpanningSearch {
       stop_if_requested();
       const Eigen::VectorXd direction = next_direction();
       if (!extend(direction, found.indices)) {
-        Eigen::Index largest = 0;
-        direction.cwiseAbs().maxCoeff(&largest);
-        found.dependent = static_cast<std::size_t>(largest);
+        found.dependent = last_of_largest(direction);
         return found;
       }
     }
@@ -51,6 +49,14 @@ class SpanningSearch {
   }
 
  private:
+  // The last coordinate that the others determine about as well as any: sums tend to come last.
+  [[nodiscard]] std::size_t last_of_largest(const Eigen::VectorXd& direction) const {
+    const double largest = direction.cwiseAbs().maxCoeff();
+    Eigen::Index last = n_ - 1;
+    while (std::abs(direction(last)) < 0.9 * largest) --last;
+    return static_cast<std::size_t>(last);
+  }
+
   // The component of v that is orthogonal to the basis; twice, since once is not enough.
   [[nodiscard]] Eigen::VectorXd orthogonal(Eigen::VectorXd v) const {
     for (int pass = 0; pass < 2; ++pass) v -= basis_ * (basis_.transpose() * v);

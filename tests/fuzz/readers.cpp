@@ -20,12 +20,14 @@
 #include "problems/formats/hdf5_file.hpp"
 #include "problems/formats/mat_file.hpp"
 #include "problems/formats/npy_file.hpp"
+#include "problems/formats/number_table.hpp"
 #include "problems/laws/expression.hpp"
 #include "problems/laws/law_file.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 #include "problems/mechanisms/rigid_robot_model.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
 #include "problems/robot_information/robot_grid.hpp"
+#include "solvers/ellipsoid/ellipsoid_file.hpp"
 #include "solvers/report/design_file.hpp"
 
 namespace graybox::fuzz {
@@ -70,6 +72,18 @@ const InformationSet& design_set() {
 void read_design_file(const fs::path& file) {
   (void)read_design(file.string(), design_set());
   (void)read_design(file.string(), design_set(), WeightCheck::kForChecker);
+}
+
+void read_table(const fs::path& file) { (void)read_number_table(file.string()); }
+
+// The ellipsoids of the corpus are of these: the corners of a square.
+void read_ellipsoid_file(const fs::path& file) {
+  PointSet points;
+  points.names = {"x", "y"};
+  points.count = 4;
+  points.dimension = 2;
+  points.values = {1, 1, -1, 1, 1, -1, -1, -1};
+  (void)read_ellipsoid(file.string(), points);
 }
 
 void read_robot(const fs::path& file) {
@@ -156,6 +170,8 @@ constexpr std::array kReaders{
     Reader{"set_mat5", "input.mat", &read_mat_set},
     Reader{"set_mat73", "input.mat", &read_mat_set},
     Reader{"design", "input.json", &read_design_file},
+    Reader{"table", "input.csv", &read_table},
+    Reader{"ellipsoid", "input.json", &read_ellipsoid_file},
     Reader{"recording_csv", "input.csv", &read_csv_columns},
     Reader{"recording_npy", "input.npy", &read_recording<&formats::read_npy_recording>},
     Reader{"recording_hdf5", "input.h5", &read_hdf5_columns},
