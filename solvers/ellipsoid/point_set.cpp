@@ -14,9 +14,9 @@ namespace graybox {
 namespace {
 
 constexpr std::size_t kBlock = 2048;  // points
-// Squares of n coordinates over their range stay far from the ends of double precision.
-constexpr double kSmallestRange = 1e-140;
-constexpr double kLargestMagnitude = 1e140;
+// Squares of coordinates over ranges, of all points or of some, stay within double precision.
+constexpr double kSmallestRange = 1e-70;
+constexpr double kLargestMagnitude = 1e70;
 
 void require_range(const PointSet& points, bool centred) {
   for (std::size_t j = 0; j < points.dimension; ++j) {

@@ -66,6 +66,7 @@ class EllipsoidRun {
   [[nodiscard]] bool find_frame() {
     return support_frame(points_, members_, options_.centred, frame_);
   }
+  void find_frame_or_start_again();
   void lift(std::size_t member, ExtendedPlace& place);
   [[nodiscard]] double working_gap(double share) const;
   [[nodiscard]] EllipsoidSolution finish(EllipsoidStatus status);
@@ -79,7 +80,8 @@ class EllipsoidRun {
   double d_;
   double offset_;  // sensitivity = distance + offset
   Clock::time_point start_ = Clock::now();
-  WeightedPoints members_;  // of the working set, some of weight zero
+  WeightedPoints first_members_;  // span the space
+  WeightedPoints members_;        // of the working set, some of weight zero
   Ellipsoid frame_;
   std::vector<double> packed_;  // q q^T of one point
   double best_gap_ = kInfinity;
@@ -187,6 +189,7 @@ void EllipsoidRun::start(const PointPool& first) {
     spanning = spanning_points(points_, options_.centred);
   }
   members_ = {spanning.indices, std::vector<double>(spanning.indices.size(), 1.0)};
+  first_members_ = members_;
   if (spanning.dependent < points_.dimension || !find_frame()) {
     throw InputError(fmt::format(
         "{}: up to rounding the points lie in a hyperplane, and the smallest ellipsoid has no "
@@ -207,6 +210,13 @@ void EllipsoidRun::warm_up() {
     pool = sample(size);
     solve_pool(pool, kRoughGap, 4);
   }
+}
+
+// Where rounding has left weights whose points lie in a hyperplane, those of the start.
+void EllipsoidRun::find_frame_or_start_again() {
+  if (find_frame()) return;
+  members_ = first_members_;
+  static_cast<void>(find_frame());  // start() has seen that it can be found
 }
 
 // The points on which to go on after a pass over all: those that can touch the smallest ellipsoid
@@ -232,7 +242,8 @@ EllipsoidSolution EllipsoidRun::run() {
   warm_up();
   AlignedArray distances(points_.count);
   for (int without_progress = 0;;) {
-    if (!find_frame() || !price(points_, distances.span())) break;
+    find_frame_or_start_again();
+    if (!price(points_, distances.span())) break;
     const double gap = gap_of(distances.span());
     without_progress = gap < 0.9 * best_gap_ ? 0 : without_progress + 1;
     if (gap < best_gap_) {
