@@ -15,9 +15,9 @@ using ExtendedVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 
 constexpr long double kUnit = std::numeric_limits<long double>::epsilon() / 2;
 
-// sum_k u_k x_k, summed as differences from the first point.
-ExtendedVector weighted_mean(const PointSet& points, const WeightedPoints& support,
-                             long double total) {
+// sum_k u_k (x_k - x_first): the mean itself would lose digits far from the origin.
+ExtendedVector mean_from_first(const PointSet& points, const WeightedPoints& support,
+                               long double total) {
   const auto n = static_cast<Eigen::Index>(points.dimension);
   const double* first = points.point(support.indices.front());
   ExtendedVector mean = ExtendedVector::Zero(n);
@@ -27,15 +27,28 @@ ExtendedVector weighted_mean(const PointSet& points, const WeightedPoints& suppo
       mean(j) += support.weights[k] * (static_cast<long double>(x[j]) - first[j]);
     }
   }
-  for (Eigen::Index j = 0; j < n; ++j) mean(j) = mean(j) / total + first[j];
-  return mean;
+  return mean / total;
 }
 
-void set_centre(const ExtendedVector& centre, Ellipsoid& frame) {
+// The centre origin + mean, in two doubles.
+void set_centre(const double* origin, const ExtendedVector& mean, Ellipsoid& frame) {
   for (std::size_t j = 0; j < frame.dimension; ++j) {
-    const long double value = centre(static_cast<Eigen::Index>(j));
-    frame.centre[j] = static_cast<double>(value);
-    frame.remainder[j] = static_cast<double>(value - frame.centre[j]);
+    const long double offset = mean(static_cast<Eigen::Index>(j));
+    frame.centre[j] = static_cast<double>(origin[j] + offset);
+    frame.remainder[j] =
+        static_cast<double>((origin[j] - static_cast<long double>(frame.centre[j])) + offset);
+  }
+}
+
+// F = R^-T, its rows signed so that the diagonal is positive.
+void set_factor(const ExtendedMatrix& inverse, Ellipsoid& frame) {
+  for (std::size_t i = 0; i < frame.dimension; ++i) {
+    const auto column = static_cast<Eigen::Index>(i);
+    const long double sign = inverse(column, column) > 0 ? 1 : -1;
+    for (std::size_t j = 0; j <= i; ++j) {
+      frame.factor[packed_index(i, j)] =
+          static_cast<double>(sign * inverse(static_cast<Eigen::Index>(j), column));
+    }
   }
 }
 
@@ -61,29 +74,26 @@ bool support_frame(const PointSet& points, const WeightedPoints& support, bool c
   frame.remainder.assign(points.dimension, 0.0);
   frame.factor.resize(packed_size(points.dimension));
   const long double total = std::accumulate(support.weights.begin(), support.weights.end(), 0.0L);
-  ExtendedVector centre = ExtendedVector::Zero(n);
-  if (!centred) centre = weighted_mean(points, support, total);
-  set_centre(centre, frame);
+  const std::vector<double> zero(points.dimension, 0.0);
+  const double* origin = centred ? zero.data() : points.point(support.indices.front());
+  ExtendedVector mean = ExtendedVector::Zero(n);
+  if (!centred) {
+    mean = mean_from_first(points, support, total);
+    set_centre(origin, mean, frame);
+  }
   ExtendedMatrix rows(m, n);
   for (Eigen::Index k = 0; k < m; ++k) {
     const auto member = static_cast<std::size_t>(k);
     const double* x = points.point(support.indices[member]);
     const long double root = std::sqrt(support.weights[member] / total);
-    for (Eigen::Index j = 0; j < n; ++j) rows(k, j) = root * (x[j] - centre(j));
+    for (Eigen::Index j = 0; j < n; ++j) {
+      rows(k, j) = root * ((static_cast<long double>(x[j]) - origin[j]) - mean(j));
+    }
   }
   const Eigen::HouseholderQR<ExtendedMatrix> qr(rows);
   ExtendedMatrix r = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
   if (is_singular(r)) return false;
-  const ExtendedMatrix inverse =
-      r.triangularView<Eigen::Upper>().solve(ExtendedMatrix::Identity(n, n));
-  for (Eigen::Index i = 0; i < n;
-       ++i) {  // F = R^-T, its rows signed so that the diagonal is positive
-    const long double sign = inverse(i, i) > 0 ? 1 : -1;
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      frame.factor[packed_index(static_cast<std::size_t>(i), static_cast<std::size_t>(j))] =
-          static_cast<double>(sign * inverse(j, i));
-    }
-  }
+  set_factor(r.triangularView<Eigen::Upper>().solve(ExtendedMatrix::Identity(n, n)), frame);
   return true;
 }
 

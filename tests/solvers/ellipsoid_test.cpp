@@ -134,6 +134,9 @@ TEST(Ellipsoid, IsProvenForBadlyScaledPoints) {
     logarithms += std::log(unit);
   }
   EXPECT_NEAR(solved_log_volume(points_of(scaled), 1e-9), plain + logarithms, 1e-7);
+  Matrix far = rows;
+  far.col(0) = (1e-3 * rows.col(0)).array() + 1e6;
+  static_cast<void>(solved_log_volume(points_of(far), 1e-12));
   Matrix thin = rows;
   thin.col(1) = rows.col(0) + 1e-6 * rows.col(1);
   EXPECT_NEAR(solved_log_volume(points_of(thin), 1e-8), plain + std::log(1e-6), 1e-6);
