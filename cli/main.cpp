@@ -75,6 +75,7 @@ int run(int argc, char** argv) {
   graybox::cli::add_responses_command(app, invocation);
   graybox::cli::add_fit_command(app, invocation);
   graybox::cli::add_predict_command(app, invocation);
+  graybox::cli::add_model_command(app, invocation);
   graybox::cli::add_diagnose_command(app, invocation);
   graybox::cli::add_challenge_command(app, invocation);
   graybox::cli::add_help_command(app, invocation);

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,7 +11,9 @@
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
+#include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
@@ -19,9 +22,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct RecordingsArguments {
-  std::string campaign;
+  std::vector<std::string> files;  // one campaign, or logs for a template
   std::string output;
-  bool json = false;
+  bool json = false, from_logs = false;
 };
 
 const char* name_of_severity(Severity severity) {
@@ -169,8 +172,34 @@ std::string text_of(const Json& summary) {
   return text;
 }
 
+// A campaign.yaml for logs, printed or written.
+int propose(const RecordingsArguments& arguments) {
+  ProposalRequest request;
+  request.machine = ProposedMachine::kRecordings;
+  request.command = "graybox recordings --template";
+  for (const std::string& file : arguments.files) {
+    request.logs.emplace_back(file);
+    request.command += " " + file;
+  }
+  request.folder = std::filesystem::path(arguments.output).parent_path();
+  const ModelProposal proposal = propose_model(request);
+  if (arguments.output.empty()) {
+    fmt::print("{}", proposal.campaign_text);
+  } else {
+    if (std::filesystem::exists(arguments.output)) {
+      throw InputError(arguments.output + ": is there already; choose another file by -o");
+    }
+    write_text_file(arguments.output, proposal.campaign_text);
+  }
+  return proposal.questions.empty() ? kDone : kBadInput;
+}
+
 int execute(const RecordingsArguments& arguments) {
-  const Campaign campaign = read_campaign(arguments.campaign);
+  if (arguments.from_logs) return propose(arguments);
+  if (arguments.files.size() > 1) {
+    throw InputError(arguments.files[1] + ": one campaign at a time; of logs say --template");
+  }
+  const Campaign campaign = read_campaign(arguments.files.front());
   bool complete = true;
   const Json summary = summarise(campaign, complete);
   if (!complete) {
@@ -188,16 +217,20 @@ void add_recordings_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("recordings", "Read and check the recordings of a campaign");
   auto arguments = std::make_shared<RecordingsArguments>();
   command
-      ->add_option("campaign", arguments->campaign,
-                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
+      ->add_option("campaign", arguments->files,
+                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml; with "
+                   "--template: logs")
       ->required();
   command->add_option("-o,--output", arguments->output, "write the summary to this file (JSON)");
+  command->add_flag("--template", arguments->from_logs,
+                    "propose a campaign.yaml for logs (print it, or -o)");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 usable, perhaps with warnings; 2 a recording can't be used, and why.\n"
       "Examples:\n"
       "  graybox recordings campaign/\n"
-      "  graybox recordings diagnosis/campaigns/emps.yaml --json");
+      "  graybox recordings diagnosis/campaigns/emps.yaml --json\n"
+      "  graybox recordings --template log.csv -o campaign.yaml");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }
 

@@ -43,6 +43,28 @@ std::vector<RecordedColumn> header_columns(const std::string& path,
   return columns;
 }
 
+// A line of units below the header: each field is a known unit, in brackets or not, "-" or empty,
+// and one is a unit. Takes them.
+bool takes_units(const std::vector<std::string_view>& fields,
+                 std::vector<RecordedColumn>& columns) {
+  if (fields.size() != columns.size()) return false;
+  std::vector<std::string> units;
+  bool any = false;
+  for (std::string_view field : fields) {
+    field = trimmed(field);
+    const bool has_brackets = field.size() > 2 && (field.front() == '[' || field.front() == '(');
+    if (has_brackets) field = trimmed(field.substr(1, field.size() - 2));
+    const bool is_unit = find_unit(field) != nullptr && field != "1";
+    if (!is_unit && !field.empty() && field != "-" && field != "1") return false;
+    any = any || is_unit;
+    units.emplace_back(is_unit ? field : std::string_view{});
+  }
+  for (std::size_t k = 0; any && k < columns.size(); ++k) {
+    if (columns[k].unit.empty()) columns[k].unit = units[k];
+  }
+  return any;
+}
+
 // An empty field is a sample that is not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
                  std::string_view field) {
@@ -62,6 +84,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   if (const auto& titles = splitter.split(line); is_header(titles)) {
     file.columns = header_columns(path, titles);
     more = lines.next(line);
+    if (more && takes_units(splitter.split(line), file.columns)) more = lines.next(line);
   } else {
     for (std::size_t k = 0; k < titles.size(); ++k) {
       file.columns.push_back({std::to_string(k + 1), {}, {}});

@@ -2,7 +2,7 @@
 //
 //   .csv .txt   a header with the columns' names, then numbers; separated by commas, semicolons,
 //               tabs or blanks. Without a header the columns are called 1, 2, ... A name may carry
-//               its unit: "speed [rpm]". Empty fields are NaN.
+//               its unit: "speed [rpm]", or a second line has the units. Empty fields are NaN.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
 //   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as
 //               "rec.speed"

@@ -229,7 +229,7 @@ void read_time(const YamlField& root, Campaign& campaign) {
   }
   field.allow_keys({"column", "unit"});
   const Unit& unit = unit_in(field.at("unit"));
-  if (unit.base != "s") field.at("unit").fail("must be a unit of time: s, ms, us, min");
+  if (unit.base != "s") field.at("unit").fail("must be a unit of time: s, ms, us, ns, min");
   campaign.time = {.column = field.at("column").text(), .factor = unit.factor, .required = true};
 }
 

@@ -17,6 +17,7 @@ constexpr std::array kUnits = {
     Unit{"s", "s", 1.0},
     Unit{"ms", "s", 1e-3},
     Unit{"us", "s", 1e-6},
+    Unit{"ns", "s", 1e-9},
     Unit{"min", "s", 60.0},
     Unit{"rad", "rad", 1.0},
     Unit{"mrad", "rad", 1e-3},

@@ -1,5 +1,5 @@
 // Strict reading of YAML model files: every mistake ends in an InputError of one line that names
-// the file, the line, the field and what was expected.
+// the file, the line, the field and what was expected. A line marked "# ANSWER:" is a mistake, too.
 //
 //   const YamlField root = YamlField::load("robot.yaml");
 //   root.allow_keys({"format", "mass"});                 // an unknown or doubled key is an error

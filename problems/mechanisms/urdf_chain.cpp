@@ -93,6 +93,15 @@ class UrdfReader {
     return joints;
   }
 
+  // All joints from the root on.
+  [[nodiscard]] std::vector<UrdfJoint> tree() const {
+    std::vector<UrdfJoint> joints;
+    if (model_->getRoot() != nullptr) {
+      add_joints(*model_->getRoot(), Eigen::Matrix3d::Identity(), joints);
+    }
+    return joints;
+  }
+
   // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
   // Joints beside the chain stand at zero.
   [[nodiscard]] RigidBody body(const std::string& link_name,
@@ -134,6 +143,27 @@ class UrdfReader {
   }
 
  private:
+  void add_joints(const urdf::Link& link, const Eigen::Matrix3d& rotation,
+                  std::vector<UrdfJoint>& joints) const {
+    for (const urdf::JointSharedPtr& joint : link.child_joints) {
+      UrdfJoint each{joint->name, link.name, joint->child_link_name};
+      each.is_prismatic = joint->type == urdf::Joint::PRISMATIC;
+      each.moves = (each.is_prismatic || joint->type == urdf::Joint::REVOLUTE ||
+                    joint->type == urdf::Joint::CONTINUOUS) &&
+                   joint->mimic == nullptr;
+      if (joint->type != urdf::Joint::CONTINUOUS && joint->limits != nullptr) {
+        each.lower = joint->limits->lower;
+        each.upper = joint->limits->upper;
+      }
+      each.parent_rotation = rotation;
+      const urdf::LinkConstSharedPtr child = model_->getLink(joint->child_link_name);
+      each.child_mass = child->inertial == nullptr ? 0.0 : child->inertial->mass;
+      joints.push_back(each);
+      add_joints(*child, rotation * to_eigen(joint->parent_to_joint_origin_transform).linear(),
+                 joints);
+    }
+  }
+
   // Links that form a loop hold each other in memory.
   void let_go_of_each_other() const {
     for (const auto& [name, link] : model_->links_) {
@@ -237,6 +267,10 @@ UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string&
     reader.fail(fmt::format("no moving joint between '{}' and '{}'", base, tip));
   }
   return chain;
+}
+
+std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file) {
+  return UrdfReader(file).tree();
 }
 
 std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,

@@ -4,6 +4,7 @@
 // it. What is fixed to the base link does not move and is left out.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -26,7 +27,21 @@ struct UrdfChain {
 [[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
                                          const std::string& tip);
 
-// The same for robots of rotations alone: InputError for a prismatic joint.
+// A joint of the whole tree, with how it hangs at zero.
+struct UrdfJoint {
+  std::string name, parent, child;  // links
+  bool moves = false;               // revolute, continuous or prismatic, and no mimic
+  bool is_prismatic = false;
+  double lower = 0.0, upper = 0.0;  // limits, rad or m; equal where there are none
+  double child_mass = 0.0;          // kg, of the child link alone
+  Eigen::Matrix3d parent_rotation =
+      Eigen::Matrix3d::Identity();  // parent link's axes in the root's
+};
+
+// All joints, parents before children. Throws InputError for a missing or broken file.
+[[nodiscard]] std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file);
+
+// read_urdf_joints for robots of rotations alone: InputError for a prismatic joint.
 [[nodiscard]] std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
                                                          const std::string& base,
                                                          const std::string& tip);

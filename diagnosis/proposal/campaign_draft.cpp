@@ -1,0 +1,165 @@
+#include "diagnosis/proposal/campaign_draft.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "diagnosis/proposal/motion_span.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kShareOfFit = 0.6;
+constexpr double kWorthCutting = 0.02;  // of a recording
+
+std::string behind(const std::string& line, const std::string& comment) {
+  if (comment.empty()) return line + "\n";
+  const std::string sign = comment.starts_with("#") ? "" : "# ";
+  return fmt::format("{:<46} {}{}\n", line, sign, comment);
+}
+
+std::string time_text(const LogTime& time) {
+  const bool is_open = time.sample_time <= 0.0;
+  if (is_open && time.column.empty()) {
+    return behind("sample_time: ANSWER",
+                  "# ANSWER: how many seconds lie between samples? No column has the time.");
+  }
+  std::string text;
+  if (is_open) {
+    text = "sample_time: irregular\n";
+  } else if (time.is_even) {
+    text = behind(fmt::format("sample_time: {:g}", time.sample_time), "s");
+  } else {
+    text = behind("sample_time: irregular", "resampled below");
+  }
+  if (time.column.empty()) return text;
+  const std::string line = fmt::format("time: {{column: {}, unit: {}}}", in_quotes(time.column),
+                                       is_open ? "ANSWER" : time.unit);
+  return text + behind(line, is_open
+                                 ? fmt::format("# ANSWER: which unit have steps of {:g}: s, ms, "
+                                               "us or ns?",
+                                               time.median_step)
+                                 : time.why);
+}
+
+std::string channel_text(const DraftChannel& channel, const LogRecording& recording) {
+  std::string line = fmt::format("  - {{name: {}, ", channel.name);
+  const std::string key = recording.keys[channel.file];
+  if (!key.empty()) line += fmt::format("file: {}, ", key);
+  line += fmt::format(
+      "column: {}, unit: {}, ", in_quotes(channel.column),
+      channel.unit == "1" || channel.unit == "%" ? in_quotes(channel.unit) : channel.unit);
+  if (!channel.gain.empty()) line += fmt::format("gain: {}, ", channel.gain);
+  return behind(line + fmt::format("is: {}}}", channel.is), channel.comment);
+}
+
+std::string preprocess_text(const CampaignDraft& draft) {
+  std::string text;
+  if (!draft.gapped.empty()) {
+    text += behind(fmt::format("  - {{kind: valid, of: [{}]}}", fmt::join(draft.gapped, ", ")),
+                   "rows without a number are left out");
+  }
+  if (!draft.wrapped.empty()) {
+    text += behind(fmt::format("  - {{kind: unwrap, of: [{}]}}", fmt::join(draft.wrapped, ", ")),
+                   "jumps by whole turns");
+  }
+  if (!draft.time.is_even) {
+    text += behind(fmt::format("  - {{kind: resample, sample_time: {:g}}}", draft.time.sample_time),
+                   "the median step");
+  }
+  if (draft.low_pass) {
+    text += behind(fmt::format("  - {{kind: low_pass, frequency: {:g}}}", *draft.low_pass),
+                   "Hz; " + draft.low_pass_reason);
+  }
+  return text.empty() ? text : "preprocess:\n" + text;
+}
+
+// The files that channels read, by key.
+std::string files_text(const CampaignDraft& draft, const LogRecording& recording,
+                       const std::filesystem::path& folder) {
+  const auto name = [&](std::size_t file) {
+    std::filesystem::path path = recording.files[file];
+    if (path.is_relative()) {
+      const std::filesystem::path base = folder.empty() ? std::filesystem::path(".") : folder;
+      path = std::filesystem::proximate(path, base);
+    }
+    return in_quotes(path.string());
+  };
+  if (recording.files.size() == 1) return "file: " + name(0);
+  std::set<std::size_t> used;
+  for (const DraftChannel& channel : draft.channels) used.insert(channel.file);
+  std::string text;
+  for (const std::size_t file : used) {
+    text += fmt::format("{}{}: {}", text.empty() ? "" : ", ", recording.keys[file], name(file));
+  }
+  return "files: {" + text + "}";
+}
+
+std::string experiments_text(const CampaignDraft& draft,
+                             const std::vector<LogRecording>& recordings,
+                             const std::filesystem::path& folder) {
+  std::string text = "experiments:\n";
+  for (const DraftExperiment& each : draft.experiments) {
+    text += "  - " + files_text(draft, recordings[each.recording], folder) + "\n";
+    if (!each.is_whole) {
+      text += behind(fmt::format("    segments: [[{}, {}]]", each.first, each.last),
+                     "samples that move, from 0");
+    }
+    if (each.is_validation) text += behind("    role: validation", "kept out of the fit");
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string in_quotes(const std::string& text) {
+  return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string campaign_text(const CampaignDraft& draft, const std::vector<LogRecording>& recordings,
+                          const std::filesystem::path& folder) {
+  std::string text = draft.heading + "format: graybox-campaign/1\n" + time_text(draft.time);
+  text += "channels:\n";
+  for (const DraftChannel& channel : draft.channels) {
+    text += channel_text(channel, recordings.front());
+  }
+  text += behind("hold: " + draft.hold, draft.hold == "zero"
+                                            ? "a controller holds its output between samples"
+                                            : "uneven times");
+  text += preprocess_text(draft) + experiments_text(draft, recordings, folder);
+  if (!draft.unused.empty()) text += "# Not used:\n";
+  for (const std::string& each : draft.unused) text += "#   " + each + "\n";
+  return text;
+}
+
+std::vector<DraftExperiment> draft_experiments(const std::vector<LogRecording>& recordings,
+                                               const std::vector<const LogColumn*>& columns,
+                                               bool are_velocities, double sample_time) {
+  std::vector<DraftExperiment> experiments;
+  const double step = sample_time > 0.0 ? sample_time : 1.0;
+  for (std::size_t k = 0; k < recordings.size(); ++k) {
+    std::vector<Eigen::VectorXd> motions;
+    for (const LogColumn* column : columns) {
+      motions.push_back(recordings[k].at(column->file, column->name).values);
+    }
+    const Eigen::Index last = recordings[k].samples() - 1;
+    MotionSpan span{0, last};
+    if (!motions.empty()) span = motion_span(motions, are_velocities, step);
+    const auto rest = static_cast<double>(last - (span.last - span.first));
+    if (rest < kWorthCutting * static_cast<double>(last)) span = {0, last};
+    experiments.push_back({k, span.first, span.last, span.first == 0 && span.last == last, false});
+  }
+  if (experiments.size() > 1) {
+    experiments.back().is_validation = true;
+    return experiments;
+  }
+  DraftExperiment whole = experiments.front();
+  const auto count = static_cast<double>(whole.last - whole.first);
+  const Eigen::Index cut = whole.first + static_cast<Eigen::Index>(kShareOfFit * count);
+  return {{0, whole.first, cut, false, false}, {0, cut + 1, whole.last, false, true}};
+}
+
+}  // namespace graybox

@@ -1,0 +1,70 @@
+// What a column's title says by itself: "joint_1_pos [deg]" is the position of number 1 in degrees.
+//
+// A title is cut into words at signs, at capitals within it and between letters and digits.
+// Unit and quantity are words of a table (English and German, as loggers and drives write them).
+// Letters alone ("q", "v", "u") count, but are not `sure`: data may correct them. The file's name
+// is read the same way where a title has no quantity ("Joint_1" in pos_read_data.csv).
+//
+//   read_column_words("i_A", "").quantity            // LogQuantity::kCurrent, unit "A"
+//   read_column_words("speed", "rpm").motion         // MotionKind::kRotary
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace graybox {
+
+// kForce holds torques, too. kCommand drives the machine in a unit that the title does not have.
+// kOther is known and of no use here: temperatures, errors, states, the voltage of a supply.
+enum class LogQuantity {
+  kUnknown,
+  kTime,
+  kPosition,
+  kVelocity,
+  kAcceleration,
+  kForce,
+  kCurrent,
+  kVoltage,
+  kCommand,
+  kOther
+};
+enum class MotionKind { kOpen, kRotary, kLinear };
+enum class DriveSide { kOpen, kMotor, kLoad };
+
+struct ColumnWords {
+  LogQuantity quantity = LogQuantity::kUnknown;
+  std::string unit;  // a name of units.hpp; empty if the title has none
+  MotionKind motion = MotionKind::kOpen;
+  DriveSide side = DriveSide::kOpen;
+  bool is_reference = false;  // desired, target, command
+  bool is_measured = false;   // actual, measured, feedback
+  bool is_filtered = false;
+  bool sure = false;         // by a whole word or a unit
+  std::optional<int> index;  // the first number of the title, or that in brackets behind it
+};
+
+// `stated_unit` is what the file says (RecordedColumn::unit), or empty.
+[[nodiscard]] ColumnWords read_column_words(std::string_view title, std::string_view stated_unit);
+
+// The unit that people write like that ("Nm", "1/min", "°/s", "sec"), as units.hpp calls it; empty
+// if there is none.
+[[nodiscard]] std::string unit_as_written(std::string_view text);
+
+// What a unit is of; kUnknown for "1" and others that may be anything.
+[[nodiscard]] LogQuantity quantity_of_unit(std::string_view unit);
+[[nodiscard]] MotionKind motion_of_unit(std::string_view unit);
+
+// "position", "velocity", ... as in `--column NAME=position`.
+[[nodiscard]] const char* name_of(LogQuantity quantity);
+
+// Words of a title in lower case: "arm1Pos" is arm, 1, pos.
+[[nodiscard]] std::vector<std::string> words_of(std::string_view title);
+
+[[nodiscard]] inline bool drives(LogQuantity quantity) {
+  return quantity == LogQuantity::kForce || quantity == LogQuantity::kCurrent ||
+         quantity == LogQuantity::kVoltage || quantity == LogQuantity::kCommand;
+}
+
+}  // namespace graybox

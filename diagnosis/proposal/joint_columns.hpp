@@ -1,0 +1,36 @@
+// Columns of a log as signals of a robot's joints.
+//
+// A title names a joint where the joint's words stand in it ("- arm_1_joint_effort" has those of
+// arm_1_joint). Else its number counts the joints from the base, from 0 or 1 on, if as many joints
+// are there. Columns that differ by the joint alone are a family: "rec.pos[1]" to "rec.pos[6]".
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "diagnosis/proposal/log_recordings.hpp"
+#include "problems/mechanisms/urdf_chain.hpp"
+
+namespace graybox {
+
+struct ColumnFamily {
+  std::string pattern;  // a title with the joint replaced by *
+  LogQuantity quantity = LogQuantity::kUnknown;
+  bool by_number = false;                           // not by joints' names
+  std::map<std::size_t, const LogColumn*> columns;  // by joint, as in the URDF's list
+};
+
+// `joints`: those of the URDF, in its order. Columns that belong to no joint are left out.
+[[nodiscard]] std::vector<ColumnFamily> column_families(const LogRecording& recording,
+                                                        const std::vector<UrdfJoint>& joints);
+
+// The family of a quantity (or of any drive) that is measured, raw and has the most joints; several
+// if that leaves it open, none if there is none.
+[[nodiscard]] std::vector<const ColumnFamily*> families_of_drive(
+    const std::vector<ColumnFamily>& families);
+[[nodiscard]] std::vector<const ColumnFamily*> families_of(
+    const std::vector<ColumnFamily>& families, LogQuantity quantity);
+
+}  // namespace graybox

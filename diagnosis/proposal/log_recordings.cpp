@@ -1,0 +1,279 @@
+#include "diagnosis/proposal/log_recordings.hpp"
+
+#include <fmt/format.h>
+#include <fnmatch.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "diagnosis/recording_files/recording_file.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr Eigen::Index kFewestSamples = 50;
+
+// A file by itself.
+struct LogFile {
+  std::filesystem::path path;
+  std::vector<LogColumn> columns;
+  ColumnWords words;  // of its name
+  std::optional<double> sample_time;
+
+  [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
+};
+
+// The length that most columns have; of two, the longer.
+Eigen::Index usual_length(const RecordingFile& file) {
+  std::map<Eigen::Index, int> counts;
+  for (const RecordedColumn& column : file.columns) ++counts[column.values.size()];
+  Eigen::Index best = 0;
+  int most = 0;
+  for (const auto& [length, count] : counts) {
+    if (length < kFewestSamples || count < most) continue;
+    best = length;
+    most = count;
+  }
+  return best;
+}
+
+ColumnWords words_with_file(const RecordedColumn& column, const ColumnWords& file) {
+  ColumnWords words = read_column_words(column.name, column.unit);
+  if (words.quantity != LogQuantity::kUnknown || !file.sure ||
+      file.quantity == LogQuantity::kOther || file.quantity == LogQuantity::kTime) {
+    return words;
+  }
+  words.quantity = file.quantity;
+  words.motion = file.motion;
+  words.sure = true;
+  return words;
+}
+
+LogFile read_log(const std::filesystem::path& path) {
+  RecordingFile file = read_recording_file(path);
+  LogFile log{path, {}, read_column_words(path.stem().string(), ""), file.sample_time};
+  const Eigen::Index length = usual_length(file);
+  if (length == 0) {
+    throw InputError(fmt::format("{}: a recording needs {} samples at least; give a longer log",
+                                 path.string(), kFewestSamples));
+  }
+  for (RecordedColumn& column : file.columns) {
+    if (column.values.size() != length) continue;
+    const ColumnWords words = words_with_file(column, log.words);
+    log.columns.push_back(
+        {0, column.name, column.unit, words, std::move(column.values), false, ""});
+  }
+  return log;
+}
+
+std::set<std::string> names_but_time(const LogFile& log) {
+  std::set<std::string> names;
+  for (const LogColumn& column : log.columns) {
+    if (column.words.quantity != LogQuantity::kTime) names.insert(column.name);
+  }
+  return names;
+}
+
+const LogColumn* time_of(const LogFile& log) {
+  const auto found = std::ranges::find_if(log.columns, [](const LogColumn& column) {
+    return column.words.quantity == LogQuantity::kTime;
+  });
+  return found == log.columns.end() ? nullptr : &*found;
+}
+
+// Of one length and time, with other columns or, by their names, other quantities.
+bool complement(const LogFile& a, const LogFile& b) {
+  if (a.samples() != b.samples()) return false;
+  const LogColumn* one = time_of(a);
+  const LogColumn* other = time_of(b);
+  if (one != nullptr && other != nullptr && !one->values.isApprox(other->values, 1e-6)) {
+    return false;
+  }
+  if (a.words.sure && b.words.sure && a.words.quantity != b.words.quantity) return true;
+  const std::set<std::string> names = names_but_time(a), others = names_but_time(b);
+  return std::ranges::none_of(names,
+                              [&](const std::string& name) { return others.contains(name); });
+}
+
+// The files' quantities where they have different ones, else numbers.
+std::vector<std::string> keys_of(const std::vector<LogFile>& files) {
+  if (files.size() == 1) return {""};
+  std::vector<std::string> keys;
+  for (const LogFile& file : files) keys.emplace_back(name_of(file.words.quantity));
+  const std::set<std::string> different(keys.begin(), keys.end());
+  if (different.size() < keys.size() || different.contains("unknown")) {
+    for (std::size_t k = 0; k < keys.size(); ++k) keys[k] = fmt::format("file_{}", k + 1);
+  }
+  return keys;
+}
+
+LogRecording joined_files(std::vector<LogFile> files) {
+  LogRecording recording;
+  recording.keys = keys_of(files);
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    recording.files.push_back(files[k].path);
+    if (files[k].sample_time) recording.sample_time = files[k].sample_time;
+    for (LogColumn& column : files[k].columns) {
+      column.file = k;
+      recording.columns.push_back(std::move(column));
+    }
+  }
+  return recording;
+}
+
+std::optional<int> number_in(const std::string& text) {
+  int number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return {};
+  return number;
+}
+
+// The place of the column in the answer's range or array, from 1; none if it is not meant. A name
+// without any such place gives 0.
+std::optional<int> place_in(const ColumnAnswer& answer, const std::string& name) {
+  if (answer.names == name) return 0;
+  if (name.starts_with(answer.names + "[")) {
+    return number_in(name.substr(answer.names.size() + 1, name.size() - answer.names.size() - 2));
+  }
+  const std::size_t dots = answer.names.find("..");
+  if (dots != std::string::npos) {
+    const std::optional<int> first = number_in(answer.names.substr(0, dots)),
+                             last = number_in(answer.names.substr(dots + 2)), at = number_in(name);
+    if (first && last && at && *at >= *first && *at <= *last) return *at - *first + 1;
+  }
+  if (answer.names.find_first_of("*?") != std::string::npos &&
+      fnmatch(answer.names.c_str(), name.c_str(), 0) == 0) {
+    return 0;
+  }
+  return {};
+}
+
+void apply(const ColumnAnswer& answer, LogRecording& recording) {
+  bool found = false;
+  std::string names;
+  for (LogColumn& column : recording.columns) {
+    names += (names.empty() ? "'" : ", '") + column.name + "'";
+    const std::optional<int> place = place_in(answer, column.name);
+    if (!place) continue;
+    found = true;
+    column.answered = true;
+    column.joint = answer.joint;
+    column.words.quantity = answer.quantity;
+    column.words.sure = true;
+    column.words.is_reference = false;
+    if (*place > 0) column.words.index = *place;
+    if (!answer.unit.empty()) {
+      column.words.unit = answer.unit;
+      column.words.motion = motion_of_unit(answer.unit);
+    }
+  }
+  if (found) return;
+  constexpr std::size_t kMost = 400;
+  if (names.size() > kMost) names = names.substr(0, kMost) + "...";
+  throw InputError(fmt::format("--column {}=...: {} has no such column; there are {}", answer.names,
+                               recording.files.front().string(), names));
+}
+
+}  // namespace
+
+bool LogColumn::moves() const {
+  double lowest = INFINITY, highest = -INFINITY;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    lowest = std::min(lowest, value);
+    highest = std::max(highest, value);
+  }
+  return highest > lowest;
+}
+
+bool LogColumn::has_gaps() const { return !values.allFinite(); }
+
+const LogColumn& LogRecording::at(std::size_t file, const std::string& name) const {
+  for (const LogColumn& column : columns) {
+    if (column.file == file && column.name == name) return column;
+  }
+  throw InputError(
+      fmt::format("{}: has no column '{}', which an earlier log has; give logs with "
+                  "the same columns",
+                  files[std::min(file, files.size() - 1)].string(), name));
+}
+
+ColumnAnswer column_answer(const std::string& text) {
+  constexpr std::array<std::pair<const char*, LogQuantity>, 12> kNames{{
+      {"time", LogQuantity::kTime},
+      {"position", LogQuantity::kPosition},
+      {"velocity", LogQuantity::kVelocity},
+      {"acceleration", LogQuantity::kAcceleration},
+      {"force", LogQuantity::kForce},
+      {"torque", LogQuantity::kForce},
+      {"effort", LogQuantity::kForce},
+      {"current", LogQuantity::kCurrent},
+      {"voltage", LogQuantity::kVoltage},
+      {"command", LogQuantity::kCommand},
+      {"ignore", LogQuantity::kOther},
+      {"reference", LogQuantity::kOther},
+  }};
+  const std::size_t equals = text.rfind('=');
+  if (equals == std::string::npos || equals == 0) {
+    throw InputError(
+        fmt::format("--column {}: write NAME=QUANTITY, as in 'enc=position:deg'", text));
+  }
+  ColumnAnswer answer{text.substr(0, equals), LogQuantity::kUnknown, "", ""};
+  std::string rest = text.substr(equals + 1);
+  if (const std::size_t at = rest.find('@'); at != std::string::npos) {
+    answer.joint = rest.substr(at + 1);
+    rest.resize(at);
+  }
+  if (const std::size_t colon = rest.find(':'); colon != std::string::npos) {
+    answer.unit = unit_as_written(rest.substr(colon + 1));
+    if (answer.unit.empty()) {
+      throw InputError(fmt::format("--column {}: unknown unit '{}'; known: {}", text,
+                                   rest.substr(colon + 1), known_unit_names()));
+    }
+    rest.resize(colon);
+  }
+  for (const auto& [name, quantity] : kNames) {
+    if (rest == name) answer.quantity = quantity;
+  }
+  if (answer.quantity == LogQuantity::kUnknown) {
+    throw InputError(
+        fmt::format("--column {}: unknown quantity '{}'; choose time, position, velocity, "
+                    "acceleration, force, torque, current, voltage, command or ignore",
+                    text, rest));
+  }
+  const LogQuantity of_unit = quantity_of_unit(answer.unit);
+  if (of_unit != LogQuantity::kUnknown && of_unit != answer.quantity &&
+      answer.quantity != LogQuantity::kOther && answer.quantity != LogQuantity::kCommand) {
+    throw InputError(fmt::format("--column {}: {} is no unit of a {}", text, answer.unit, rest));
+  }
+  return answer;
+}
+
+std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& files,
+                                    const std::vector<ColumnAnswer>& answers) {
+  std::vector<std::vector<LogFile>> groups;
+  for (const std::filesystem::path& path : files) {
+    LogFile log = read_log(path);
+    const bool joins =
+        !groups.empty() && std::ranges::all_of(groups.back(), [&](const LogFile& each) {
+          return complement(each, log);
+        });
+    if (!joins) groups.emplace_back();
+    groups.back().push_back(std::move(log));
+  }
+  std::vector<LogRecording> recordings;
+  for (std::vector<LogFile>& group : groups) recordings.push_back(joined_files(std::move(group)));
+  for (LogRecording& recording : recordings) {
+    for (const ColumnAnswer& answer : answers) apply(answer, recording);
+  }
+  return recordings;
+}
+
+}  // namespace graybox

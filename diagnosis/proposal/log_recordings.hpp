@@ -1,0 +1,66 @@
+// Log files as recordings: which files were taken together, and what each column may be.
+//
+// Files of one length whose columns complement each other are one recording (positions in one file,
+// efforts in another). Files with the same columns are recordings of their own. Columns of another
+// length than most (constants in a MAT file) are left out. Where a title has no quantity, the name
+// of its file may have one.
+//
+//   std::vector<LogRecording> logs = read_logs({"run_1.csv", "run_2.csv"}, {});
+//   logs[0].columns[1].words.quantity
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/proposal/column_words.hpp"
+
+namespace graybox {
+
+struct LogColumn {
+  std::size_t file = 0;  // of LogRecording::files
+  std::string name;      // in the file
+  std::string stated_unit;
+  ColumnWords words;
+  Eigen::VectorXd values;
+  bool answered = false;      // what it is was said by the user
+  std::string joint;          // said by the user: a joint's name, motor or load; else empty
+  std::string evidence = {};  // what the data said of it, where its title says nothing
+
+  [[nodiscard]] bool moves() const;     // finite values are not all the same
+  [[nodiscard]] bool has_gaps() const;  // some values are not finite
+};
+
+struct LogRecording {
+  std::vector<std::filesystem::path> files;
+  std::vector<std::string> keys;  // one a file: "position", ...; a single file has ""
+  std::vector<LogColumn> columns;
+  std::optional<double> sample_time;  // s, as a file states it
+
+  [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
+  // The column of that name in that file. Throws InputError naming the file where it is missing.
+  [[nodiscard]] const LogColumn& at(std::size_t file, const std::string& name) const;
+};
+
+// What the user says of columns: NAME=QUANTITY[:UNIT][@JOINT], as in "enc=position:deg" or
+// "u1=torque@joint_1". NAME is a column, an array without its [k], a range "2..7" of a file without
+// header, or a pattern with * and ?. QUANTITY: time, position, velocity, acceleration, force or
+// torque, current, voltage, command, ignore.
+struct ColumnAnswer {
+  std::string names;
+  LogQuantity quantity = LogQuantity::kUnknown;
+  std::string unit;
+  std::string joint;
+};
+// Throws InputError for a text that is none.
+[[nodiscard]] ColumnAnswer column_answer(const std::string& text);
+
+// Throws InputError for files that can't be read, for recordings of less than 50 samples, and for
+// an answer about a column that is not there.
+[[nodiscard]] std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& files,
+                                                  const std::vector<ColumnAnswer>& answers);
+
+}  // namespace graybox

@@ -1,0 +1,137 @@
+#include "diagnosis/proposal/log_time.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/signal_faults/time_axis.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+// The sample before the first step that does not rise, or -1.
+Eigen::Index first_fall(const Eigen::VectorXd& times) {
+  for (Eigen::Index k = 0; k + 1 < times.size(); ++k) {
+    if (!(times(k + 1) > times(k))) return k;
+  }
+  return -1;
+}
+
+bool counts_samples(const Eigen::VectorXd& values) {
+  return (values.tail(values.size() - 1) - values.head(values.size() - 1)).isOnes(0.0);
+}
+
+// Steps within half of their median to twice it, but for one in a hundred.
+bool has_regular_steps(const Eigen::VectorXd& values) {
+  const double mean =
+      (values(values.size() - 1) - values(0)) / static_cast<double>(values.size() - 1);
+  Eigen::Index off = 0;
+  for (Eigen::Index k = 0; k + 1 < values.size(); ++k) {
+    const double step = values(k + 1) - values(k);
+    if (step < 0.5 * mean || step > 2.0 * mean) ++off;
+  }
+  return 100 * off < values.size();
+}
+
+const LogColumn* time_column(const LogRecording& recording) {
+  const LogColumn* falls = nullptr;
+  for (const LogColumn& column : recording.columns) {
+    if (column.words.quantity != LogQuantity::kTime) continue;
+    if (first_fall(column.values) < 0) return &column;
+    if (falls == nullptr && (column.words.sure || column.answered) && column.moves()) {
+      falls = &column;
+    }
+  }
+  if (falls != nullptr) {
+    throw InputError(fmt::format(
+        "{}: column '{}': times must rise, and after row {} they don't; mend the log, or say "
+        "--column '{}=ignore' and --sample-time",
+        recording.files[falls->file].string(), falls->name, first_fall(falls->values) + 1,
+        falls->name));
+  }
+  const LogColumn& first = recording.columns.front();
+  const bool is_first = first.words.quantity == LogQuantity::kUnknown &&
+                        first_fall(first.values) < 0 && !counts_samples(first.values) &&
+                        has_regular_steps(first.values);
+  return is_first ? &first : nullptr;
+}
+
+// Seconds since 1970, from 2001 on.
+std::string unit_of_epoch(double first) {
+  constexpr std::array<std::pair<const char*, double>, 4> kUnits{
+      {{"s", 1.0}, {"ms", 1e3}, {"us", 1e6}, {"ns", 1e9}}};
+  for (const auto& [unit, scale] : kUnits) {
+    if (first > 1e9 * scale && first < 4e9 * scale) return unit;
+  }
+  return "";
+}
+
+// By the size of the step; empty where two units are as likely.
+std::string unit_of_step(double step) {
+  if (step <= 0.1) return "s";
+  if (step < 2.0) return "";  // 5 Hz in s or 5 kHz in ms; samples, ms or s
+  if (step < 100.0) return "ms";
+  if (step < 1e5) return "us";
+  return step < 2e5 ? "" : "ns";
+}
+
+void find_unit_of_time(const LogRecording& recording, const LogColumn& column, LogTime& time) {
+  if (quantity_of_unit(column.words.unit) == LogQuantity::kTime) {
+    time.unit = column.words.unit;
+    time.why = column.answered ? "you said so" : "its title";
+  } else if (time.unit = unit_of_epoch(column.values(0)); !time.unit.empty()) {
+    time.why = "stamps since 1970";
+  } else if (time.unit = time_unit_by_rates(recording, time.median_step); !time.unit.empty()) {
+    time.why = "the velocity is then the rate of the position";
+  } else if (time.unit = unit_of_step(time.median_step); !time.unit.empty()) {
+    time.why = fmt::format("guessed from steps of {:g}", time.median_step);
+  }
+}
+
+}  // namespace
+
+double LogTime::seconds() const {
+  const Unit* known = find_unit(unit);
+  return known == nullptr ? 0.0 : known->factor;
+}
+
+double rounded_step(double step) {
+  for (int digits = 1; digits < 8; ++digits) {
+    const double rounded = std::stod(fmt::format("{:.{}g}", step, digits));
+    if (std::abs(rounded - step) < 1e-4 * step) return rounded;
+  }
+  return step;
+}
+
+LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
+  LogTime time;
+  const LogColumn* column = stated ? nullptr : time_column(recording);
+  if (column == nullptr) {
+    if (stated || recording.sample_time) {
+      time.sample_time = stated ? *stated : *recording.sample_time;
+      time.why = stated ? "you said so" : "the file states it";
+    }
+    return time;
+  }
+  time.column = column->name;
+  time.file = column->file;
+  const TimeAxis axis = examine_times(column->values);
+  time.median_step = axis.step;
+  time.is_even = axis.kind == TimeAxis::Kind::kEven ||
+                 (axis.kind == TimeAxis::Kind::kJittered && axis.jitter < 0.09);
+  find_unit_of_time(recording, *column, time);
+  const auto steps = static_cast<double>(column->values.size() - 1);
+  const double step = time.is_even
+                          ? (column->values(column->values.size() - 1) - column->values(0)) / steps
+                          : axis.step;
+  time.sample_time = rounded_step(step * time.seconds());
+  return time;
+}
+
+}  // namespace graybox

@@ -1,0 +1,36 @@
+// The times of a log: which column, in which unit, and how samples follow each other.
+//
+// A column is the time if its title says so and it rises. In a file without header it may be the
+// first column, if it rises in steps of about one size. Its unit comes from the title. It also comes
+// from stamps of the Unix epoch, from a position beside its velocity (column_rates.hpp), or from the
+// size of the step, in this order. Steps that could be two units are left open.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "diagnosis/proposal/log_recordings.hpp"
+
+namespace graybox {
+
+struct LogTime {
+  std::string column;  // in its file; empty: none
+  std::size_t file = 0;
+  std::string unit;          // empty: open
+  std::string why;           // of the unit
+  double median_step = 1.0;  // recorded unit; samples where there is no column
+  bool is_even = true;       // within a tenth of a step
+  double sample_time = 0.0;  // s; 0: open
+
+  // Seconds that one of the recorded unit is; 0 where it is open.
+  [[nodiscard]] double seconds() const;
+};
+
+// `stated`: s, what the user says; it stands in for a missing column. Throws InputError for a time
+// that is named and doesn't rise.
+[[nodiscard]] LogTime find_time(const LogRecording& recording, std::optional<double> stated);
+
+// A sample time with as few digits as its times allow: 0.00200003 is 0.002.
+[[nodiscard]] double rounded_step(double step);
+
+}  // namespace graybox

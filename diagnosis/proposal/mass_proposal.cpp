@@ -1,0 +1,518 @@
+#include "diagnosis/proposal/mass_proposal.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "diagnosis/proposal/campaign_draft.hpp"
+#include "diagnosis/proposal/motion_choice.hpp"
+#include "diagnosis/proposal/start_values.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+using Columns = std::vector<const LogColumn*>;
+
+struct SpringStart {
+  TwoMassStart values;
+  std::string reason;
+};
+
+class MassProposal {
+ public:
+  MassProposal(const ProposalRequest& request, const std::vector<LogRecording>& recordings)
+      : request_(request), recordings_(recordings), log_(recordings.front()) {
+    has_two_ = request.machine == ProposedMachine::kTwoMasses;
+  }
+
+  ModelProposal run() {
+    find_times();
+    collect_open_columns();
+    choose_the_drive();
+    choose_motions();
+    draft_campaign();
+    if (proposal_.questions.empty()) relate_encoders();
+    proposal_.model_text = model();
+    proposal_.campaign_text = campaign_text(draft_, recordings_, request_.folder);
+    return std::move(proposal_);
+  }
+
+ private:
+  void guess(const std::string& subject, const std::string& value, const std::string& reason) {
+    proposal_.guesses.push_back({subject, value, reason});
+  }
+
+  // ---- columns ---------------------------------------------------------------------------------
+
+  void find_times() {
+    draft_.time = find_time(log_, request_.sample_time);
+    for (const LogColumn& column : log_.columns) {
+      const bool is_time = column.name == draft_.time.column && column.file == draft_.time.file;
+      if (!is_time && column.words.quantity != LogQuantity::kTime) columns_.push_back(&column);
+    }
+    if (draft_.time.sample_time > 0.0) {
+      guess(
+          "time",
+          draft_.time.column.empty()
+              ? "no column"
+              : fmt::format("'{}' in {}", draft_.time.column, draft_.time.unit),
+          fmt::format("{}; {}samples every {:g} s", draft_.time.why,
+                      draft_.time.is_even ? "" : "uneven, resampled to ", draft_.time.sample_time));
+    } else if (draft_.time.column.empty()) {
+      proposal_.questions.push_back(
+          {OpenQuestion::Kind::kSampleTime,
+           "How many seconds lie between samples? No column has the time.",
+           "--sample-time S",
+           {}});
+    } else {
+      OpenQuestion question;
+      question.text = fmt::format("Which unit has '{}', with steps of {:g}?", draft_.time.column,
+                                  draft_.time.median_step);
+      question.option = fmt::format("--column '{}=time:ms', say", draft_.time.column);
+      for (const char* unit : {"s", "ms", "us", "ns"}) {
+        question.choices.push_back({unit, {fmt::format("{}=time:{}", draft_.time.column, unit)}});
+      }
+      question.choices.push_back(
+          {"it numbers samples", {fmt::format("{}=ignore", draft_.time.column)}});
+      proposal_.questions.push_back(question);
+    }
+  }
+
+  // Columns that move and of which no one knows what they are.
+  void collect_open_columns() {
+    for (const LogColumn* column : columns_) {
+      if (column->words.quantity == LogQuantity::kUnknown && column->moves()) {
+        open_.push_back(column);
+      }
+    }
+  }
+
+  [[nodiscard]] bool is_used(const LogColumn* column) const {
+    return std::ranges::any_of(draft_.channels, [&](const DraftChannel& channel) {
+      return channel.column == column->name && channel.file == column->file;
+    });
+  }
+
+  void choose_the_drive() {
+    ColumnChoice choice = choose_drive(columns_);
+    if (choice.column == nullptr && choice.rivals.empty()) {
+      if (open_.empty()) {
+        throw InputError(fmt::format(
+            "{}: no column is a force, torque, current, voltage or command that moves; say which "
+            "by --column NAME=torque",
+            log_.files.front().string()));
+      }
+      const bool has_motion = !moving_columns(columns_, LogQuantity::kPosition).empty() ||
+                              !moving_columns(columns_, LogQuantity::kVelocity).empty();
+      if (open_.size() == 1 && has_motion) {
+        choice = {open_.front(), "guessed: the only column left", {}};
+        open_.clear();
+      } else {
+        choice.rivals = open_;
+      }
+    }
+    if (choice.column == nullptr) {
+      OpenQuestion question =
+          which_of(choice.rivals, "force, torque, current or command that drives");
+      for (AnswerChoice& each : question.choices) {
+        each.columns = {each.label + "=command"};
+        for (const LogColumn* rival : choice.rivals) {
+          if (rival->name != each.label && drives(rival->words.quantity)) {
+            each.columns.push_back(rival->name + "=ignore");
+          }
+        }
+        const LogColumn* chosen = *std::ranges::find_if(
+            choice.rivals, [&](const LogColumn* rival) { return rival->name == each.label; });
+        if (drives(chosen->words.quantity)) each.columns.erase(each.columns.begin());
+      }
+      question.option = fmt::format("--column '{}=torque', say", choice.rivals.front()->name);
+      proposal_.questions.push_back(question);
+      return;
+    }
+    drive_ = choice.column;
+    guess("drive", fmt::format("'{}'", drive_->name), choice.reason);
+  }
+
+  // ---- motions ---------------------------------------------------------------------------------
+
+  [[nodiscard]] MotionKind motion_of_drive() const {
+    if (request_.motion != MotionKind::kOpen) return request_.motion;
+    for (const LogColumn* column : columns_) {
+      const LogQuantity quantity = column->words.quantity;
+      const bool is_motion =
+          quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
+      if (is_motion && column->moves() && column->words.motion != MotionKind::kOpen) {
+        return column->words.motion;
+      }
+    }
+    return drive_ == nullptr ? MotionKind::kOpen : drive_->words.motion;
+  }
+
+  void choose_motions() {
+    motion_ = motion_of_drive();
+    const bool is_open = motion_ == MotionKind::kOpen;
+    if (is_open) motion_ = MotionKind::kRotary;
+    const MotionContext context{draft_.time.sample_time, motion_, request_.counts_per_turn};
+    if (has_two_) {
+      choose_two(context);
+    } else {
+      take_motion(choose_motion(columns_, context), "");
+    }
+    guess("motion", motion_ == MotionKind::kLinear ? "linear" : "rotary",
+          request_.motion != MotionKind::kOpen ? "you said so"
+          : is_open                            ? "guessed: no title says; else say --linear"
+                                               : "the titles");
+  }
+
+  void take_motion(MotionChoice choice, const std::string& side) {
+    const std::string what =
+        (side.empty() ? "" : side + " ") + (choice.is_velocity ? "velocity" : "position");
+    for (const OpenQuestion& question : choice.questions) proposal_.questions.push_back(question);
+    for (const std::string& note : choice.notes) proposal_.notes.push_back(note);
+    if (choice.column == nullptr) {
+      ask_for_motion(what);
+      return;
+    }
+    if (choice.questions.empty()) {
+      guess(what, fmt::format("'{}' in {}", choice.column->name, choice.unit),
+            choice.reason + "; " + choice.unit_reason);
+    }
+    sides_.push_back(side);
+    motions_.push_back(std::move(choice));
+  }
+
+  void ask_for_motion(const std::string& what) {
+    Columns left = open_;
+    std::erase(left, drive_);
+    if (left.empty()) {
+      throw InputError(fmt::format(
+          "{}: no column is a {} or velocity that moves; say which by --column NAME=position",
+          log_.files.front().string(), what));
+    }
+    OpenQuestion question = which_of(left, "measured " + what + " or velocity");
+    question.option = fmt::format("--column '{}=position:rad', say", left.front()->name);
+    for (AnswerChoice& each : question.choices) each.columns = {each.label + "=position"};
+    proposal_.questions.push_back(question);
+  }
+
+  // Both sides of a drive.
+  void choose_two(const MotionContext& context) {
+    Columns motor, load, open;
+    for (const LogColumn* column : columns_) {
+      const bool is_load = column->words.side == DriveSide::kLoad || column->joint == "load";
+      const bool is_motor = column->words.side == DriveSide::kMotor || column->joint == "motor";
+      (is_motor ? motor : is_load ? load : open).push_back(column);
+    }
+    const auto count = [](const Columns& columns) {
+      return moving_columns(columns, LogQuantity::kPosition).size() +
+             moving_columns(columns, LogQuantity::kVelocity).size();
+    };
+    if (count(motor) == 0 && count(load) == 0) split_by_data(open, motor, load);
+    if (count(motor) == 0) motor.insert(motor.end(), open.begin(), open.end());
+    if (count(motor) > 0 && count(load) == 0 && count(open) > 0 && motor.size() != open.size()) {
+      load = open;
+    }
+    take_motion(choose_motion(motor, context), "motor");
+    if (count(load) == 0) return;
+    take_motion(choose_motion(load, context), "load");
+  }
+
+  // Two positions, or two velocities, without words for their side: the driven one follows the
+  // force at once.
+  void split_by_data(Columns& open, Columns& motor, Columns& load) {
+    Columns measured;
+    for (const LogQuantity quantity : {LogQuantity::kPosition, LogQuantity::kVelocity}) {
+      measured.clear();
+      for (const LogColumn* column : moving_columns(open, quantity)) {
+        if (!column->words.is_reference) measured.push_back(column);
+      }
+      if (!measured.empty()) break;
+    }
+    if (measured.size() != 2 || drive_ == nullptr) return;
+    const bool is_velocity = measured[0]->words.quantity == LogQuantity::kVelocity;
+    const auto follows = [&](const LogColumn* column) {
+      return std::abs(follows_at_once(drive_->values, column->values, is_velocity));
+    };
+    const double first = follows(measured[0]), second = follows(measured[1]);
+    const std::size_t driven = first >= second ? 0 : 1;
+    motor = {measured[driven]};
+    load = {measured[1 - driven]};
+    guess("driven mass", fmt::format("'{}'", motor.front()->name),
+          fmt::format("its acceleration follows the drive: correlation {:.2f}, of the other {:.2f}",
+                      std::max(first, second), std::min(first, second)));
+  }
+
+  // ---- the campaign ----------------------------------------------------------------------------
+
+  [[nodiscard]] bool is_linear() const { return motion_ == MotionKind::kLinear; }
+  [[nodiscard]] std::string force_unit() const { return is_linear() ? "N" : "N m"; }
+  [[nodiscard]] std::string force_name() const { return is_linear() ? "force" : "torque"; }
+  [[nodiscard]] std::string motion_name(std::size_t k) const {
+    const std::string name = is_linear() ? (motions_[k].is_velocity ? "velocity" : "position")
+                                         : (motions_[k].is_velocity ? "speed" : "angle");
+    return sides_[k].empty() ? name : sides_[k] + "_" + name;
+  }
+
+  void add_drive_channel() {
+    if (drive_ == nullptr) {
+      draft_.channels.push_back({force_name(), 0, "ANSWER", "1", "", "input",
+                                 "# ANSWER: which column drives the machine? " + option_of_last()});
+      return;
+    }
+    std::string unit = drive_->words.unit.empty() ? "1" : drive_->words.unit;
+    if (drive_->words.quantity == LogQuantity::kForce && drive_->words.unit.empty()) {
+      unit = force_unit();
+    }
+    const Unit* known = find_unit(unit);
+    const bool is_force = known != nullptr && known->base == force_unit() && !request_.gain;
+    const double gain = request_.gain.value_or(1.0);
+    force_factor_ = is_force ? known->factor : gain;
+    std::string comment = drive_->words.unit.empty() && is_force ? "the unit is guessed" : "";
+    std::string text;
+    if (!is_force) {
+      text = fmt::format("{{value: {:g}, unit: {}/{}}}", gain, force_unit(), unit);
+      if (unit == "1") text = fmt::format("{{value: {:g}, unit: \"{}/1\"}}", gain, force_unit());
+      if (!request_.gain) {
+        comment =
+            fmt::format("1 {} stands for one recorded unit: its gain is not known", force_unit());
+        proposal_.notes.push_back(
+            fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
+                        "unit (--gain states another)",
+                        drive_->name, force_unit(), unit == "1" ? "of it" : unit));
+      }
+    }
+    draft_.channels.push_back(
+        {force_name(), drive_->file, drive_->name, unit, text, "input", comment});
+  }
+
+  [[nodiscard]] std::string option_of_last() const {
+    return proposal_.questions.empty() ? "" : proposal_.questions.back().option;
+  }
+
+  void draft_campaign() {
+    draft_.heading = fmt::format("# Proposed by `{}`. Change what is wrong.\n", request_.command);
+    if (!draft_.time.is_even) draft_.hold = "first";
+    add_drive_channel();
+    Columns decisive;
+    for (std::size_t k = 0; k < motions_.size(); ++k) {
+      const MotionChoice& each = motions_[k];
+      std::string comment = each.unit_reason;
+      if (!each.questions.empty() && !comment.starts_with("# ANSWER")) {
+        comment = "# ANSWER: " + each.questions.front().text;
+      }
+      draft_.channels.push_back({motion_name(k), each.column->file, each.column->name, each.unit,
+                                 each.gain, "output", comment});
+      if (each.is_wrapped) draft_.wrapped.push_back(motion_name(k));
+      decisive.push_back(each.column);
+    }
+    if (motions_.empty()) {
+      draft_.channels.push_back({is_linear() ? "position" : "angle", 0, "ANSWER",
+                                 is_linear() ? "m" : "rad", "", "output",
+                                 "# ANSWER: which column is the motion? " + option_of_last()});
+    }
+    note_gaps();
+    note_unused();
+    draft_.experiments =
+        draft_experiments(recordings_, decisive, !motions_.empty() && motions_.front().is_velocity,
+                          draft_.time.sample_time);
+    guess("kept out",
+          recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
+                                 : "the last two fifths",
+          "checks the fit");
+  }
+
+  void note_gaps() {
+    for (const DraftChannel& channel : draft_.channels) {
+      for (const LogRecording& recording : recordings_) {
+        if (channel.column == "ANSWER") continue;
+        if (!recording.at(channel.file, channel.column).has_gaps()) continue;
+        draft_.gapped.push_back(channel.name);
+        proposal_.notes.push_back(
+            fmt::format("'{}' has rows without a number: they are left out", channel.column));
+        break;
+      }
+    }
+  }
+
+  void note_unused() {
+    for (const LogColumn* column : columns_) {
+      if (is_used(column)) continue;
+      const char* why = !column->moves()                                  ? "never changes"
+                        : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
+                        : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
+                        : column->words.is_reference                      ? "a reference"
+                                                                          : "not needed";
+      draft_.unused.push_back(fmt::format("{}: {}", column->name, why));
+    }
+    if (!draft_.unused.empty()) {
+      std::string names;
+      constexpr std::size_t kMost = 6;
+      for (std::size_t k = 0; k < std::min(kMost, draft_.unused.size()); ++k) {
+        names += (k == 0 ? "" : "; ") + draft_.unused[k];
+      }
+      if (draft_.unused.size() > kMost)
+        names += fmt::format("; and {} more", draft_.unused.size() - kMost);
+      guess("not used", names, "");
+    }
+  }
+
+  // ---- two encoders ----------------------------------------------------------------------------
+
+  // Sign and gear of the load's sensor from how both move.
+  void relate_encoders() {
+    if (motions_.size() != 2 || motions_[0].is_velocity != motions_[1].is_velocity) return;
+    const Eigen::VectorXd motor = motions_[0].values(log_), load = motions_[1].values(log_);
+    const double alike = correlation(motor, load);
+    const double slope = alike * std::sqrt((load.array() - load.mean()).square().sum() /
+                                           (motor.array() - motor.mean()).square().sum());
+    constexpr double kTogether = 0.5, kRigid = 0.98, kNoGear = 1.2;
+    if (std::abs(alike) < kTogether) return;
+    const double size = std::abs(slope);
+    const bool has_gear = std::abs(alike) > kRigid && (size > kNoGear || size < 1.0 / kNoGear);
+    if (slope > 0.0 && !has_gear) return;
+    const double factor = (has_gear ? 1.0 / size : 1.0) * (slope < 0.0 ? -1.0 : 1.0);
+    motions_[1].factor *= factor;
+    DraftChannel& channel = draft_.channels[2];
+    if (!channel.gain.empty()) return;
+    const Unit* unit = find_unit(channel.unit);
+    const std::string base(unit->base);
+    channel.gain =
+        fmt::format("{{value: {:.6g}, unit: {}/{}}}", factor * unit->factor, base, channel.unit);
+    channel.comment =
+        fmt::format("both move together by {:.4g} (correlation {:.2f})", slope, alike);
+    guess("load's sensor", fmt::format("times {:.4g}", factor), channel.comment);
+  }
+
+  // ---- the model -------------------------------------------------------------------------------
+
+  [[nodiscard]] std::string inertia_unit() const { return is_linear() ? "kg" : "kg m^2"; }
+
+  [[nodiscard]] bool can_compute() const {
+    return proposal_.questions.empty() && drive_ != nullptr && !motions_.empty();
+  }
+
+  [[nodiscard]] Eigen::VectorXd force() const {
+    return force_factor_ * without_gaps(drive_->values);
+  }
+
+  std::string masses() {
+    double start = 1.0;
+    std::string why = "guessed: the log shows no inertia";
+    if (can_compute()) {
+      const std::optional<double> found = start_inertia(
+          force(), motions_[0].values(log_), motions_[0].is_velocity, draft_.time.sample_time);
+      if (found) {
+        start = *found;
+        why = "a start: least squares of the drive on acceleration and friction";
+      }
+    }
+    guess("mass", fmt::format("{:.3g} {}", start, inertia_unit()), why + "; it is fitted");
+    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start),
+                       inertia_unit(), why);
+  }
+
+  SpringStart spring_start() {
+    if (can_compute() && motions_.size() == 2 &&
+        motions_[0].is_velocity == motions_[1].is_velocity) {
+      const auto found =
+          start_two_masses(force(), motions_[0].values(log_), motions_[1].values(log_),
+                           motions_[0].is_velocity, draft_.time.sample_time);
+      if (found) return {*found, "a start: least squares of both equations of motion"};
+    }
+    double total = 0.01;
+    if (can_compute()) {
+      const Eigen::VectorXd motor = motions_[0].values(log_);
+      const auto found =
+          start_one_encoder(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
+      if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
+      total = start_inertia(force(), motor, motions_[0].is_velocity, draft_.time.sample_time)
+                  .value_or(total);
+    }
+    constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s
+    return {{0.5 * total, 0.5 * total, 0.25 * total * kGuess * kGuess, 0.01 * total * kGuess},
+            "a start: both alike, a resonance at 20 Hz"};
+  }
+
+  std::string two_masses() {
+    SpringStart start = spring_start();
+    TwoMassStart& values = start.values;
+    const double critical = std::sqrt(values.stiffness * std::min(values.motor, values.load));
+    if (!(values.damping > 0.0)) values.damping = 0.02 * critical;
+    const std::string stiffness = is_linear() ? "N/m" : "N m/rad",
+                      damping = is_linear() ? "N s/m" : "N m s/rad";
+    guess("masses", fmt::format("{:.3g} and {:.3g} {}", values.motor, values.load, inertia_unit()),
+          start.reason + "; they are fitted");
+    guess("spring", fmt::format("{:.3g} {}", values.stiffness, stiffness), "the same");
+    std::string text = fmt::format(
+        "{:<46} # {}; {}\n",
+        fmt::format("masses: {{motor: {:.4g}, load: {:.4g}}}", values.motor, values.load),
+        inertia_unit(), start.reason);
+    text += fmt::format(
+        "elements:\n  - name: coupling\n    location: {{kind: element, between: [motor, load]}}\n"
+        "    law: stiffness\n    parameters: {{stiffness: {{value: {:.4g}, unit: {}}}}}\n"
+        "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
+        "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
+        values.stiffness, stiffness, values.damping, damping);
+    if (motions_.size() == 2 && !motions_[1].is_velocity && can_compute()) {
+      const double zero = (motions_[1].values(log_) - motions_[0].values(log_)).mean();
+      text += fmt::format(
+          "  - name: load_zero                            # the sensors' zeros differ\n"
+          "    location: {{kind: sensor, output: {}}}\n    law: offset\n"
+          "    parameters: {{value: {{value: {:.4g}, unit: {}}}}}\n",
+          motion_name(1), zero, is_linear() ? "m" : "rad");
+    }
+    return text;
+  }
+
+  std::string model() {
+    std::string text =
+        fmt::format("# Proposed by `{}`: {}, without friction. Change what is wrong.\n",
+                    request_.command, has_two_ ? "two masses and a spring" : "a mass alone");
+    text += "format: graybox-lumped/1\n";
+    const double step = draft_.time.sample_time;
+    text += step > 0.0 ? fmt::format("{:<46} # s\n", fmt::format("sample_time: {:g}", step))
+                       : "sample_time: ANSWER  # ANSWER: s, as in campaign.yaml\n";
+    text += fmt::format("motion: {}\n", is_linear() ? "translation" : "rotation");
+    text += has_two_ ? two_masses() : masses();
+    const std::string driven = has_two_ ? "motor" : "axis";
+    text += fmt::format("inputs:\n  - {{name: {}, mass: {}}}\noutputs:\n", force_name(), driven);
+    for (std::size_t k = 0; k < motions_.size(); ++k) {
+      text += fmt::format("  - {{name: {}, mass: {}, quantity: {}}}\n", motion_name(k),
+                          has_two_ ? sides_[k] : driven,
+                          motions_[k].is_velocity ? "velocity" : "position");
+    }
+    if (motions_.empty()) {
+      text += fmt::format("  - {{name: {}, mass: {}, quantity: position}}\n",
+                          is_linear() ? "position" : "angle", driven);
+    }
+    return text;
+  }
+
+  const ProposalRequest& request_;
+  const std::vector<LogRecording>& recordings_;
+  const LogRecording& log_;
+  bool has_two_ = false;
+  MotionKind motion_ = MotionKind::kRotary;
+  Columns columns_, open_;  // without times; those of unknown quantity that move
+  const LogColumn* drive_ = nullptr;
+  double force_factor_ = 1.0;
+  std::vector<MotionChoice> motions_;
+  std::vector<std::string> sides_;
+  CampaignDraft draft_;
+  ModelProposal proposal_;
+};
+
+}  // namespace
+
+ModelProposal propose_masses(const ProposalRequest& request,
+                             const std::vector<LogRecording>& recordings) {
+  return MassProposal(request, recordings).run();
+}
+
+}  // namespace graybox

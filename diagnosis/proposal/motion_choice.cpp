@@ -1,0 +1,259 @@
+#include "diagnosis/proposal/motion_choice.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kTurn = 2.0 * std::numbers::pi;
+constexpr double kRadiansOpen = 4.0 * std::numbers::pi;  // spans beyond may be degrees
+constexpr double kSpeedOpen = 300.0;                     // beyond it rpm are as likely as rad/s
+constexpr double kLate = 0.005;                          // s; worth a note
+
+double span_of(const LogColumn& column) {
+  const Eigen::VectorXd values = without_gaps(column.values);
+  return values.maxCoeff() - values.minCoeff();
+}
+
+bool holds_counts(const LogColumn& column) {
+  if (!column.words.unit.empty() || column.has_gaps() || span_of(column) < 100.0) return false;
+  return (column.values.array() == column.values.array().round()).all();
+}
+
+std::string si_unit(bool is_velocity, MotionKind motion) {
+  if (motion == MotionKind::kLinear) return is_velocity ? "m/s" : "m";
+  return is_velocity ? "rad/s" : "rad";
+}
+
+double turn_in(const std::string& unit) {
+  const Unit* known = find_unit(unit);
+  return known == nullptr || known->base != "rad" ? 0.0 : kTurn / known->factor;
+}
+
+class MotionUnitChoice {
+ public:
+  MotionUnitChoice(const LogColumn* position, const LogColumn* velocity,
+                   const MotionContext& context, MotionChoice& choice)
+      : position_(position), velocity_(velocity), context_(context), choice_(choice) {}
+
+  void run() {
+    if (position_ != nullptr && velocity_ != nullptr) compare();
+    if (position_ == nullptr) return take_velocity();
+    if (position_->words.unit == "counts" || holds_counts(*position_)) return take_counts();
+    take_position();
+  }
+
+ private:
+  [[nodiscard]] MotionKind motion() const {
+    if (context_.motion != MotionKind::kOpen) return context_.motion;
+    for (const LogColumn* each : {position_, velocity_}) {
+      if (each != nullptr && each->words.motion != MotionKind::kOpen) return each->words.motion;
+    }
+    return MotionKind::kRotary;
+  }
+
+  // Is the velocity the rate of the position, and in which units?
+  void compare() {
+    if (!(context_.step > 0.0)) return;
+    const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
+    fit_ = fit_rate(smooth, velocity_->values, context_.step);
+    if (!fit_) {
+      choice_.notes.push_back(fmt::format("'{}' is not the rate of '{}': it is not used",
+                                          velocity_->name, position_->name));
+      return;
+    }
+    if (std::abs(fit_->late) > std::max(kLate, 2.0 * context_.step)) {
+      choice_.notes.push_back(fmt::format(
+          "'{}' is {} than the rate of '{}' by {:.3g} s: it is not used", velocity_->name,
+          fit_->late > 0.0 ? "later" : "earlier", position_->name, std::abs(fit_->late)));
+    }
+    if (fit_->factor < 0.0) {
+      choice_.notes.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
+                                          velocity_->name, position_->name));
+    }
+    if (position_->words.unit == "counts" || holds_counts(*position_)) return;
+    units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
+    if (!units_.contradicts) return;
+    const bool both_stated = !position_->words.unit.empty() && !velocity_->words.unit.empty();
+    if (both_stated) return ask_units();
+    choice_.notes.push_back(
+        fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units: it is not used",
+                    position_->name, fit_->factor, velocity_->name));
+  }
+
+  void ask_units() {
+    const std::string& unit = position_->words.unit;
+    OpenQuestion question;
+    question.text = fmt::format(
+        "'{}' in {} and '{}' in {} don't agree: the rate of the one is {:.4g} times the "
+        "other. Which unit is right?",
+        position_->name, unit, velocity_->name, velocity_->words.unit, fit_->factor);
+    question.option = fmt::format("--column '{}=position:UNIT' --column '{}=ignore'",
+                                  position_->name, velocity_->name);
+    for (const MotionUnits& each :
+         {units_by_rate(fit_->factor, "", velocity_->words.unit, motion()),
+          units_by_rate(fit_->factor, unit, "", motion())}) {
+      if (!each.is_found) continue;
+      question.choices.push_back({fmt::format("{} and {}", each.position, each.velocity),
+                                  {fmt::format("{}=position:{}", position_->name, each.position),
+                                   fmt::format("{}=velocity:{}", velocity_->name, each.velocity)}});
+    }
+    question.choices.push_back(
+        {fmt::format("{}, and '{}' is something else", unit, velocity_->name),
+         {fmt::format("{}=ignore", velocity_->name)}});
+    choice_.questions.push_back(question);
+  }
+
+  void take(const LogColumn* column, bool is_velocity, const std::string& unit,
+            const std::string& why) {
+    choice_.column = column;
+    choice_.is_velocity = is_velocity;
+    choice_.unit = unit;
+    choice_.unit_reason = why;
+    const Unit* known = find_unit(unit);
+    choice_.factor = known == nullptr ? 1.0 : known->factor;
+    choice_.other = is_velocity ? nullptr : velocity_;
+    if (!is_velocity) choice_.is_wrapped = without_wraps(column->values, turn_in(unit)).second;
+  }
+
+  void take_position() {
+    const std::string& stated = position_->words.unit;
+    if (!stated.empty()) {
+      take(position_, false, stated, position_->answered ? "you said so" : "stated");
+      if (units_.is_found) choice_.unit_reason += ", and the velocity agrees";
+    } else if (units_.is_found) {
+      take(position_, false, units_.position, units_.why);
+    } else if (motion() == MotionKind::kRotary && span_of(*position_) > kRadiansOpen) {
+      ask_unit(position_, "position", {"rad", "deg"});
+      take(position_, false, "rad", "open");
+    } else {
+      take(position_, false, si_unit(false, motion()), "guessed: no unit is stated");
+    }
+  }
+
+  void take_velocity() {
+    const std::string& stated = velocity_->words.unit;
+    if (!stated.empty()) {
+      take(velocity_, true, stated, velocity_->answered ? "you said so" : "stated");
+    } else if (motion() == MotionKind::kRotary && span_of(*velocity_) > kSpeedOpen) {
+      ask_unit(velocity_, "velocity", {"rad/s", "rpm", "deg/s"});
+      take(velocity_, true, "rad/s", "open");
+    } else {
+      take(velocity_, true, si_unit(true, motion()), "guessed: no unit is stated");
+    }
+  }
+
+  void take_counts() {
+    double count = context_.counts_per_turn ? kTurn / *context_.counts_per_turn : 0.0;
+    std::string why = fmt::format("{:g} counts a turn, as you said", kTurn / count);
+    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && fit_;
+    if (count == 0.0 && has_speed) {
+      count = find_unit(velocity_->words.unit)->factor / std::abs(fit_->factor);
+      why = fmt::format("{:.4g} counts a turn, from '{}'", kTurn / count, velocity_->name);
+    }
+    if (count == 0.0 && velocity_ != nullptr) {
+      choice_.notes.push_back(
+          fmt::format("'{}' counts steps of unknown size: '{}' is used (or say --counts-per-turn)",
+                      position_->name, velocity_->name));
+      return take_velocity();
+    }
+    take(position_, false, "counts", why);
+    if (count == 0.0) {
+      choice_.questions.push_back(
+          {OpenQuestion::Kind::kCountsPerTurn,
+           fmt::format("How many counts of '{}' are a turn?", position_->name),
+           "--counts-per-turn N",
+           {}});
+      choice_.unit_reason = "# ANSWER: rad for one count?";
+    }
+    choice_.gain = count == 0.0 ? "{value: ANSWER, unit: rad/counts}"
+                                : fmt::format("{{value: {:.8g}, unit: rad/counts}}", count);
+    choice_.factor = count == 0.0 ? 1.0 : count;
+    choice_.is_wrapped = without_wraps(position_->values, 0.0).second;
+  }
+
+  void ask_unit(const LogColumn* column, const char* quantity,
+                std::initializer_list<const char*> units) {
+    OpenQuestion question;
+    question.text = fmt::format("'{}' spans {:.3g} and has no unit: which is it?", column->name,
+                                span_of(*column));
+    question.option = fmt::format("--column '{}={}:{}'", column->name, quantity, *units.begin());
+    for (const char* unit : units) {
+      question.choices.push_back({unit, {fmt::format("{}={}:{}", column->name, quantity, unit)}});
+    }
+    choice_.questions.push_back(question);
+  }
+
+  const LogColumn* position_;
+  const LogColumn* velocity_;
+  const MotionContext& context_;
+  MotionChoice& choice_;
+  std::optional<RateFit> fit_;
+  MotionUnits units_;
+};
+
+}  // namespace
+
+Eigen::VectorXd without_gaps(Eigen::VectorXd values) {
+  double before = 0.0;
+  for (const double value : values) {
+    if (std::isfinite(value)) {
+      before = value;
+      break;
+    }
+  }
+  for (double& value : values) before = value = std::isfinite(value) ? value : before;
+  return values;
+}
+
+Eigen::VectorXd MotionChoice::values(const LogRecording& recording) const {
+  const Eigen::VectorXd recorded = without_gaps(recording.at(column->file, column->name).values);
+  if (!is_wrapped) return factor * recorded;
+  return factor * without_wraps(recorded, unit == "counts" ? 0.0 : turn_in(unit)).first;
+}
+
+OpenQuestion which_of(const std::vector<const LogColumn*>& columns, const std::string& what) {
+  OpenQuestion question;
+  question.text = fmt::format("Which is the {}: {}?", what, names_of(columns));
+  for (const LogColumn* chosen : columns) {
+    AnswerChoice choice{chosen->name, {}};
+    for (const LogColumn* other : columns) {
+      if (other != chosen) choice.columns.push_back(other->name + "=ignore");
+    }
+    question.choices.push_back(std::move(choice));
+  }
+  question.option = fmt::format("--column '{}=ignore', say", columns.back()->name);
+  return question;
+}
+
+MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
+                           const MotionContext& context) {
+  MotionChoice choice;
+  const ColumnChoice position = choose_measured(columns, LogQuantity::kPosition);
+  const ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
+  if (!position.rivals.empty()) {
+    choice.questions.push_back(which_of(position.rivals, "measured position"));
+    choice.column = position.rivals.front();
+    choice.unit = si_unit(false, context.motion);
+    return choice;
+  }
+  if (position.column == nullptr && !velocity.rivals.empty()) {
+    choice.questions.push_back(which_of(velocity.rivals, "measured velocity"));
+    choice.column = velocity.rivals.front();
+    choice.is_velocity = true;
+    choice.unit = si_unit(true, context.motion);
+    return choice;
+  }
+  if (position.column == nullptr && velocity.column == nullptr) return choice;
+  MotionUnitChoice(position.column, velocity.column, context, choice).run();
+  choice.reason = choice.is_velocity ? velocity.reason : position.reason;
+  return choice;
+}
+
+}  // namespace graybox

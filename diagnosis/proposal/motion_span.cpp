@@ -1,0 +1,85 @@
+#include "diagnosis/proposal/motion_span.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "diagnosis/signals/real_transform.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kMoves = 0.01;  // of the largest change
+constexpr double kShareOfPower = 0.99;
+constexpr double kAbove = 10.0;  // the filter over the motion's frequency
+constexpr double kLowest = 2.0;  // Hz
+
+// What changes: positions over `over` samples, velocities as they are. Gaps count as rest.
+Eigen::VectorXd changes(const Eigen::VectorXd& motion, bool is_velocity, Eigen::Index over) {
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(motion.size());
+  for (Eigen::Index k = 0; k < motion.size(); ++k) {
+    const double before = is_velocity ? 0.0 : motion(std::max<Eigen::Index>(0, k - over));
+    const double size = std::abs(motion(k) - before);
+    if (std::isfinite(size)) change(k) = size;
+  }
+  return change;
+}
+
+// The frequency below which most of the power of the velocity lies.
+double highest_frequency(const Eigen::VectorXd& motion, bool is_velocity, double sample_time) {
+  const Eigen::Index n = is_velocity ? motion.size() : motion.size() - 1;
+  Eigen::VectorXd velocity =
+      is_velocity ? motion : Eigen::VectorXd(motion.tail(n) - motion.head(n));
+  for (Eigen::Index k = 0; k < n; ++k) {
+    if (!std::isfinite(velocity(k))) velocity(k) = 0.0;
+  }
+  velocity.array() -= velocity.mean();
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const double turn =
+        2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(n - 1);
+    velocity(k) *= 0.5 - 0.5 * std::cos(turn);
+  }
+  RealTransform transform(static_cast<std::size_t>(n));
+  const Eigen::VectorXd power = transform.run(velocity).cwiseAbs2();
+  double sum = 0.0;
+  Eigen::Index k = 0;
+  while (k + 1 < power.size() && sum + power(k) < kShareOfPower * power.sum()) sum += power(k++);
+  return static_cast<double>(k) / (static_cast<double>(n) * sample_time);
+}
+
+}  // namespace
+
+MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions, bool are_velocities,
+                       double sample_time) {
+  const Eigen::Index n = motions.front().size();
+  const auto over = std::max<Eigen::Index>(2, std::lround(0.02 / sample_time));
+  MotionSpan span{n - 1, 0};
+  for (const Eigen::VectorXd& motion : motions) {
+    const Eigen::VectorXd change = changes(motion, are_velocities, over);
+    const double limit = kMoves * change.maxCoeff();
+    for (Eigen::Index k = 0; k < n; ++k) {
+      if (!(change(k) > limit)) continue;
+      span.first = std::min(span.first, k);
+      span.last = std::max(span.last, k);
+    }
+  }
+  if (span.first >= span.last) return {0, n - 1};
+  const auto margin = std::max<Eigen::Index>(over, std::lround(0.2 / sample_time));
+  return {std::max<Eigen::Index>(0, span.first - margin), std::min(n - 1, span.last + margin)};
+}
+
+double filter_frequency(const std::vector<Eigen::VectorXd>& motions, bool are_velocities,
+                        double sample_time) {
+  double highest = 0.0;
+  for (const Eigen::VectorXd& motion : motions) {
+    highest = std::max(highest, highest_frequency(motion, are_velocities, sample_time));
+  }
+  const double frequency =
+      std::clamp(kAbove * highest, kLowest, std::max(kLowest, 0.2 / sample_time));
+  return std::stod(fmt::format("{:.2g}", std::min(frequency, 0.4 / sample_time)));
+}
+
+}  // namespace graybox

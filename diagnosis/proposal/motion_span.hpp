@@ -1,0 +1,26 @@
+// What part of a log moves, and how fast: where to cut it for the fit and the check, and where to
+// filter before differentiating.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace graybox {
+
+// Samples from the first to the last that move, both included, with `margin` samples beside.
+struct MotionSpan {
+  Eigen::Index first = 0, last = 0;
+};
+
+// A position moves where its change over a fiftieth of a second or two samples is above 1 % of the
+// largest such change; a velocity where it is above 1 % of its largest. Each column of `motions` is
+// one signal.
+[[nodiscard]] MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions,
+                                     bool are_velocities, double sample_time);
+
+// Ten times the frequency below which 99 % of the power of the velocity lie, of the fastest signal,
+// Hz, in two digits; at least 2 and at most a fifth of the sample rate.
+[[nodiscard]] double filter_frequency(const std::vector<Eigen::VectorXd>& motions,
+                                      bool are_velocities, double sample_time);
+
+}  // namespace graybox

@@ -1,0 +1,121 @@
+#include "diagnosis/proposal/proposal.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "diagnosis/proposal/campaign_draft.hpp"
+#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/proposal/mass_proposal.hpp"
+#include "diagnosis/proposal/motion_choice.hpp"
+#include "diagnosis/proposal/robot_proposal.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+// Two sides if titles name both, one mass else; more than two numbered positions are a robot's.
+ProposedMachine machine_of(const LogRecording& log) {
+  bool has_motor = false, has_load = false;
+  std::set<int> numbers;
+  for (const LogColumn& column : log.columns) {
+    if (column.words.quantity != LogQuantity::kPosition || column.words.is_reference) continue;
+    has_motor = has_motor || column.words.side == DriveSide::kMotor;
+    has_load = has_load || column.words.side == DriveSide::kLoad;
+    if (column.words.index) numbers.insert(*column.words.index);
+  }
+  if (numbers.size() > 2) {
+    throw InputError(fmt::format(
+        "{}: has {} numbered positions, as of a robot: give its URDF, too, or choose one axis by "
+        "--one-mass and --column NAME=ignore",
+        log.files.front().string(), numbers.size()));
+  }
+  return has_motor && has_load ? ProposedMachine::kTwoMasses : ProposedMachine::kOneMass;
+}
+
+std::string safe_name(const std::string& title, std::set<std::string>& taken) {
+  std::string name;
+  for (const std::string& word : words_of(title)) name += (name.empty() ? "" : "_") + word;
+  if (name.empty()) name = "column";
+  std::string unique = name;
+  for (int k = 2; !taken.insert(unique).second; ++k) unique = fmt::format("{}_{}", name, k);
+  return unique;
+}
+
+// Every column that was recognised, for a campaign by itself.
+ModelProposal propose_recordings(const ProposalRequest& request,
+                                 const std::vector<LogRecording>& recordings) {
+  ModelProposal proposal;
+  CampaignDraft draft;
+  const LogRecording& log = recordings.front();
+  draft.heading = fmt::format("# Proposed by `{}`. Change what is wrong.\n", request.command);
+  draft.time = find_time(log, request.sample_time);
+  if (!draft.time.is_even) draft.hold = "first";
+  std::set<std::string> taken;
+  std::vector<const LogColumn*> motions;
+  for (const LogColumn& column : log.columns) {
+    const LogQuantity quantity = column.words.quantity;
+    const bool is_time = column.name == draft.time.column && column.file == draft.time.file;
+    if (is_time || quantity == LogQuantity::kTime) continue;
+    if (!column.moves() || column.has_gaps()) {
+      draft.unused.push_back(column.name +
+                             (column.has_gaps() ? ": rows without a number" : ": never changes"));
+      continue;
+    }
+    DraftChannel channel{safe_name(column.name, taken),
+                         column.file,
+                         column.name,
+                         column.words.unit,
+                         "",
+                         "other",
+                         ""};
+    if (channel.unit.empty()) {
+      channel.unit = "1";
+      channel.comment = quantity == LogQuantity::kUnknown
+                            ? "not recognised"
+                            : fmt::format("a {} whose unit is not stated", name_of(quantity));
+    }
+    if (drives(quantity)) channel.is = "input";
+    if (quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity) {
+      channel.is = "output";
+      if (quantity == LogQuantity::kPosition) motions.push_back(&column);
+    }
+    if (column.words.is_reference && channel.is != "other") channel.is = "reference";
+    draft.channels.push_back(channel);
+  }
+  draft.experiments = draft_experiments(recordings, {}, false, draft.time.sample_time);
+  if (recordings.size() == 1) draft.experiments = {{0, 0, 0, true, false}};
+  if (!(draft.time.sample_time > 0.0)) {
+    proposal.questions.push_back(
+        {OpenQuestion::Kind::kSampleTime, "The time is open", "--sample-time S", {}});
+  }
+  proposal.campaign_text = campaign_text(draft, recordings, request.folder);
+  return proposal;
+}
+
+}  // namespace
+
+ModelProposal propose_model(const ProposalRequest& request) {
+  std::vector<LogRecording> recordings = read_logs(request.logs, request.columns);
+  if (request.machine != ProposedMachine::kRobot) {
+    const LogTime time = find_time(recordings.front(), request.sample_time);
+    name_by_rates(recordings, time.sample_time > 0.0 ? time.sample_time : 1.0);
+  }
+  switch (request.machine) {
+    case ProposedMachine::kRobot:
+      return propose_robot(request, recordings);
+    case ProposedMachine::kRecordings:
+      return propose_recordings(request, recordings);
+    case ProposedMachine::kOpen: {
+      ProposalRequest chosen = request;
+      chosen.machine = machine_of(recordings.front());
+      return propose_masses(chosen, recordings);
+    }
+    default:
+      return propose_masses(request, recordings);
+  }
+}
+
+}  // namespace graybox

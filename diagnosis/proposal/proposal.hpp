@@ -1,0 +1,69 @@
+// A first model.yaml and campaign.yaml from the columns of logs: what `graybox model` writes.
+//
+//   ProposalRequest request;
+//   request.machine = ProposedMachine::kOneMass;
+//   request.logs = {"run_1.csv", "run_2.csv"};
+//   const ModelProposal proposal = propose_model(request);
+//   if (proposal.questions.empty()) write_text_file("model.yaml", proposal.model_text);
+//
+// Every guess comes with its reason, in `guesses` and as a comment of the line it made. What can't
+// be known and has no likely answer is a question. Its line is marked "# ANSWER:", and no command
+// reads such a file (yaml_field.hpp).
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/proposal/log_recordings.hpp"
+
+namespace graybox {
+
+// kRecordings: a campaign alone, with every column that was recognised.
+enum class ProposedMachine { kOpen, kOneMass, kTwoMasses, kRobot, kRecordings };
+
+struct ProposalRequest {
+  ProposedMachine machine = ProposedMachine::kOpen;
+  std::filesystem::path urdf;  // of kRobot
+  std::string base, tip;       // links; empty: from the joints that are logged
+  std::vector<std::filesystem::path> logs;
+  std::vector<ColumnAnswer> columns;
+  std::optional<double> sample_time;  // s
+  std::optional<double> counts_per_turn;
+  std::optional<double> gain;  // N m or N that one of the drive's recorded unit is
+  MotionKind motion = MotionKind::kOpen;
+  std::filesystem::path folder;  // where the files will stand
+  std::string command;           // for the files' first line
+};
+
+struct ProposedGuess {
+  std::string subject, value, reason;
+};
+
+// One answer: what to say on a terminal, and the --column options it stands for.
+struct AnswerChoice {
+  std::string label;
+  std::vector<std::string> columns;
+};
+
+struct OpenQuestion {
+  enum class Kind { kChoice, kSampleTime, kCountsPerTurn, kInFile };
+  Kind kind = Kind::kChoice;
+  std::string text;
+  std::string option;  // how to answer beforehand
+  std::vector<AnswerChoice> choices = {};
+};
+
+struct ModelProposal {
+  std::string model_text, campaign_text;  // the model's is empty for kRecordings
+  std::vector<ProposedGuess> guesses;
+  std::vector<OpenQuestion> questions;
+  std::vector<std::string> notes;  // what the user should know, in a sentence each
+};
+
+// Throws InputError for files that can't be read, for times that don't rise, for logs without any
+// column that could be motion or drive, and for joints that the URDF and the log don't share.
+[[nodiscard]] ModelProposal propose_model(const ProposalRequest& request);
+
+}  // namespace graybox

@@ -1,0 +1,478 @@
+#include "diagnosis/proposal/robot_proposal.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "diagnosis/proposal/campaign_draft.hpp"
+#include "diagnosis/proposal/joint_columns.hpp"
+#include "diagnosis/proposal/motion_choice.hpp"
+#include "diagnosis/proposal/motion_span.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kGravity = 9.81;       // m/s^2
+constexpr double kBeyondLimits = 1.25;  // of a joint's range: no rounding and no overshoot
+
+// A channel's name of a joint: letters, digits and _.
+std::string channel_name(const std::string& quantity, const std::string& joint) {
+  std::string name = quantity + "_" + joint;
+  for (char& each : name) {
+    if (std::isalnum(static_cast<unsigned char>(each)) == 0) each = '_';
+  }
+  return name;
+}
+
+class RobotProposal {
+ public:
+  RobotProposal(const ProposalRequest& request, const std::vector<LogRecording>& recordings)
+      : request_(request),
+        recordings_(recordings),
+        log_(recordings.front()),
+        joints_(read_urdf_tree(request.urdf)),
+        families_(column_families(log_, joints_)) {}
+
+  ModelProposal run() {
+    find_times();
+    positions_ = choose(families_of(families_, LogQuantity::kPosition), "position");
+    forces_ = choose(families_of_drive(families_), "torque, effort or current");
+    if (proposal_.questions.empty() || (positions_ != nullptr && forces_ != nullptr)) {
+      choose_chain();
+      choose_units();
+      check_limits();
+    }
+    draft_campaign();
+    proposal_.model_text = model();
+    proposal_.campaign_text = campaign_text(draft_, recordings_, request_.folder);
+    return std::move(proposal_);
+  }
+
+ private:
+  void guess(const std::string& subject, const std::string& value, const std::string& reason) {
+    proposal_.guesses.push_back({subject, value, reason});
+  }
+  [[nodiscard]] std::string urdf_name() const { return request_.urdf.string(); }
+
+  void find_times() {
+    draft_.time = find_time(log_, request_.sample_time);
+    const LogTime& time = draft_.time;
+    if (time.sample_time > 0.0) {
+      guess("time",
+            time.column.empty() ? "no column" : fmt::format("'{}' in {}", time.column, time.unit),
+            fmt::format("{}; {}samples every {:g} s", time.why,
+                        time.is_even ? "" : "uneven, resampled to ", time.sample_time));
+      return;
+    }
+    if (time.column.empty()) {
+      proposal_.questions.push_back(
+          {OpenQuestion::Kind::kSampleTime,
+           "How many seconds lie between samples? No column has the time.",
+           "--sample-time S",
+           {}});
+      return;
+    }
+    OpenQuestion question;
+    question.text =
+        fmt::format("Which unit has '{}', with steps of {:g}?", time.column, time.median_step);
+    question.option = fmt::format("--column '{}=time:ms', say", time.column);
+    for (const char* unit : {"s", "ms", "us", "ns"}) {
+      question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});
+    }
+    proposal_.questions.push_back(question);
+  }
+
+  const ColumnFamily* choose(const std::vector<const ColumnFamily*>& list,
+                             const std::string& what) {
+    if (list.empty()) {
+      std::string names;
+      for (const UrdfJoint& joint : joints_) {
+        if (joint.moves) names += (names.empty() ? "" : ", ") + joint.name;
+      }
+      throw InputError(fmt::format(
+          "{}: no columns are the {} of joints of {} ({}); say so by --column NAME={}@JOINT",
+          log_.files.front().string(), what, urdf_name(), names,
+          what == "position" ? "position" : "torque"));
+    }
+    if (list.size() == 1) return list.front();
+    OpenQuestion question;
+    for (const ColumnFamily* family : list) {
+      question.text += fmt::format("{}'{}'", question.text.empty() ? "" : ", ", family->pattern);
+      AnswerChoice choice{family->pattern, {}};
+      for (const ColumnFamily* other : list) {
+        if (other != family) choice.columns.push_back(other->pattern + "=ignore");
+      }
+      question.choices.push_back(choice);
+    }
+    question.text = fmt::format("Which columns are the {} of the joints: {}?", what, question.text);
+    question.option = fmt::format("--column '{}=ignore', say", list.back()->pattern);
+    proposal_.questions.push_back(question);
+    return list.front();
+  }
+
+  // ---- the chain -------------------------------------------------------------------------------
+
+  [[nodiscard]] bool is_usable(std::size_t joint) const {
+    const auto force = forces_->columns.find(joint);
+    return joints_[joint].moves && positions_->columns.contains(joint) &&
+           force != forces_->columns.end() && force->second->moves();
+  }
+
+  // Joints from the root to this one.
+  [[nodiscard]] std::vector<std::size_t> path_to(std::size_t joint) const {
+    std::vector<std::size_t> path{joint};
+    for (std::size_t k = joint; k-- > 0;) {
+      if (joints_[k].child == joints_[path.back()].parent) path.push_back(k);
+    }
+    std::ranges::reverse(path);
+    return path;
+  }
+
+  void choose_chain() {
+    std::vector<std::size_t> best;
+    std::size_t most = 0;
+    std::set<std::size_t> usable;
+    for (std::size_t k = 0; k < joints_.size(); ++k) {
+      if (!is_usable(k)) continue;
+      usable.insert(k);
+      if (!request_.tip.empty() && joints_[k].child != request_.tip) continue;
+      const std::vector<std::size_t> path = path_to(k);
+      const auto count = static_cast<std::size_t>(
+          std::ranges::count_if(path, [&](std::size_t each) { return is_usable(each); }));
+      if (count > most) best = path;
+      most = std::max(most, count);
+    }
+    if (best.empty()) {
+      throw InputError(fmt::format(
+          "{}: {} has position and force of no joint of it{}; --column NAME=position@JOINT tells",
+          urdf_name(), log_.files.front().string(),
+          request_.tip.empty() ? "" : fmt::format(" before link '{}' (--tip)", request_.tip)));
+    }
+    take_chain(best);
+    for (const std::size_t joint : usable) {
+      if (std::ranges::find(chain_, joint) == chain_.end()) {
+        proposal_.notes.push_back(fmt::format(
+            "joint {} is logged and not in the chain: locked at zero", joints_[joint].name));
+      }
+    }
+    guess("joints",
+          fmt::format("{}, {} to {}", chain_.size(), joints_[chain_.front()].name,
+                      joints_[chain_.back()].name),
+          fmt::format("position and force are logged; all others of {} are locked at zero",
+                      request_.urdf.filename().string()));
+  }
+
+  void take_chain(const std::vector<std::size_t>& path) {
+    bool began = request_.base.empty() ? false : true;
+    bool in_range = request_.base.empty();
+    for (const std::size_t joint : path) {
+      if (!in_range && joints_[joint].parent != request_.base) continue;
+      in_range = true;
+      if (is_usable(joint)) {
+        if (chain_.empty() && request_.base.empty()) first_ = joint;
+        if (chain_.empty() && !request_.base.empty())
+          first_ = *std::ranges::find_if(
+              path, [&](std::size_t each) { return joints_[each].parent == request_.base; });
+        began = true;
+        chain_.push_back(joint);
+      } else if (began && joints_[joint].moves) {
+        throw InputError(fmt::format(
+            "{}: joint '{}' lies between the logged ones, and its position and force are not "
+            "logged; "
+            "log them, name their columns by --column NAME=position@{}, or choose --base or --tip",
+            urdf_name(), joints_[joint].name, joints_[joint].name));
+      }
+    }
+    if (chain_.empty()) {
+      throw InputError(fmt::format("--base {}: no logged joint is beyond it", request_.base));
+    }
+    require_masses();
+  }
+
+  void require_masses() const {
+    double mass = 0.0;
+    for (const std::size_t joint : chain_) mass += joints_[joint].child_mass;
+    if (mass > 0.0) return;
+    throw InputError(fmt::format(
+        "{}: no link of the logged joints has a mass; take a URDF with <inertial>", urdf_name()));
+  }
+
+  // ---- units -----------------------------------------------------------------------------------
+
+  [[nodiscard]] const LogColumn& position(std::size_t joint) const {
+    return *positions_->columns.at(joint);
+  }
+  [[nodiscard]] const LogColumn& force(std::size_t joint) const {
+    return *forces_->columns.at(joint);
+  }
+
+  // Whether all positions lie within their limits if they are in that unit.
+  [[nodiscard]] bool fits_limits(const std::string& rotary_unit) const {
+    for (const std::size_t joint : chain_) {
+      const UrdfJoint& each = joints_[joint];
+      if (each.is_prismatic || !(each.upper > each.lower)) continue;
+      const Eigen::VectorXd q =
+          find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
+      const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
+      if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
+    }
+    return true;
+  }
+
+  void choose_units() {
+    const MotionContext context{draft_.time.sample_time, MotionKind::kOpen, {}};
+    const std::vector<const ColumnFamily*> velocities =
+        families_of(families_, LogQuantity::kVelocity);
+    std::set<std::string> found;
+    std::string why, note;
+    for (const std::size_t joint : chain_) {
+      if (joints_[joint].is_prismatic) continue;
+      std::vector<const LogColumn*> columns{&position(joint)};
+      if (velocities.size() == 1 && velocities.front()->columns.contains(joint)) {
+        columns.push_back(velocities.front()->columns.at(joint));
+      }
+      const MotionChoice choice = choose_motion(columns, context);
+      if (!choice.notes.empty() && note.empty()) note = choice.notes.front();
+      if (choice.column == nullptr || choice.is_velocity || choice.unit == "counts") continue;
+      if (!choice.questions.empty() && !choice.questions.front().choices.empty() &&
+          !position(joint).words.unit.empty()) {
+        proposal_.questions.push_back(choice.questions.front());
+        return;
+      }
+      const bool by_data =
+          choice.unit_reason.find("guessed") == std::string::npos && choice.unit_reason != "open";
+      if (!by_data) continue;
+      found.insert(choice.unit);
+      why = choice.unit_reason;
+    }
+    if (!note.empty()) {
+      proposal_.notes.push_back(note + (chain_.size() > 1 ? " (and others alike)" : ""));
+    }
+    if (found.size() == 1) {
+      rotary_unit_ = *found.begin();
+      unit_reason_ = why;
+    } else if (!fits_limits("rad") && fits_limits("deg")) {
+      rotary_unit_ = "deg";
+      unit_reason_ = "in radians they would leave the URDF's limits";
+    } else {
+      unit_reason_ = "guessed: no unit is stated, and they keep within the URDF's limits";
+    }
+  }
+
+  void check_limits() {
+    std::string prefix =
+        forces_->by_number ? "numbers count the joints" : "joints' names in the titles";
+    guess("positions", fmt::format("'{}' in {}", positions_->pattern, rotary_unit_),
+          fmt::format("{}; {}", prefix, unit_reason_));
+    if (fits_limits(rotary_unit_)) return;
+    proposal_.questions.push_back(
+        {OpenQuestion::Kind::kInFile,
+         fmt::format(
+             "'{}' leave the joints' limits in {}: are they motor angles, in {}? State gear "
+             "ratios and position_of: motors in model.yaml, or another unit",
+             positions_->pattern, rotary_unit_, rotary_unit_),
+         fmt::format("--column '{}=position:deg', say", positions_->pattern),
+         {}});
+    beyond_limits_ = true;
+  }
+
+  // ---- the campaign ----------------------------------------------------------------------------
+
+  [[nodiscard]] bool is_complete() const { return !chain_.empty(); }
+
+  [[nodiscard]] std::string unit_of_force(std::size_t joint) const {
+    return joints_[joint].is_prismatic ? "N" : "N m";
+  }
+
+  void add_force(std::size_t joint) {
+    const LogColumn& column = force(joint);
+    const std::string base = unit_of_force(joint);
+    std::string unit = column.words.unit;
+    const Unit* known = find_unit(unit);
+    const bool is_force = known != nullptr && (known->base == "N" || known->base == "N m");
+    if (is_force && known->base != base) unit = base;
+    std::string gain, comment;
+    if (!is_force) {
+      gains_known_ = false;
+      if (unit.empty() && column.words.quantity == LogQuantity::kForce) {
+        unit = base;
+        comment = "its unit is not stated";
+      } else {
+        unit = unit.empty() ? "1" : unit;
+        gain = fmt::format("{{value: 1, unit: {}}}", in_quotes(base + "/" + unit));
+      }
+    }
+    draft_.channels.push_back({channel_name("force", joints_[joint].name), column.file, column.name,
+                               unit, gain, "input", comment});
+  }
+
+  void add_position(std::size_t joint) {
+    const LogColumn& column = position(joint);
+    std::string unit = rotary_unit_;
+    if (joints_[joint].is_prismatic) unit = column.words.unit.empty() ? "m" : column.words.unit;
+    const std::string name = channel_name("position", joints_[joint].name);
+    const Unit* known = find_unit(unit);
+    const double turn = known->base == "rad" ? 2.0 * std::numbers::pi / known->factor : 0.0;
+    if (without_wraps(without_gaps(column.values), turn).second) draft_.wrapped.push_back(name);
+    draft_.channels.push_back({name, column.file, column.name, unit, "", "output", ""});
+  }
+
+  void draft_campaign() {
+    draft_.heading = fmt::format("# Proposed by `{}`. Change what is wrong.\n", request_.command);
+    if (!draft_.time.is_even) draft_.hold = "first";
+    std::vector<const LogColumn*> decisive;
+    for (const std::size_t joint : chain_) add_force(joint);
+    for (const std::size_t joint : chain_) {
+      add_position(joint);
+      decisive.push_back(&position(joint));
+    }
+    mark_choice();
+    note_gaps();
+    note_unused();
+    draft_.experiments = draft_experiments(recordings_, decisive, false, draft_.time.sample_time);
+    guess_forces();
+    guess_filter(decisive);
+    guess("kept out",
+          recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
+                                 : "the last two fifths",
+          "checks the fit");
+  }
+
+  // Questions about columns stand at the first channel.
+  void mark_choice() {
+    for (const OpenQuestion& question : proposal_.questions) {
+      if (question.kind != OpenQuestion::Kind::kChoice || draft_.channels.empty()) continue;
+      draft_.channels.front().comment = "# ANSWER: " + question.text;
+    }
+  }
+
+  void guess_forces() {
+    if (chain_.empty()) return;
+    guess("forces", fmt::format("'{}'", forces_->pattern),
+          gains_known_
+              ? "in newton metres, as their titles say"
+              : "no newton metres are stated: each drive's gain is unknown, and estimated");
+    std::string still;
+    for (const auto& [joint, column] : forces_->columns) {
+      if (!column->moves()) still += (still.empty() ? "" : ", ") + joints_[joint].name;
+    }
+    if (!still.empty()) proposal_.notes.push_back("the force never changes of " + still);
+  }
+
+  void guess_filter(const std::vector<const LogColumn*>& columns) {
+    const double step = draft_.time.sample_time;
+    if (columns.empty() || !(step > 0.0)) return;
+    const DraftExperiment& part = draft_.experiments.front();
+    std::vector<Eigen::VectorXd> motions;
+    for (const LogColumn* column : columns) {
+      if (!column->moves()) continue;
+      motions.push_back(
+          without_gaps(column->values).segment(part.first, part.last - part.first + 1));
+    }
+    draft_.low_pass = filter_frequency(motions, false, step);
+    draft_.low_pass_reason = "ten times what the joints move with; positions are differentiated";
+    guess("filter", fmt::format("{:g} Hz", *draft_.low_pass), draft_.low_pass_reason);
+  }
+
+  void note_gaps() {
+    for (const DraftChannel& channel : draft_.channels) {
+      const bool any = std::ranges::any_of(recordings_, [&](const LogRecording& recording) {
+        return recording.at(channel.file, channel.column).has_gaps();
+      });
+      if (any) draft_.gapped.push_back(channel.name);
+    }
+    if (!draft_.gapped.empty()) {
+      proposal_.notes.emplace_back("rows without a number are left out");
+    }
+  }
+
+  void note_unused() {
+    std::string names;
+    int count = 0;
+    for (const LogColumn& column : log_.columns) {
+      const bool is_used = std::ranges::any_of(draft_.channels, [&](const DraftChannel& channel) {
+        return channel.column == column.name && channel.file == column.file;
+      });
+      if (is_used || column.words.quantity == LogQuantity::kTime) continue;
+      draft_.unused.push_back(column.name);
+      if (++count <= 4) names += (names.empty() ? "'" : "', '") + column.name;
+    }
+    if (count == 0) return;
+    guess("not used", names + "'" + (count > 4 ? fmt::format(" and {} more", count - 4) : ""), "");
+  }
+
+  // ---- the model -------------------------------------------------------------------------------
+
+  [[nodiscard]] std::string gravity() const {
+    const Eigen::Vector3d g =
+        joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
+    std::vector<std::string> parts;
+    for (const double each : g) {
+      parts.push_back(fmt::format("{:.6g}", std::abs(each) < 1e-9 ? 0.0 : each));
+    }
+    return fmt::format("[{}]", fmt::join(parts, ", "));
+  }
+
+  std::string model() {
+    std::string text =
+        fmt::format("# Proposed by `{}`: rigid links as the URDF has them, without friction.\n",
+                    request_.command);
+    text += "format: graybox-rigid-robot/1\n";
+    if (!is_complete()) return text + "# ANSWER: first the questions of campaign.yaml\n";
+    std::filesystem::path urdf = request_.urdf;
+    if (urdf.is_relative()) {
+      urdf = std::filesystem::proximate(urdf, request_.folder.empty() ? "." : request_.folder);
+    }
+    text += fmt::format("gravity: {:<37} # m/s^2, in the base link's axes\n", gravity());
+    text += fmt::format("urdf: {}\nbase: {}\ntip: {}\njoints:\n", in_quotes(urdf.string()),
+                        in_quotes(request_.base.empty() ? joints_[first_].parent : request_.base),
+                        in_quotes(joints_[chain_.back()].child));
+    std::vector<std::string> forces, positions;
+    for (const std::size_t joint : chain_) {
+      const std::string& name = joints_[joint].name;
+      text += fmt::format(
+          "  - {{name: {}, gear_ratio: 1, rotor_inertia: unknown}}{}\n", in_quotes(name),
+          beyond_limits_ ? "  # ANSWER: is the log of motors? Then their gear ratio" : "");
+      forces.push_back(channel_name("force", name));
+      positions.push_back(channel_name("position", name));
+    }
+    text += fmt::format("channels:\n  torque: [{}]\n  torque_of: arm\n", fmt::join(forces, ", "));
+    text += fmt::format(
+        "  drive_gains: {:<30} # {}\n", gains_known_ ? "known" : "unknown",
+        gains_known_ ? "the titles state newton metres" : "the log states no newton metres");
+    text += fmt::format("  position: [{}]\n  position_of: arm\n", fmt::join(positions, ", "));
+    return text;
+  }
+
+  const ProposalRequest& request_;
+  const std::vector<LogRecording>& recordings_;
+  const LogRecording& log_;
+  std::vector<UrdfJoint> joints_;
+  std::vector<ColumnFamily> families_;
+  const ColumnFamily* positions_ = nullptr;
+  const ColumnFamily* forces_ = nullptr;
+  std::vector<std::size_t> chain_;  // joints that move and are logged, from the base on
+  std::size_t first_ = 0;           // the joint whose parent link is the base
+  std::string rotary_unit_ = "rad", unit_reason_;
+  bool gains_known_ = true, beyond_limits_ = false;
+  CampaignDraft draft_;
+  ModelProposal proposal_;
+};
+
+}  // namespace
+
+ModelProposal propose_robot(const ProposalRequest& request,
+                            const std::vector<LogRecording>& recordings) {
+  return RobotProposal(request, recordings).run();
+}
+
+}  // namespace graybox
