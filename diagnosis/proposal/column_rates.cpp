@@ -31,7 +31,7 @@ double distance(double factor, const std::string& position, const std::string& v
   return ratio > 0.0 ? std::max(ratio, 1.0 / ratio) : INFINITY;
 }
 
-// SI first; kinds of motion do not mix. Turns are nearly what other units are 60 of: only if stated.
+// SI first; kinds of motion do not mix. Turns only where they are stated.
 std::vector<MotionUnits> candidates(MotionKind motion, bool with_turns) {
   std::vector<MotionUnits> list;
   if (motion != MotionKind::kLinear) {

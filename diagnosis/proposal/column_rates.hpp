@@ -42,8 +42,8 @@ struct MotionUnits {
 // together; empty if none or several do. `step`: between samples, in that unit.
 [[nodiscard]] std::string time_unit_by_rates(const LogRecording& recording, double step);
 
-// Where no title says position or velocity: the one pair of unnamed columns of which one is the rate
-// of the other is taken for that. `step`: between samples, or 1.
+// Where no title says position or velocity: the one pair of unnamed columns of which one is the
+// rate of the other is taken for that. `step`: between samples, or 1.
 void name_by_rates(std::vector<LogRecording>& recordings, double step);
 
 // The position without wraps, if it is an angle that is kept within a turn; `turn` in its unit or

@@ -44,9 +44,7 @@ const LogColumn* time_column(const LogRecording& recording) {
   for (const LogColumn& column : recording.columns) {
     if (column.words.quantity != LogQuantity::kTime) continue;
     if (first_fall(column.values) < 0) return &column;
-    if (falls == nullptr && (column.words.sure || column.answered) && column.moves()) {
-      falls = &column;
-    }
+    if (falls == nullptr && column.moves()) falls = &column;
   }
   if (falls != nullptr) {
     throw InputError(fmt::format(
@@ -130,7 +128,8 @@ LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
   const double step = time.is_even
                           ? (column->values(column->values.size() - 1) - column->values(0)) / steps
                           : axis.step;
-  time.sample_time = rounded_step(step * time.seconds());
+  time.sample_time = time.is_even ? rounded_step(step * time.seconds())
+                                  : std::stod(fmt::format("{:.2g}", step * time.seconds()));
   return time;
 }
 

@@ -1,9 +1,9 @@
 // The times of a log: which column, in which unit, and how samples follow each other.
 //
 // A column is the time if its title says so and it rises. In a file without header it may be the
-// first column, if it rises in steps of about one size. Its unit comes from the title. It also comes
-// from stamps of the Unix epoch, from a position beside its velocity (column_rates.hpp), or from the
-// size of the step, in this order. Steps that could be two units are left open.
+// first column, if it rises in steps of about one size. Its unit comes from the title. Else it
+// comes from stamps of the Unix epoch, from a position beside its velocity (column_rates.hpp), or
+// from the size of the step, in this order. Steps that could be two units are left open.
 #pragma once
 
 #include <optional>

@@ -32,6 +32,7 @@ class MassProposal {
   }
 
   ModelProposal run() {
+    guess("model", has_two_ ? "two masses and a spring" : "one mass", request_.machine_reason);
     find_times();
     collect_open_columns();
     choose_the_drive();
@@ -402,19 +403,26 @@ class MassProposal {
   }
 
   std::string masses() {
-    double start = 1.0;
+    OneMassStart start{1.0, 0.01};
     std::string why = "guessed: the log shows no inertia";
     if (can_compute()) {
-      const std::optional<double> found = start_inertia(
+      const std::optional<OneMassStart> found = start_one_mass(
           force(), motions_[0].values(log_), motions_[0].is_velocity, draft_.time.sample_time);
       if (found) {
         start = *found;
         why = "a start: least squares of the drive on acceleration and friction";
       }
     }
-    guess("mass", fmt::format("{:.3g} {}", start, inertia_unit()), why + "; it is fitted");
-    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start),
-                       inertia_unit(), why);
+    const std::string damping_unit = is_linear() ? "N s/m" : "N m s/rad";
+    guess("mass", fmt::format("{:.3g} {}", start.inertia, inertia_unit()), why + "; it is fitted");
+    guess("damping", fmt::format("{:.3g} {}", start.damping, damping_unit), "the same");
+    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start.inertia),
+                       inertia_unit(), why) +
+           fmt::format(
+               "elements:\n  - name: bearing\n    location: {{kind: element, mass: axis}}\n"
+               "    law: viscous\n"
+               "    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
+               start.damping, damping_unit);
   }
 
   SpringStart spring_start() {
@@ -431,8 +439,9 @@ class MassProposal {
       const auto found =
           start_one_encoder(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
       if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
-      total = start_inertia(force(), motor, motions_[0].is_velocity, draft_.time.sample_time)
-                  .value_or(total);
+      const auto one =
+          start_one_mass(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
+      if (one) total = one->inertia;
     }
     constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s
     return {{0.5 * total, 0.5 * total, 0.25 * total * kGuess * kGuess, 0.01 * total * kGuess},
@@ -472,8 +481,8 @@ class MassProposal {
 
   std::string model() {
     std::string text =
-        fmt::format("# Proposed by `{}`: {}, without friction. Change what is wrong.\n",
-                    request_.command, has_two_ ? "two masses and a spring" : "a mass alone");
+        fmt::format("# Proposed by `{}`: {}. Change what is wrong.\n", request_.command,
+                    has_two_ ? "two masses and a spring" : "a mass with viscous friction");
     text += "format: graybox-lumped/1\n";
     const double step = draft_.time.sample_time;
     text += step > 0.0 ? fmt::format("{:<46} # s\n", fmt::format("sample_time: {:g}", step))

@@ -79,12 +79,26 @@ class MotionUnitChoice {
     }
     if (position_->words.unit == "counts" || holds_counts(*position_)) return;
     units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
+    note_factor();
     if (!units_.contradicts) return;
     const bool both_stated = !position_->words.unit.empty() && !velocity_->words.unit.empty();
     if (both_stated) return ask_units();
     choice_.notes.push_back(
         fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units: it is not used",
                     position_->name, fit_->factor, velocity_->name));
+  }
+
+  // Units that fit, and yet not quite.
+  void note_factor() {
+    constexpr double kQuite = 0.03;
+    if (!units_.is_found) return;
+    const double ratio = std::abs(fit_->factor) * find_unit(units_.position)->factor /
+                         find_unit(units_.velocity)->factor;
+    if (std::abs(ratio - 1.0) < kQuite) return;
+    choice_.notes.push_back(
+        fmt::format("the rate of '{}' is {:.3g} times '{}': a velocity that is scaled, or time "
+                    "stamps that are",
+                    position_->name, ratio, velocity_->name));
   }
 
   void ask_units() {

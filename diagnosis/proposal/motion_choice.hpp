@@ -1,5 +1,5 @@
-// One moving thing of a log, a mass or a joint: its position and velocity, their units, and which of
-// the two a model should be held against.
+// One moving thing of a log, a mass or a joint: its position and velocity, their units, and which
+// of the two a model should be held against.
 #pragma once
 
 #include <optional>

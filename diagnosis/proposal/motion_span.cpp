@@ -8,13 +8,14 @@
 #include <string>
 
 #include "diagnosis/signals/real_transform.hpp"
+#include "problems/base/quantile.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr double kMoves = 0.01;  // of the largest change
 constexpr double kShareOfPower = 0.99;
-constexpr double kAbove = 10.0;  // the filter over the motion's frequency
+constexpr double kAbove = 15.0;  // the filter over the motion's frequency
 constexpr double kLowest = 2.0;  // Hz
 
 // What changes: positions over `over` samples, velocities as they are. Gaps count as rest.
@@ -30,7 +31,7 @@ Eigen::VectorXd changes(const Eigen::VectorXd& motion, bool is_velocity, Eigen::
 
 // The frequency below which most of the power of the velocity lies.
 double highest_frequency(const Eigen::VectorXd& motion, bool is_velocity, double sample_time) {
-  const Eigen::Index n = is_velocity ? motion.size() : motion.size() - 1;
+  const Eigen::Index n = is_velocity ? motion.size() : motion.size() - 2;
   Eigen::VectorXd velocity =
       is_velocity ? motion : Eigen::VectorXd(motion.tail(n) - motion.head(n));
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -71,15 +72,22 @@ MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions, bool are_vel
   return {std::max<Eigen::Index>(0, span.first - margin), std::min(n - 1, span.last + margin)};
 }
 
+double motion_frequency(const std::vector<Eigen::VectorXd>& motions, bool are_velocities,
+                        double sample_time) {
+  std::vector<double> each;
+  for (const Eigen::VectorXd& motion : motions) {
+    each.push_back(highest_frequency(motion, are_velocities, sample_time));
+  }
+  std::ranges::sort(each);
+  return quantile(each, 0.5);
+}
+
 double filter_frequency(const std::vector<Eigen::VectorXd>& motions, bool are_velocities,
                         double sample_time) {
-  double highest = 0.0;
-  for (const Eigen::VectorXd& motion : motions) {
-    highest = std::max(highest, highest_frequency(motion, are_velocities, sample_time));
-  }
-  const double frequency =
-      std::clamp(kAbove * highest, kLowest, std::max(kLowest, 0.2 / sample_time));
-  return std::stod(fmt::format("{:.2g}", std::min(frequency, 0.4 / sample_time)));
+  const double moves = motion_frequency(motions, are_velocities, sample_time);
+  const double most = std::max(kLowest, 0.2 / sample_time);
+  const double frequency = std::min(std::clamp(kAbove * moves, kLowest, most), 0.4 / sample_time);
+  return std::stod(fmt::format("{:.2g}", frequency));
 }
 
 }  // namespace graybox

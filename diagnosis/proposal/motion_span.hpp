@@ -18,8 +18,11 @@ struct MotionSpan {
 [[nodiscard]] MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions,
                                      bool are_velocities, double sample_time);
 
-// Ten times the frequency below which 99 % of the power of the velocity lie, of the fastest signal,
-// Hz, in two digits; at least 2 and at most a fifth of the sample rate.
+// The frequency below which 99 % of the power of the velocity lie, of the median signal, Hz.
+[[nodiscard]] double motion_frequency(const std::vector<Eigen::VectorXd>& motions,
+                                      bool are_velocities, double sample_time);
+
+// 15 times that, in two digits; at least 2 Hz and at most a fifth of the sample rate.
 [[nodiscard]] double filter_frequency(const std::vector<Eigen::VectorXd>& motions,
                                       bool are_velocities, double sample_time);
 

@@ -111,6 +111,9 @@ ModelProposal propose_model(const ProposalRequest& request) {
     case ProposedMachine::kOpen: {
       ProposalRequest chosen = request;
       chosen.machine = machine_of(recordings.front());
+      chosen.machine_reason = chosen.machine == ProposedMachine::kTwoMasses
+                                  ? "titles name a motor and a load"
+                                  : "guessed: nothing shows a second one; else say --two-masses";
       return propose_masses(chosen, recordings);
     }
     default:

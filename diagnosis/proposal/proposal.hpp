@@ -12,6 +12,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,13 +26,15 @@ enum class ProposedMachine { kOpen, kOneMass, kTwoMasses, kRobot, kRecordings };
 
 struct ProposalRequest {
   ProposedMachine machine = ProposedMachine::kOpen;
+  std::string machine_reason = "you said so";
   std::filesystem::path urdf;  // of kRobot
   std::string base, tip;       // links; empty: from the joints that are logged
   std::vector<std::filesystem::path> logs;
   std::vector<ColumnAnswer> columns;
   std::optional<double> sample_time;  // s
   std::optional<double> counts_per_turn;
-  std::optional<double> gain;  // N m or N that one of the drive's recorded unit is
+  std::optional<double> gain;         // N m or N that one of the drive's recorded unit is
+  std::vector<std::string> reversed;  // columns of forces that count the other way
   MotionKind motion = MotionKind::kOpen;
   std::filesystem::path folder;  // where the files will stand
   std::string command;           // for the files' first line
@@ -59,7 +62,8 @@ struct ModelProposal {
   std::string model_text, campaign_text;  // the model's is empty for kRecordings
   std::vector<ProposedGuess> guesses;
   std::vector<OpenQuestion> questions;
-  std::vector<std::string> notes;  // what the user should know, in a sentence each
+  std::vector<std::string> notes;              // what the user should know, in a sentence each
+  std::map<std::string, std::string> columns;  // by channel, of a robot's forces
 };
 
 // Throws InputError for files that can't be read, for times that don't rise, for logs without any

@@ -119,6 +119,12 @@ class RobotProposal {
     return list.front();
   }
 
+  // "'tau_1' to 'tau_6'", of the joints in the chain.
+  [[nodiscard]] std::string range_of(const ColumnFamily& family) const {
+    return fmt::format("'{}' to '{}'", family.columns.at(chain_.front())->name,
+                       family.columns.at(chain_.back())->name);
+  }
+
   // ---- the chain -------------------------------------------------------------------------------
 
   [[nodiscard]] bool is_usable(std::size_t joint) const {
@@ -271,7 +277,7 @@ class RobotProposal {
   void check_limits() {
     std::string prefix =
         forces_->by_number ? "numbers count the joints" : "joints' names in the titles";
-    guess("positions", fmt::format("'{}' in {}", positions_->pattern, rotary_unit_),
+    guess("positions", fmt::format("{} in {}", range_of(*positions_), rotary_unit_),
           fmt::format("{}; {}", prefix, unit_reason_));
     if (fits_limits(rotary_unit_)) return;
     proposal_.questions.push_back(
@@ -311,8 +317,13 @@ class RobotProposal {
         gain = fmt::format("{{value: 1, unit: {}}}", in_quotes(base + "/" + unit));
       }
     }
-    draft_.channels.push_back({channel_name("force", joints_[joint].name), column.file, column.name,
-                               unit, gain, "input", comment});
+    const std::string name = channel_name("force", joints_[joint].name);
+    if (std::ranges::find(request_.reversed, column.name) != request_.reversed.end()) {
+      gain = fmt::format("{{value: -1, unit: {}}}", in_quotes(base + "/" + unit));
+      comment = "reversed: else friction would feed energy in";
+    }
+    proposal_.columns[name] = column.name;
+    draft_.channels.push_back({name, column.file, column.name, unit, gain, "input", comment});
   }
 
   void add_position(std::size_t joint) {
@@ -357,7 +368,7 @@ class RobotProposal {
 
   void guess_forces() {
     if (chain_.empty()) return;
-    guess("forces", fmt::format("'{}'", forces_->pattern),
+    guess("forces", range_of(*forces_),
           gains_known_
               ? "in newton metres, as their titles say"
               : "no newton metres are stated: each drive's gain is unknown, and estimated");
@@ -379,7 +390,7 @@ class RobotProposal {
           without_gaps(column->values).segment(part.first, part.last - part.first + 1));
     }
     draft_.low_pass = filter_frequency(motions, false, step);
-    draft_.low_pass_reason = "ten times what the joints move with; positions are differentiated";
+    draft_.low_pass_reason = "15 times what most joints move with; positions are differentiated";
     guess("filter", fmt::format("{:g} Hz", *draft_.low_pass), draft_.low_pass_reason);
   }
 
@@ -404,10 +415,10 @@ class RobotProposal {
       });
       if (is_used || column.words.quantity == LogQuantity::kTime) continue;
       draft_.unused.push_back(column.name);
-      if (++count <= 4) names += (names.empty() ? "'" : "', '") + column.name;
+      if (++count <= 2) names += (names.empty() ? "'" : "', '") + column.name;
     }
     if (count == 0) return;
-    guess("not used", names + "'" + (count > 4 ? fmt::format(" and {} more", count - 4) : ""), "");
+    guess("not used", names + "'" + (count > 2 ? fmt::format(" and {} more", count - 2) : ""), "");
   }
 
   // ---- the model -------------------------------------------------------------------------------

@@ -67,7 +67,7 @@ struct Windows {
 };
 
 Windows windows_for(const std::vector<Eigen::VectorXd>& motions, bool are_velocities, double step) {
-  const double fastest = 0.1 * filter_frequency(motions, are_velocities, step);
+  const double fastest = std::max(0.2, motion_frequency(motions, are_velocities, step));
   const auto width = static_cast<Eigen::Index>(std::lround(kShareOfPeriod / (fastest * step)));
   const Eigen::Index largest = motions.front().size() / 8;
   return {std::clamp<Eigen::Index>(width, 2, std::max<Eigen::Index>(2, largest)), step,
@@ -165,8 +165,9 @@ std::pair<double, double> fit_pair(const Spectra& spectra, double anti, double r
 
 }  // namespace
 
-std::optional<double> start_inertia(const Eigen::VectorXd& force, const Eigen::VectorXd& motion,
-                                    bool is_velocity, double sample_time) {
+std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
+                                           const Eigen::VectorXd& motion, bool is_velocity,
+                                           double sample_time) {
   const Windows windows = windows_for({motion}, is_velocity, sample_time);
   const Eigen::VectorXd velocity = windows.velocity(motion);
   const Eigen::VectorXd right = windows.summed(force);
@@ -175,7 +176,9 @@ std::optional<double> start_inertia(const Eigen::VectorXd& force, const Eigen::V
       windows.summed(signs_of(velocity)), Eigen::VectorXd::Ones(right.size());
   const LeastSquares fit = solve(columns, right);
   if (!is_sure(fit, 0, windows.width)) return {};
-  return fit.values(0);
+  // Damping that takes a hundredth of the force at the usual speed.
+  const double least = 0.01 * std::sqrt(force.squaredNorm() / velocity.squaredNorm());
+  return OneMassStart{fit.values(0), std::max(fit.values(1), least)};
 }
 
 std::optional<TwoMassStart> start_two_masses(const Eigen::VectorXd& force,

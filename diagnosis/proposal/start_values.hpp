@@ -13,11 +13,16 @@
 
 namespace graybox {
 
+struct OneMassStart {
+  double inertia = 0.0;
+  double damping = 0.0;  // at least a hundredth of what takes the motion's power
+};
+
 // One mass. None where the data have no sign of an inertia (its size is within two errors of zero,
 // or negative).
-[[nodiscard]] std::optional<double> start_inertia(const Eigen::VectorXd& force,
-                                                  const Eigen::VectorXd& motion, bool is_velocity,
-                                                  double sample_time);
+[[nodiscard]] std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
+                                                         const Eigen::VectorXd& motion,
+                                                         bool is_velocity, double sample_time);
 
 struct TwoMassStart {
   double motor = 0.0, load = 0.0;         // inertias

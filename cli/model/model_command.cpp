@@ -13,9 +13,12 @@
 
 #include "cli/commands/commands.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/load/load_mismatch_problem.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
@@ -151,6 +154,12 @@ void refuse_existing(const std::filesystem::path& file, bool overwrite) {
       "{}: is there already; choose another folder by -o, or say --overwrite", file.string()));
 }
 
+constexpr const char* kError = "error: ";
+
+bool has_errors(const std::vector<std::string>& findings) {
+  return !findings.empty() && findings.front().starts_with(kError);
+}
+
 // What reading the recordings by the new campaign finds, worst first.
 std::vector<std::string> findings_of(const std::string& campaign_file) {
   std::vector<std::string> errors, warnings;
@@ -162,21 +171,55 @@ std::vector<std::string> findings_of(const std::string& campaign_file) {
   }
   const std::size_t count = warnings.size();
   warnings = errors;
+  for (std::string& error : warnings) error.insert(0, kError);
   if (count > 0) {
     warnings.push_back(fmt::format("{} warnings; graybox recordings lists them", count));
   }
   return warnings;
 }
 
-std::vector<std::string> write_files(const ProposalRequest& request,
-                                     const ModelProposal& proposal) {
+// Forces of a robot against which joints would gain energy by friction are reversed, as the
+// diagnosis would have it. Says so among the guesses.
+void reverse_forces(const std::filesystem::path& model, const std::filesystem::path& campaign,
+                    ProposalRequest& request, ModelProposal& proposal) {
+  const auto problem = load_mismatch_problem(model, read_campaign(campaign),
+                                             {.keep_going = [] { return !stop_requested(); }});
+  std::vector<ProposedGuess> guesses;
+  for (const ChannelFault& fault : problem->channel_faults()) {
+    const auto column = fault.channels.empty() ? proposal.columns.end()
+                                               : proposal.columns.find(fault.channels.front());
+    const bool is_sign = fault.message.find("has the wrong sign") != std::string::npos;
+    if (!is_sign || !fault.rivals.empty() || column == proposal.columns.end()) {
+      proposal.notes.push_back(fault.statement());
+      continue;
+    }
+    request.reversed.push_back(column->second);
+    guesses.push_back({"sign", fmt::format("'{}' times -1", column->second),
+                       "by friction its joint would gain energy else"});
+  }
+  if (guesses.empty()) return;
+  const std::vector<std::string> notes = proposal.notes;
+  proposal = propose_model(request);
+  proposal.notes = notes;
+  proposal.guesses.insert(proposal.guesses.end(), guesses.begin(), guesses.end());
+}
+
+std::vector<std::string> write_files(ProposalRequest& request, ModelProposal& proposal) {
   const NewFolder folder(request.folder);
   AtomicFile model((request.folder / "model.yaml").string());
   AtomicFile campaign((request.folder / "campaign.yaml").string());
-  std::ofstream(model.temporary()) << proposal.model_text;
-  std::ofstream(campaign.temporary()) << proposal.campaign_text;
+  const auto write = [&] {
+    std::ofstream(model.temporary()) << proposal.model_text;
+    std::ofstream(campaign.temporary()) << proposal.campaign_text;
+  };
+  write();
   std::vector<std::string> findings;
   if (proposal.questions.empty()) findings = findings_of(campaign.temporary());
+  const bool is_sound = proposal.questions.empty() && !has_errors(findings);
+  if (is_sound && request.machine == ProposedMachine::kRobot) {
+    reverse_forces(model.temporary(), campaign.temporary(), request, proposal);
+    write();
+  }
   model.commit();
   campaign.commit();
   return findings;
@@ -207,7 +250,7 @@ int execute(const Arguments& arguments) {
     refuse_existing(request.folder / name, arguments.overwrite);
   }
   catch_interrupts();
-  const ModelProposal proposal = ask(request);
+  ModelProposal proposal = ask(request);
   const std::vector<std::string> findings = write_files(request, proposal);
   print_guesses(proposal);
   for (const std::string& finding : findings) fmt::print("recordings: {}\n", finding);

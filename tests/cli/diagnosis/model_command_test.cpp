@@ -1,0 +1,229 @@
+// `graybox model`: from logs to files that `graybox diagnose` takes, or to open questions.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+
+#include "tests/support/command_runner.hpp"
+
+namespace graybox {
+namespace {
+
+using testing::Outcome;
+using testing::read_text;
+using testing::replaced;
+using testing::write_text;
+using Json = nlohmann::json;
+
+class Model : public testing::CommandRunner {
+ protected:
+  static std::string example(const std::string& name) {
+    return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive/" + name);
+  }
+
+  // A motor's runs with another first line; an empty one: without header.
+  void write_runs(const std::string& header) {
+    for (const char* run : {"run_1.csv", "run_2.csv"}) {
+      std::string text = example(run);
+      text.erase(0, text.find('\n') + 1);
+      write_text(folder_.file(run), header.empty() ? text : header + "\n" + text);
+    }
+  }
+
+  Json diagnosis(const std::string& folder) {
+    const Outcome outcome =
+        graybox("diagnose " + folder + "/model.yaml " + folder + "/campaign.yaml --json");
+    EXPECT_NE(outcome.exit_code, 2) << outcome.err;
+    return Json::parse(outcome.out, nullptr, false);
+  }
+
+  // The level of the dry friction that the motor was simulated with.
+  static void expect_dry_friction(const Json& verdict, double level) {
+    for (const Json& law : verdict["physics"]) {
+      if (law["law"] != "coulomb") continue;
+      const double found = law["parameters"]["level"]["value"].get<double>();
+      EXPECT_NEAR(found, level, 0.1 * level);
+      return;
+    }
+    ADD_FAILURE() << verdict.dump(1).substr(0, 2000);
+  }
+
+  bool is_there(const std::string& file) { return std::filesystem::exists(folder_.file(file)); }
+};
+
+TEST_F(Model, AMotorsLogGoesStraightToTheSameLaws) {
+  write_runs("time,current,speed");
+  const Outcome outcome = graybox("model run_1.csv run_2.csv -o axis --gain 0.12");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  EXPECT_NE(outcome.out.find("Next: graybox diagnose axis/model.yaml axis/campaign.yaml"),
+            std::string::npos);
+  const Json verdict = diagnosis("axis");
+  expect_dry_friction(verdict, 0.05);
+  EXPECT_EQ(verdict["verdict"], "explained");
+}
+
+TEST_F(Model, OtherTitlesGiveTheSameLaws) {
+  write_runs("t [s];i_A;omega [rad/s]");
+  for (const char* run : {"run_1.csv", "run_2.csv"}) {
+    std::string text = read_text(folder_.file(run));
+    for (char& each : text) each = each == ',' ? ';' : each;
+    write_text(folder_.file(run), text);
+  }
+  ASSERT_EQ(graybox("model --one-mass run_1.csv run_2.csv -o axis --gain 0.12").exit_code, 0);
+  expect_dry_friction(diagnosis("axis"), 0.05);
+}
+
+TEST_F(Model, WithoutAHeaderItAsksAndAnswersGoStraightThrough) {
+  write_runs("");
+  const Outcome asked = graybox("model run_1.csv run_2.csv -o axis </dev/null");
+  EXPECT_EQ(asked.exit_code, 2);
+  EXPECT_NE(asked.err.find("open question"), std::string::npos) << asked.err;
+  EXPECT_NE(read_text(folder_.file("axis/campaign.yaml")).find("# ANSWER:"), std::string::npos);
+  // No command swallows an open question.
+  const Outcome refused = graybox("diagnose axis/model.yaml axis/campaign.yaml");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("an open question"), std::string::npos) << refused.err;
+  const Outcome answered = graybox(
+      "model run_1.csv run_2.csv -o axis --overwrite --gain 0.12 --column 2=current:A "
+      "--column 3=velocity:rad/s");
+  ASSERT_EQ(answered.exit_code, 0) << answered.out << answered.err;
+  expect_dry_friction(diagnosis("axis"), 0.05);
+}
+
+// A log with one column doubtful.
+std::string table(const std::string& header, double position_factor = 1.0) {
+  std::ostringstream text;
+  text.precision(12);
+  text << header << '\n';
+  for (int k = 0; k < 1000; ++k) {
+    const double t = 0.005 * k;
+    const double q = std::sin(3.0 * t), v = 3.0 * std::cos(3.0 * t);
+    text << t << ',' << position_factor * q << ',' << v << ',' << -9.0 * q + 0.3 * v << ','
+         << -8.0 * q + 0.1 * v << '\n';
+  }
+  return text.str();
+}
+
+TEST_F(Model, AmbiguousColumnsAreAskedNotGuessed) {
+  write_text(folder_.file("log.csv"), table("t,angle,speed,current_1,current_2"));
+  const Outcome drives = graybox("model log.csv -o a </dev/null");
+  EXPECT_EQ(drives.exit_code, 2);
+  EXPECT_NE(drives.out.find("'current_1' or 'current_2'"), std::string::npos) << drives.out;
+  EXPECT_EQ(graybox("model log.csv -o a --overwrite --column current_2=ignore").exit_code, 0);
+  EXPECT_NE(read_text(folder_.file("a/campaign.yaml")).find("\"current_1\""), std::string::npos);
+  // Titles that the data contradict.
+  write_text(folder_.file("units.csv"), table("t,angle_deg,speed_rad_s,tau_Nm,spare"));
+  const Outcome units = graybox("model units.csv -o b </dev/null");
+  EXPECT_EQ(units.exit_code, 2);
+  EXPECT_NE(units.out.find("don't agree"), std::string::npos) << units.out;
+}
+
+TEST_F(Model, DegreesAreToldFromTheVelocity) {
+  write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare", 180.0 / 3.14159265358979));
+  const Outcome outcome = graybox("model log.csv -o a");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(read_text(folder_.file("a/campaign.yaml")).find("column: \"q\", unit: deg"),
+            std::string::npos)
+      << read_text(folder_.file("a/campaign.yaml"));
+}
+
+TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
+  write_text(folder_.file("empty.csv"), "");
+  write_text(folder_.file("short.csv"), "t,q,u\n0,1,2\n1,2,3\n");
+  write_text(folder_.file("text.csv"), "t,q,u\n0,1,2\n1,two,3\n");
+  std::string falls = table("t,q,dq,tau,spare");
+  write_text(folder_.file("falls.csv"), falls + "0,0,0,0,0\n");
+  expect_refused("model empty.csv -o out", "empty.csv");
+  expect_refused("model short.csv -o out", "50 samples");
+  expect_refused("model text.csv -o out", "'two' is no number");
+  expect_refused("model falls.csv -o out", "times must rise");
+  expect_refused("model missing.csv -o out", "missing.csv");
+  write_text(
+      folder_.file("still.csv"), "t,q\n" + [] {
+        std::string rows;
+        for (int k = 0; k < 100; ++k)
+          rows += std::to_string(0.01 * k) + "," + std::to_string(k) + "\n";
+        return rows;
+      }());
+  expect_refused("model still.csv -o out", "no column is a force");
+  write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare"));
+  expect_refused("model log.csv --column z=position -o out", "no such column");
+  expect_refused("model log.csv --column q=place -o out", "unknown quantity");
+  EXPECT_FALSE(is_there("out"));
+}
+
+TEST_F(Model, NothingIsOverwrittenUnasked) {
+  write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare"));
+  write_text(folder_.file("model.yaml"), "mine");
+  expect_refused("model log.csv", "is there already");
+  EXPECT_EQ(read_text(folder_.file("model.yaml")), "mine");
+  EXPECT_EQ(graybox("model log.csv --overwrite").exit_code, 0);
+  EXPECT_NE(read_text(folder_.file("model.yaml")), "mine");
+}
+
+TEST_F(Model, ATemplateIsACampaignThatCanBeRead) {
+  write_runs("time,current_A,speed_rpm");
+  const Outcome printed = graybox("recordings --template run_1.csv run_2.csv");
+  ASSERT_EQ(printed.exit_code, 0) << printed.err;
+  EXPECT_NE(printed.out.find("unit: rpm"), std::string::npos) << printed.out;
+  ASSERT_EQ(graybox("recordings --template run_1.csv run_2.csv -o c.yaml").exit_code, 0);
+  EXPECT_EQ(graybox("recordings c.yaml").exit_code, 0) << graybox("recordings c.yaml").out;
+  expect_refused("recordings --template run_1.csv -o c.yaml", "is there already");
+}
+
+std::string recordings() {
+  const char* folder = std::getenv("GRAYBOX_RECORDINGS");
+  return folder == nullptr ? "" : folder;
+}
+
+TEST_F(Model, TiagosJointsAreThoseOfItsUrdf) {
+  if (recordings().empty()) GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  const std::string tiago = recordings() + "/TIAGo/tiago";
+  const Outcome outcome = graybox("model " + tiago + ".urdf " + tiago + "_position.csv " + tiago +
+                                  "_velocity.csv " + tiago + "_effort.csv -o tiago");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  const std::string model = read_text(folder_.file("tiago/model.yaml"));
+  EXPECT_NE(model.find("base: \"torso_fixed_link\"\ntip: \"arm_7_link\""), std::string::npos)
+      << model;
+  EXPECT_NE(model.find("drive_gains: unknown"), std::string::npos);
+  EXPECT_EQ(graybox("recordings tiago/campaign.yaml").exit_code, 0);
+  // Two efforts count the other way, which the diagnosis would refuse.
+  const std::string campaign = read_text(folder_.file("tiago/campaign.yaml"));
+  for (const char* joint : {"arm_3_joint", "arm_4_joint"}) {
+    const std::size_t at = campaign.find(std::string("- ") + joint + "_effort");
+    ASSERT_NE(at, std::string::npos) << campaign;
+    EXPECT_NE(campaign.substr(at, 90).find("value: -1"), std::string::npos) << campaign;
+  }
+}
+
+TEST_F(Model, TheBenchsTimesAreMicroseconds) {
+  if (recordings().empty()) GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  const Outcome outcome =
+      graybox("model --two-masses " + recordings() + "/two_mass_bench/MultisineTypeA.mat -o b");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  const std::string campaign = read_text(folder_.file("b/campaign.yaml"));
+  EXPECT_NE(campaign.find("sample_time: 0.0004"), std::string::npos) << campaign;
+  EXPECT_NE(campaign.find("motor_angle, column: \"theta_mx\""), std::string::npos) << campaign;
+  EXPECT_NE(campaign.find("gain: {value: -1, unit: rad/rad}"), std::string::npos) << campaign;
+}
+
+TEST_F(Model, TheEmpsDriveIsWhatIsLeft) {
+  if (recordings().empty()) GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  const std::string emps = recordings() + "/EMPS/DATA_EMPS";
+  const Outcome outcome =
+      graybox("model --linear " + emps + ".mat " + emps + "_PULSES.mat -o e --gain 35.1507");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  const std::string campaign = read_text(folder_.file("e/campaign.yaml"));
+  EXPECT_NE(campaign.find("name: force, column: \"vir\""), std::string::npos) << campaign;
+  EXPECT_NE(campaign.find("name: position, column: \"qm\""), std::string::npos) << campaign;
+  const std::string model = read_text(folder_.file("e/model.yaml"));
+  const double mass = std::stod(model.substr(model.find("axis: ") + 6));
+  EXPECT_NEAR(mass, 95.1, 10.0);  // its authors'
+}
+
+}  // namespace
+}  // namespace graybox

@@ -1,0 +1,221 @@
+// What columns of logs are taken for: titles, units from data, times.
+#include "diagnosis/proposal/proposal.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/proposal/start_values.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Q = LogQuantity;
+
+struct Title {
+  const char* title;
+  Q quantity;
+  const char* unit;
+};
+
+TEST(ColumnWords, TitlesAsPeopleWriteThem) {
+  const std::vector<Title> titles{
+      {"time", Q::kTime, ""},
+      {"t [s]", Q::kTime, "s"},
+      {"t_ms", Q::kTime, "ms"},
+      {"timestamp_ns", Q::kTime, "ns"},
+      {"Time (s)", Q::kTime, "s"},
+      {"Zeit_ms", Q::kTime, "ms"},
+      {"q1", Q::kPosition, ""},
+      {"joint_1_pos", Q::kPosition, ""},
+      {"position", Q::kPosition, ""},
+      {"pos_deg", Q::kPosition, "deg"},
+      {"Winkel [°]", Q::kPosition, "deg"},
+      {"theta", Q::kPosition, ""},
+      {"x_mm", Q::kPosition, "mm"},
+      {"pos_m", Q::kPosition, "m"},
+      {"theta_m", Q::kPosition, ""},
+      {"encoder_counts", Q::kPosition, "counts"},
+      {"- arm_1_joint_position", Q::kPosition, ""},
+      {"rec.act_pos_mot_deg[3]", Q::kPosition, "deg"},
+      {"dq", Q::kVelocity, ""},
+      {"velocity", Q::kVelocity, ""},
+      {"rpm", Q::kVelocity, "rpm"},
+      {"n [1/min]", Q::kVelocity, "rpm"},
+      {"motor_speed_rad_s", Q::kVelocity, "rad/s"},
+      {"Motor Velocity (deg/s)", Q::kVelocity, "deg/s"},
+      {"theta_dot", Q::kVelocity, ""},
+      {"act_vel_deg_per_s", Q::kVelocity, "deg/s"},
+      {"tau", Q::kForce, ""},
+      {"tau_1_Nm", Q::kForce, "N m"},
+      {"effort", Q::kForce, ""},
+      {"torque [Nm]", Q::kForce, "N m"},
+      {"force_N", Q::kForce, "N"},
+      {"current", Q::kCurrent, ""},
+      {"i_A", Q::kCurrent, "A"},
+      {"Motor Current (mA)", Q::kCurrent, "mA"},
+      {"iq_adx", Q::kCurrent, ""},
+      {"voltage", Q::kVoltage, ""},
+      {"u", Q::kCommand, ""},
+      {"u_V", Q::kVoltage, "V"},
+      {"acceleration", Q::kAcceleration, ""},
+      {"temperature", Q::kOther, ""},
+      {"vdc_adx", Q::kOther, ""},
+      {"actual_current_position", Q::kPosition, ""},
+      {"error_pos_deg", Q::kOther, "deg"},
+      {"vir", Q::kUnknown, ""},
+      {"V1", Q::kVelocity, ""},
+  };
+  for (const Title& each : titles) {
+    const ColumnWords words = read_column_words(each.title, "");
+    EXPECT_EQ(words.quantity, each.quantity) << each.title << ": " << name_of(words.quantity);
+    EXPECT_EQ(words.unit, each.unit) << each.title;
+  }
+}
+
+TEST(ColumnWords, MannersSidesAndNumbers) {
+  EXPECT_TRUE(read_column_words("Desired Position (deg)", "").is_reference);
+  EXPECT_TRUE(read_column_words("x_soll", "").is_reference);
+  EXPECT_TRUE(read_column_words("i_meas", "").is_measured);
+  EXPECT_EQ(read_column_words("motor_angle", "").side, DriveSide::kMotor);
+  EXPECT_EQ(read_column_words("load_angle", "").side, DriveSide::kLoad);
+  EXPECT_EQ(read_column_words("q_12", "").index, 12);
+  EXPECT_EQ(read_column_words("rec.pos[3]", "").index, 3);
+  EXPECT_FALSE(read_column_words("q_1", "").sure);
+  EXPECT_TRUE(read_column_words("pos_1", "").sure);
+  EXPECT_EQ(read_column_words("speed", "rpm").motion, MotionKind::kRotary);
+}
+
+Eigen::VectorXd wave(int samples, double step, double size, double phase = 0.0) {
+  Eigen::VectorXd values(samples);
+  for (int k = 0; k < samples; ++k) {
+    const double t = step * k;
+    values(k) = size * (std::sin(3.0 * t + phase) / 3.0 + 0.4 * std::sin(7.3 * t + phase) / 7.3);
+  }
+  return values;
+}
+
+// d/dt of wave() is wave of the cosines.
+Eigen::VectorXd rate_of_wave(int samples, double step, double size) {
+  Eigen::VectorXd values(samples);
+  for (int k = 0; k < samples; ++k) {
+    const double t = step * k;
+    values(k) = size * (std::cos(3.0 * t) + 0.4 * std::cos(7.3 * t));
+  }
+  return values;
+}
+
+TEST(ColumnRates, UnitsFollowFromPositionAndVelocity) {
+  constexpr double kDegree = 180.0 / std::numbers::pi, kRpm = 30.0 / std::numbers::pi;
+  struct Case {
+    double position, velocity;
+    const char *position_unit, *velocity_unit;
+  };
+  for (const Case& each : {Case{1.0, 1.0, "rad", "rad/s"}, Case{kDegree, 1.0, "deg", "rad/s"},
+                           Case{kDegree, kRpm, "deg", "rpm"}, Case{1.0, kRpm, "rad", "rpm"},
+                           Case{1.0, kDegree, "rad", "deg/s"}}) {
+    const auto fit =
+        fit_rate(wave(3000, 0.005, each.position), rate_of_wave(3000, 0.005, each.velocity), 0.005);
+    ASSERT_TRUE(fit);
+    const MotionUnits units = units_by_rate(fit->factor, "", "", MotionKind::kRotary);
+    EXPECT_TRUE(units.is_found);
+    EXPECT_EQ(units.position, each.position_unit);
+    EXPECT_EQ(units.velocity, each.velocity_unit);
+  }
+}
+
+TEST(ColumnRates, StatedUnitsThatContradictAreNotBent) {
+  const auto fit = fit_rate(wave(3000, 0.005, 1.0), rate_of_wave(3000, 0.005, 1.0), 0.005);
+  ASSERT_TRUE(fit);
+  EXPECT_TRUE(units_by_rate(fit->factor, "deg", "rad/s", MotionKind::kRotary).contradicts);
+  EXPECT_TRUE(units_by_rate(fit->factor, "deg", "deg/s", MotionKind::kRotary).is_found);
+  EXPECT_TRUE(units_by_rate(17.0, "", "", MotionKind::kRotary).contradicts);
+  EXPECT_FALSE(fit_rate(wave(3000, 0.005, 1.0), wave(3000, 0.031, 1.0), 0.005));
+}
+
+LogRecording log_of(const std::string& title, double first, double step) {
+  LogRecording log;
+  log.files = {"log.csv"};
+  log.keys = {""};
+  Eigen::VectorXd times(1000);
+  for (int k = 0; k < 1000; ++k) times(k) = first + step * k;
+  log.columns.push_back({0, title, "", read_column_words(title, ""), times, false, ""});
+  return log;
+}
+
+TEST(LogTimes, UnitsOfTime) {
+  EXPECT_DOUBLE_EQ(find_time(log_of("t", 0.0, 0.002), {}).sample_time, 0.002);
+  EXPECT_DOUBLE_EQ(find_time(log_of("t_ms", 0.0, 2.0), {}).sample_time, 0.002);
+  EXPECT_EQ(find_time(log_of("time", 0.0, 10.0), {}).unit, "ms");
+  EXPECT_EQ(find_time(log_of("time", 0.0, 400.0), {}).unit, "us");
+  EXPECT_EQ(find_time(log_of("time", 0.0, 1e6), {}).unit, "ns");
+  EXPECT_EQ(find_time(log_of("stamp", 1.7e9, 0.01), {}).unit, "s");
+  EXPECT_EQ(find_time(log_of("stamp", 1.7e12, 10.0), {}).unit, "ms");
+  EXPECT_EQ(find_time(log_of("stamp", 1.7e18, 1e6), {}).unit, "ns");
+  EXPECT_DOUBLE_EQ(find_time(log_of("time", 0.0, 10.0), 0.5).sample_time, 0.5);
+}
+
+TEST(LogTimes, WhatCouldBeTwoUnitsIsLeftOpen) {
+  EXPECT_EQ(find_time(log_of("t", 0.0, 1.0), {}).sample_time, 0.0);
+  EXPECT_EQ(find_time(log_of("t", 0.0, 0.2), {}).sample_time, 0.0);
+  // With a position and its rate in SI there is one unit.
+  LogRecording log = log_of("t", 0.0, 1.0);
+  const auto add = [&](const char* title, const Eigen::VectorXd& values) {
+    log.columns.push_back({0, title, "", read_column_words(title, ""), values, false, ""});
+  };
+  add("theta", wave(1000, 0.001, 1.0));
+  add("omega", rate_of_wave(1000, 0.001, 1.0));
+  EXPECT_EQ(find_time(log, {}).unit, "ms");
+}
+
+TEST(LogTimes, TimesThatFallAreRefused) {
+  LogRecording log = log_of("time", 0.0, 0.01);
+  log.columns[0].values(500) = 0.0;
+  testing::expect_refused([&] { return find_time(log, {}); }, "times must rise");
+}
+
+TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
+  EXPECT_EQ(column_answer("enc=position:deg").unit, "deg");
+  EXPECT_EQ(column_answer("u1=torque@joint_1").joint, "joint_1");
+  testing::expect_refused([] { return column_answer("enc"); }, "write NAME=QUANTITY");
+  testing::expect_refused([] { return column_answer("enc=place"); }, "unknown quantity 'place'");
+  testing::expect_refused([] { return column_answer("enc=position:parsec"); }, "unknown unit");
+  testing::expect_refused([] { return column_answer("enc=position:A"); }, "no unit of a position");
+}
+
+// An inertia with dry and viscous friction: start values lie within a few per cent.
+TEST(StartValues, AnInertiaBesideFriction) {
+  constexpr double kInertia = 0.0021, kStep = 0.002;
+  constexpr int kSamples = 4000;
+  Eigen::VectorXd force(kSamples), velocity(kSamples), position(kSamples);
+  double v = 0.0, q = 0.0;
+  for (int k = 0; k < kSamples; ++k) {
+    const double t = kStep * k;
+    force(k) = 0.2 * std::sin(4.0 * t) + 0.15 * std::sin(11.0 * t + 1.0);
+    position(k) = q;
+    velocity(k) = v;
+    for (int s = 0; s < 20; ++s) {
+      const double a = (force(k) - 0.05 * std::tanh(v / 0.05) - 0.004 * v) / kInertia;
+      q += v * kStep / 20.0;
+      v += a * kStep / 20.0;
+    }
+  }
+  const auto by_velocity = start_one_mass(force, velocity, true, kStep);
+  const auto by_position = start_one_mass(force, position, false, kStep);
+  ASSERT_TRUE(by_velocity && by_position);
+  EXPECT_NEAR(by_velocity->inertia, kInertia, 0.1 * kInertia);
+  EXPECT_NEAR(by_position->inertia, kInertia, 0.1 * kInertia);
+  EXPECT_GT(follows_at_once(force, position, false), 0.5);
+}
+
+}  // namespace
+}  // namespace graybox
