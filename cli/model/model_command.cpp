@@ -178,10 +178,20 @@ std::vector<std::string> findings_of(const std::string& campaign_file) {
   return warnings;
 }
 
+// The model without rotors: unknown ones may take up what a wrong sign does.
+std::string without_rotors(std::string text) {
+  const std::string unknown = "rotor_inertia: unknown", none = "rotor_inertia: 0";
+  for (std::size_t at = text.find(unknown); at != std::string::npos; at = text.find(unknown, at)) {
+    text.replace(at, unknown.size(), none);
+  }
+  return text;
+}
+
 // Forces of a robot against which joints would gain energy by friction are reversed, as the
 // diagnosis would have it. Says so among the guesses.
 void reverse_forces(const std::filesystem::path& model, const std::filesystem::path& campaign,
                     ProposalRequest& request, ModelProposal& proposal) {
+  std::ofstream(model) << without_rotors(proposal.model_text);
   const auto problem = load_mismatch_problem(model, read_campaign(campaign),
                                              {.keep_going = [] { return !stop_requested(); }});
   std::vector<ProposedGuess> guesses;

@@ -12,7 +12,7 @@
 namespace graybox {
 namespace {
 
-constexpr double kShareOfFit = 0.6;
+constexpr double kShareOfFit = 0.5;
 constexpr double kWorthCutting = 0.02;  // of a recording
 
 std::string behind(const std::string& line, const std::string& comment) {

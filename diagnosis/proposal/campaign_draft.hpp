@@ -47,8 +47,8 @@ struct CampaignDraft {
                                         const std::vector<LogRecording>& recordings,
                                         const std::filesystem::path& folder);
 
-// What moves of each recording: with several, the last checks the fit; one is cut in two, three
-// fifths for the fit. `columns` are the motions that decide, of the first recording.
+// What moves of each recording: with several, the last checks the fit; one is cut in two
+// halves. `columns` are the motions that decide, of the first recording.
 [[nodiscard]] std::vector<DraftExperiment> draft_experiments(
     const std::vector<LogRecording>& recordings, const std::vector<const LogColumn*>& columns,
     bool are_velocities, double sample_time);

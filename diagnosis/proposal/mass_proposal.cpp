@@ -324,7 +324,7 @@ class MassProposal {
                           draft_.time.sample_time);
     guess("kept out",
           recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
-                                 : "the last two fifths",
+                                 : "the second half",
           "checks the fit");
   }
 

@@ -17,6 +17,8 @@
 #include "diagnosis/proposal/motion_span.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
+#include "problems/mechanisms/rigid_chain.hpp"
+#include "problems/mechanisms/urdf_chain.hpp"
 
 namespace graybox {
 namespace {
@@ -354,7 +356,7 @@ class RobotProposal {
     guess_filter(decisive);
     guess("kept out",
           recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
-                                 : "the last two fifths",
+                                 : "the second half",
           "checks the fit");
   }
 
@@ -366,11 +368,56 @@ class RobotProposal {
     }
   }
 
+  // The recorded torque over the links' weight, of the joint that carries most; 0 if it can't be
+  // told.
+  [[nodiscard]] double share_of_weight() const {
+    const UrdfChain links = read_urdf_joints(
+        request_.urdf, request_.base.empty() ? joints_[first_].parent : request_.base,
+        joints_[chain_.back()].child);
+    const bool any_prismatic =
+        std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
+    if (any_prismatic || links.joints.size() != chain_.size()) return 0.0;
+    const RigidChain chain(links.joints, joints_[first_].parent_rotation.transpose() *
+                                             Eigen::Vector3d(0.0, 0.0, -kGravity));
+    RigidChainEvaluator evaluator(chain);
+    const auto n = static_cast<Eigen::Index>(chain_.size());
+    Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const std::size_t joint = chain_[static_cast<std::size_t>(j)];
+      q.col(j) = find_unit(rotary_unit_)->factor * without_gaps(position(joint).values);
+      const Unit* unit = find_unit(force(joint).words.unit);
+      torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
+    }
+    Eigen::VectorXd weight = Eigen::VectorXd::Zero(n), recorded = weight;
+    const Eigen::Index step = std::max<Eigen::Index>(1, log_.samples() / 100);
+    for (Eigen::Index k = 0; k < log_.samples(); k += step) {
+      weight += evaluator.gravity_torque(q.row(k).transpose()).cwiseAbs2();
+      recorded += torque.row(k).transpose().cwiseAbs2();
+    }
+    Eigen::Index most = 0;
+    return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
+  }
+
+  // Torques that are far from what the links weigh are of motors before a gear.
+  void doubt_gains() {
+    constexpr double kFar = 10.0;
+    const double share = share_of_weight();
+    if (share == 0.0 || (share < kFar && share > 1.0 / kFar)) return;
+    gains_known_ = false;
+    proposal_.notes.push_back(fmt::format(
+        "the torques are {:.2g} times the links' weight, as of motors before a gear or in "
+        "another unit: each drive's gain is estimated",
+        share));
+  }
+
   void guess_forces() {
     if (chain_.empty()) return;
+    const bool were_known = gains_known_;
+    if (gains_known_ && proposal_.questions.empty()) doubt_gains();
     guess("forces", range_of(*forces_),
-          gains_known_
-              ? "in newton metres, as their titles say"
+          gains_known_ ? "in newton metres, as their titles say"
+          : were_known
+              ? "newton metres by their titles, but not by the links' weight"
               : "no newton metres are stated: each drive's gain is unknown, and estimated");
     std::string still;
     for (const auto& [joint, column] : forces_->columns) {
@@ -457,9 +504,8 @@ class RobotProposal {
       positions.push_back(channel_name("position", name));
     }
     text += fmt::format("channels:\n  torque: [{}]\n  torque_of: arm\n", fmt::join(forces, ", "));
-    text += fmt::format(
-        "  drive_gains: {:<30} # {}\n", gains_known_ ? "known" : "unknown",
-        gains_known_ ? "the titles state newton metres" : "the log states no newton metres");
+    text += fmt::format("  drive_gains: {:<30} # {}\n", gains_known_ ? "known" : "unknown",
+                        gains_known_ ? "the titles state newton metres" : "estimated");
     text += fmt::format("  position: [{}]\n  position_of: arm\n", fmt::join(positions, ", "));
     return text;
   }
