@@ -182,7 +182,8 @@ class MassProposal {
     }
     if (choice.questions.empty()) {
       guess(what, fmt::format("'{}' in {}", choice.column->name, choice.unit),
-            choice.reason + "; " + choice.unit_reason);
+            choice.reason == choice.unit_reason ? choice.reason
+                                                : choice.reason + "; " + choice.unit_reason);
     }
     sides_.push_back(side);
     motions_.push_back(std::move(choice));

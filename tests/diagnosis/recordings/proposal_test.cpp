@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 #include <sstream>
 #include <string>
@@ -190,6 +191,37 @@ TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
   testing::expect_refused([] { return column_answer("enc=place"); }, "unknown quantity 'place'");
   testing::expect_refused([] { return column_answer("enc=position:parsec"); }, "unknown unit");
   testing::expect_refused([] { return column_answer("enc=position:A"); }, "no unit of a position");
+}
+
+// Files with the same columns are recordings; files that complement each other are one.
+TEST(LogRecordings, FilesAreJoinedByTheirColumns) {
+  const testing::TemporaryFolder folder;
+  const auto write = [&](const std::string& name, const std::string& header) {
+    std::string text = header + "\n";
+    for (int k = 0; k < 60; ++k) text += std::to_string(0.01 * k) + "," + std::to_string(k) + "\n";
+    testing::write_text(folder.file(name), text);
+    return std::filesystem::path(folder.file(name));
+  };
+  const auto position = write("arm_position.csv", "t,joint_1"),
+             effort = write("arm_effort.csv", "t,joint_1"), again = write("b.csv", "t,q"),
+             more = write("c.csv", "t,q");
+  const std::vector<LogRecording> one = read_logs({position, effort}, {});
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(one[0].columns[1].words.quantity, Q::kPosition);
+  EXPECT_EQ(one[0].columns[3].words.quantity, Q::kForce);
+  EXPECT_EQ(one[0].keys, (std::vector<std::string>{"position", "force"}));
+  EXPECT_EQ(read_logs({again, more}, {}).size(), 2U);
+}
+
+TEST(LogRecordings, ALineOfUnitsBelowTheHeader) {
+  const testing::TemporaryFolder folder;
+  std::string text = "time,angle,current\nms,deg,A\n";
+  for (int k = 0; k < 60; ++k) text += std::to_string(2 * k) + ",1.5,0.2\n";
+  testing::write_text(folder.file("log.csv"), text);
+  const std::vector<LogRecording> logs = read_logs({folder.file("log.csv")}, {});
+  EXPECT_EQ(logs[0].samples(), 60);
+  EXPECT_EQ(logs[0].columns[1].words.unit, "deg");
+  EXPECT_DOUBLE_EQ(find_time(logs[0], {}).sample_time, 0.002);
 }
 
 // An inertia with dry and viscous friction: start values lie within a few per cent.
