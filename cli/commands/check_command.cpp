@@ -1,5 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -13,7 +16,7 @@
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
 #include "cli/output/exact_report_text.hpp"
-#include "solvers/constrained/constrained_design_file.hpp"
+#include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
 #include "solvers/report/design_file.hpp"
@@ -21,6 +24,8 @@
 
 namespace graybox::cli {
 namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct CheckArguments {
   SetArguments set;
@@ -79,6 +84,23 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
   return held && solution.status != ExactStatus::kSingular ? kDone : kShort;
 }
 
+// Phi of an exact design against the relaxed optimum's, from above.
+double efficiency_of_exact(const InformationSet& set, const ConstrainedReport& report) {
+  const Criterion& criterion = report.report.options.criterion;
+  if (report.report.certificate.status != CertificateStatus::kCertified) return 0.0;
+  SolveOptions options;
+  options.criterion = criterion;
+  const ConstrainedSolution relaxed = solve_constrained(set, report.constraints, options);
+  if (relaxed.efforts.empty()) return 0.0;
+  const Certificate best =
+      certify_constrained(set, relaxed.efforts, report.constraints, criterion).certificate;
+  if (best.status != CertificateStatus::kCertified) return 0.0;
+  const std::size_t d = set.dimension();
+  const double loss = log_phi(best, criterion, d) + std::log1p(largest_gap(best)) -
+                      log_phi(report.report.certificate, criterion, d);
+  return std::exp(-std::max(loss, 0.0));
+}
+
 // Against the request that is given, or the one that the design says it was made for.
 int check_request(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
                   const ConstrainedClaim& claim) {
@@ -90,11 +112,10 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   SolveOptions options;
   options.criterion = arguments.criterion.read(set).value_or(file.criterion.value_or(Criterion()));
   options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
-  ConstrainedSolution solution{.efforts = file.design.weights,
-                               .status = claimed_status(file.status),
-                               .trace = {},
-                               .counters = file.counters,
-                               .message = {}};
+  ConstrainedSolution solution;
+  solution.efforts = file.design.weights;
+  solution.status = claimed_status(file.status);
+  solution.counters = file.counters;
   // A design that does not say how many experiments it is meant for uses all that is allowed.
   const LinearConstraint& total = constraints.rows.front();
   const double experiments =
@@ -104,13 +125,30 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
       judge_constrained(set, file.solver, options, std::move(solution),
                         given ? std::move(request) : claim.request, std::move(constraints));
   report.report.problem_hash = set.content_hash();
+  // An exact design is compared with the best relaxed one, which no exact one exceeds.
+  const bool exact = read_exact_claim(arguments.design, set, file.design).has_value();
+  double efficiency = report.report.certificate.efficiency;
+  if (exact) efficiency = std::max(efficiency, efficiency_of_exact(set, report));
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
+    if (exact) line["proven_efficiency"] = efficiency;
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
+  } else if (exact) {
+    fmt::print(
+        "{}: {}\n{}design: {}\n  request       {}\n  {}-efficiency  at least {:.8f} of the "
+        "best exact design, by the relaxed problem\n{}",
+        set.name(), describe(set), change_note(read.changed),
+        to_string(report.report.certificate.status), describe(report.request),
+        to_string(options.criterion.kind()), efficiency, describe_efforts(set, report));
   } else {
     fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
                describe_constrained(report), describe_efforts(set, report));
+  }
+  if (exact) {
+    const double least = 1.0 / (1.0 + arguments.gap.value_or(kInfinity));
+    const bool sound = report.report.certificate.status == CertificateStatus::kCertified;
+    return sound && efficiency >= least ? kDone : kShort;
   }
   return report.report.status == ReportStatus::kSolved ? kDone : kShort;
 }

@@ -12,14 +12,18 @@
 #include <vector>
 
 #include "bench/pin_threads.hpp"
+#include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
+#include "cli/output/constrained_report_text.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/exact_table.hpp"
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact/exact_method.hpp"
 
@@ -33,6 +37,9 @@ struct ExactArguments {
   std::string method = "branch_and_bound";
   std::string experiments;
   ExactOptions options;
+  CriterionArguments criterion;
+  RequestArguments request;
+  std::size_t top = 1;
   std::string output;
   std::string table;
   bool json = false;
@@ -110,7 +117,76 @@ void require_one_run(const ExactArguments& arguments, std::size_t runs) {
   }
 }
 
+// Whether the tree of constrained_exact.hpp is asked for.
+bool is_constrained(const ExactArguments& arguments) {
+  return arguments.request.read().any() || arguments.top > 1 || !arguments.criterion.name.empty();
+}
+
+void require_constrained(const ExactArguments& arguments) {
+  if (!arguments.table.empty() || !arguments.options.checkpoint.empty() ||
+      arguments.method != "branch_and_bound") {
+    throw InputError(
+        "constraints, other criteria and --top go with branch_and_bound alone, without --table and "
+        "--checkpoint");
+  }
+}
+
+int exact_request(const ExactArguments& arguments, Invocation& invocation) {
+  arguments.criterion.require_consistent();
+  require_constrained(arguments);
+  DesignRequest request = arguments.request.read();
+  if (!arguments.experiments.empty()) {
+    const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
+    require_one_run(arguments, runs.size());
+    request.experiments = static_cast<double>(runs.front());
+  }
+  if (!request.experiments.has_value() && !request.budget.has_value()) {
+    throw InputError("experiments: say how many (--experiments), or what they may cost (--budget)");
+  }
+  bench::pin_threads(arguments.options.threads, invocation.arguments);
+  const ProjectedSet read = [&] {
+    const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
+    return read_set(arguments.set,
+                    arguments.request.has_prior() ? SingularSum::kAllowed : SingularSum::kRefused);
+  }();
+  const InformationSet& set = read.set;
+  if (!arguments.output.empty()) require_writable(arguments.output);
+  DesignConstraints constraints = resolve(request, set);
+  const ConstrainedExactOptions options{
+      .gap = arguments.options.gap,
+      .time_limit = arguments.options.time_limit,
+      .seed = arguments.options.seed,
+      .threads = arguments.options.threads,
+      .criterion = arguments.criterion.read(set).value_or(Criterion()),
+      .top = arguments.top};
+  catch_interrupts();
+  ConstrainedExactSolution solution = [&] {
+    ExactLine line{arguments.method};
+    return solve_constrained_exact(set, constraints, options, &line);
+  }();
+  if (interrupted() && solution.status == ExactStatus::kTimeLimit) {
+    solution.message = "interrupted; this is the best design so far";
+  }
+  ConstrainedExactReport report = report_constrained_exact(
+      set, options, std::move(solution), std::move(request), std::move(constraints));
+  report.share.report.problem_hash = set.content_hash();
+  const bool found = !report.solution.designs.empty();
+  if (!arguments.output.empty() && found) write_constrained_exact(arguments.output, set, report);
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_constrained_exact(set, report));
+    if (!arguments.output.empty() && found) fmt::print("wrote {}\n", arguments.output);
+  }
+  return report.solution.status == ExactStatus::kOptimal ? kDone : kShort;
+}
+
 int exact(ExactArguments& arguments, Invocation& invocation) {
+  if (is_constrained(arguments)) return exact_request(arguments, invocation);
+  if (arguments.experiments.empty()) throw InputError("experiments: say how many (--experiments)");
   const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
   require_one_run(arguments, runs.size());
   arguments.options.experiments = runs.front();
@@ -149,10 +225,12 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   auto arguments = std::make_shared<ExactArguments>();
   ExactOptions& options = arguments->options;
   add_set_options(*command, arguments->set);
-  command
-      ->add_option("-M,--experiments", arguments->experiments,
-                   "experiments to run, M; with --table a list as 1:20,25,30")
-      ->required();
+  command->add_option("-M,--experiments", arguments->experiments,
+                      "experiments to run, M; with --table a list as 1:20,25,30");
+  add_criterion_options(*command, arguments->criterion);
+  command->add_option("--top", arguments->top, "how many of the best designs to list")
+      ->capture_default_str();
+  add_request_options(*command, arguments->request, ExperimentsOption::kOwn);
   command
       ->add_option("--method", arguments->method,
                    "rounding, efficient_rounding, exchange or branch_and_bound")
@@ -181,6 +259,8 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
       "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --time-limit 60\n"
       "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --resume\n"
       "  graybox exact set.h5 --experiments 20 --method rounding --json\n"
+      "  graybox exact set.h5 --experiments 8 --stock 1 --done last_week.json --top 5\n"
+      "  graybox exact set.h5 --costs minutes.csv --budget 90 --criterion A --gap 0.01\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });

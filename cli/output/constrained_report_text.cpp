@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cli/output/console.hpp"
+#include "cli/output/exact_report_text.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -69,6 +70,32 @@ std::string describe_efforts(const InformationSet& set, const ConstrainedReport&
   }
   if (support.size() > kShown) {
     text += fmt::format("  {:>12} and {} more\n", "...", support.size() - kShown);
+  }
+  return text;
+}
+
+std::string describe_constrained_exact(const InformationSet& set,
+                                       const ConstrainedExactReport& report) {
+  const ConstrainedExactSolution& solution = report.solution;
+  std::string text = fmt::format("branch_and_bound: {}", to_string(solution.status));
+  if (!solution.message.empty()) text += fmt::format(" ({})", solution.message);
+  text += fmt::format("\n  request       {}\n", describe(report.share.request));
+  if (!solution.designs.empty()) {
+    const Certificate& certificate = report.share.report.certificate;
+    text += fmt::format("  log det M     {:.10g}, earlier trials included\n", certificate.log_det);
+    text += fmt::format("  {}-efficiency  at least {:.8f} of the best exact design\n",
+                        to_string(report.share.report.options.criterion.kind()),
+                        report.proven_efficiency);
+  }
+  text += fmt::format("  work          {} nodes ({} open), {} of {} candidates left, {:.3g} s\n",
+                      solution.nodes, solution.open_nodes, solution.survivors,
+                      report.share.report.candidates, solution.seconds);
+  for (std::size_t k = 0; k < solution.designs.size(); ++k) {
+    if (solution.designs.size() > 1) {
+      text += fmt::format("  design {}: efficiency {:.6f} of the first\n", k + 1,
+                          std::exp(solution.designs[k].value - solution.designs.front().value));
+    }
+    text += describe_counts(set, ExactDesign{solution.designs[k].counts});
   }
   return text;
 }

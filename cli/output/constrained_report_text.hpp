@@ -1,10 +1,10 @@
-// What `graybox solve` and `graybox check` print of a design under constraints.
+// What `graybox solve`, `graybox check` and `graybox exact` print of a design under constraints.
 #pragma once
 
 #include <string>
 
 #include "problems/information/information_set.hpp"
-#include "solvers/constrained/constrained_design_file.hpp"
+#include "solvers/constrained_exact/constrained_exact_file.hpp"
 
 namespace graybox::cli {
 
@@ -14,5 +14,9 @@ namespace graybox::cli {
 // How much effort each candidate gets, with its coordinates.
 [[nodiscard]] std::string describe_efforts(const InformationSet& set,
                                            const ConstrainedReport& report);
+
+// An exact design: the verdict, counts with coordinates, and how the next best compare.
+[[nodiscard]] std::string describe_constrained_exact(const InformationSet& set,
+                                                     const ConstrainedExactReport& report);
 
 }  // namespace graybox::cli

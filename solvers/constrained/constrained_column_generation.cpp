@@ -53,8 +53,9 @@ class ConstrainedRun {
   ConstrainedSolution run();
 
  private:
-  bool begin();
-  void add_vertex(const CandidatePool& sample);
+  enum class Start : std::int8_t { kReady, kInfeasible, kSingular };
+  Start begin();
+  bool add_vertex(const CandidatePool& sample);
   bool price_uniformly(const CandidatePool& sample, std::vector<double>& dual) const;
   double price(CandidatePool& pool);
   std::size_t add_violators(const CandidatePool& pool);
@@ -74,7 +75,7 @@ class ConstrainedRun {
   std::vector<double> reduced_;
   std::int64_t rounds_ = 0;
   double best_gap_ = kInfinity;
-  std::vector<double> best_efforts_;
+  std::vector<double> best_efforts_, best_multipliers_;
 };
 
 [[noreturn]] void throw_contradiction(const DesignConstraints& constraints) {
@@ -84,8 +85,9 @@ class ConstrainedRun {
       fmt::join(rows, "', '"), rows.size() > 1 ? " together" : " with the candidates' own limits"));
 }
 
-// Candidates with which the constraints can be obeyed: a vertex of the sample's, or of all.
-void ConstrainedRun::add_vertex(const CandidatePool& sample) {
+// Candidates with which the constraints can be obeyed: a vertex of the sample's, or of all. False
+// where there are none.
+bool ConstrainedRun::add_vertex(const CandidatePool& sample) {
   const auto add = [&](std::span<const std::size_t> candidates, const LinearOptimum& optimum) {
     for (std::size_t k = 0; k < optimum.efforts.size(); ++k) {
       const std::size_t i = candidates.empty() ? k : candidates[k];
@@ -95,11 +97,15 @@ void ConstrainedRun::add_vertex(const CandidatePool& sample) {
   std::vector<double> gains(sample.count);
   for (std::size_t k = 0; k < sample.count; ++k) gains[k] = sample.sensitivity[k];
   const LinearOptimum of_sample = maximise_linear(constraints_, sample.indices, gains);
-  if (of_sample.status == LinearStatus::kOptimal) return add(sample.indices, of_sample);
+  if (of_sample.status == LinearStatus::kOptimal) {
+    add(sample.indices, of_sample);
+    return true;
+  }
   gains.assign(set_.candidate_count(), 1.0);
   const LinearOptimum optimum = maximise_linear(constraints_, {}, gains);
-  if (optimum.status == LinearStatus::kInfeasible) throw_contradiction(constraints_);
+  if (optimum.status == LinearStatus::kInfeasible) return false;
   add({}, optimum);
+  return true;
 }
 
 // M^-1/d of the prior and the sample, uniformly run.
@@ -117,8 +123,8 @@ bool ConstrainedRun::price_uniformly(const CandidatePool& sample, std::vector<do
   return true;
 }
 
-// The first members. False where everything together is singular.
-bool ConstrainedRun::begin() {
+// The first members.
+ConstrainedRun::Start ConstrainedRun::begin() {
   const std::size_t total = set_.candidate_count(), d = set_.dimension();
   const std::size_t count =
       total <= 1024 ? total : std::clamp(total / 16, std::size_t{512}, std::size_t{4096});
@@ -127,27 +133,27 @@ bool ConstrainedRun::begin() {
   if (!price_uniformly(sample, dual)) {
     sample = sample_pool(total, total, random_);
     tracer_.count_passes(1.0);
-    if (!price_uniformly(sample, dual)) return false;
+    if (!price_uniformly(sample, dual)) return Start::kSingular;
   }
   price_pool(set_, dual, options_.threads, sample);
   tracer_.count_candidates(2 * sample.count);
   for (std::size_t k = 0; k < sample.count; ++k) {
     sample.sensitivity[k] *= std::min(constraints_.largest_effort(sample.candidate(k)), 1e30);
   }
-  add_vertex(sample);
+  if (!add_vertex(sample)) return Start::kInfeasible;
   // Where the limits ask for many, all take part, and the working set is solved by columns.
   if (working_.size() > kManyPerParameter * d && total <= kMostMembers) {
     for (std::size_t i = 0; i < total; ++i) {
       if (constraints_.largest_effort(i) > 0.0) working_.add(i, set_.information(i).data());
     }
-    return true;
+    return Start::kReady;
   }
   const std::size_t wanted = 3 * std::max(d, working_.size());
   for (const std::size_t k : violators(sample.sensitivities(), 0.0, wanted, 2 * wanted, random_)) {
     const std::size_t i = sample.candidate(k);
     working_.add(i, set_.information(i).data());
   }
-  return true;
+  return Start::kReady;
 }
 
 // The gap over the pool; its candidates' reduced gains replace their sensitivities.
@@ -231,6 +237,7 @@ CandidatePool ConstrainedRun::short_list(const CandidatePool& all) const {
 void ConstrainedRun::keep_if_better(double gap) {
   if (!(gap < best_gap_)) return;
   best_gap_ = gap;
+  best_multipliers_.assign(working_.multipliers().begin(), working_.multipliers().end());
   best_efforts_.assign(set_.candidate_count(), 0.0);
   for (std::size_t k = 0; k < working_.size(); ++k) {
     best_efforts_[working_.candidates()[k]] = working_.efforts()[k];
@@ -240,6 +247,7 @@ void ConstrainedRun::keep_if_better(double gap) {
 ConstrainedSolution ConstrainedRun::finish(SolveStatus status, std::string message) {
   Solution counted = tracer_.finish({}, status, rounds_, std::move(message));
   return {.efforts = std::move(best_efforts_),
+          .multipliers = std::move(best_multipliers_),
           .status = counted.status,
           .trace = std::move(counted.trace),
           .counters = counted.counters,
@@ -247,7 +255,13 @@ ConstrainedSolution ConstrainedRun::finish(SolveStatus status, std::string messa
 }
 
 ConstrainedSolution ConstrainedRun::run() {
-  if (!begin()) {
+  const Start start = begin();
+  if (start == Start::kInfeasible) {
+    ConstrainedSolution none = finish(SolveStatus::kUnsupported, "no design obeys the constraints");
+    none.infeasible = true;
+    return none;
+  }
+  if (start == Start::kSingular) {
     return finish(SolveStatus::kUnsupported,
                   "prior and candidates together are singular: no design can estimate all "
                   "parameters");
@@ -341,10 +355,19 @@ ConstrainedSolution solve_without_lower_limits(const InformationSet& set,
   return whitened ? again : solution;
 }
 
+ConstrainedSolution infeasible() {
+  ConstrainedSolution none;
+  none.status = SolveStatus::kUnsupported;
+  none.message = "no design obeys the constraints";
+  none.infeasible = true;
+  return none;
+}
+
 // Where all of the effort is required there is one design.
 ConstrainedSolution only_design(const DesignConstraints& constraints) {
-  if (largest_violation(constraints, constraints.lower) > 0.0) throw_contradiction(constraints);
+  if (largest_violation(constraints, constraints.lower) > 1e-12) return infeasible();
   return {.efforts = constraints.lower,
+          .multipliers = {},
           .status = SolveStatus::kSolved,
           .trace = {},
           .counters = {},
@@ -352,6 +375,22 @@ ConstrainedSolution only_design(const DesignConstraints& constraints) {
 }
 
 }  // namespace
+
+ConstrainedSolution try_constrained(const InformationSet& set, const DesignConstraints& constraints,
+                                    const SolveOptions& options, SolveObserver* observer) {
+  if (constraints.lower.empty()) {
+    return solve_without_lower_limits(set, constraints, options, observer);
+  }
+  const DesignConstraints shifted = without_lower_limits(set, constraints);
+  const double left = shifted.rows.front().upper, total = constraints.rows.front().upper;
+  if (left < -1e-12 * total) return infeasible();
+  if (left <= 1e-12 * total) return only_design(constraints);
+  ConstrainedSolution solution = solve_without_lower_limits(set, shifted, options, observer);
+  for (std::size_t i = 0; i < solution.efforts.size(); ++i) {
+    solution.efforts[i] += constraints.lower[i];
+  }
+  return solution;
+}
 
 ConstrainedSolution solve_constrained(const InformationSet& set,
                                       const DesignConstraints& constraints,
@@ -361,17 +400,8 @@ ConstrainedSolution solve_constrained(const InformationSet& set,
   if (options.criterion.kind() == CriterionKind::kE) {
     throw InputError("criterion E can't be solved under constraints; use D, A, L or Ds");
   }
-  if (constraints.lower.empty()) {
-    return solve_without_lower_limits(set, constraints, options, observer);
-  }
-  const DesignConstraints shifted = without_lower_limits(set, constraints);
-  const double left = shifted.rows.front().upper, total = constraints.rows.front().upper;
-  if (left < 0.0) throw_contradiction(constraints);
-  if (left <= 1e-12 * total) return only_design(constraints);
-  ConstrainedSolution solution = solve_without_lower_limits(set, shifted, options, observer);
-  for (std::size_t i = 0; i < solution.efforts.size(); ++i) {
-    solution.efforts[i] += constraints.lower[i];
-  }
+  ConstrainedSolution solution = try_constrained(set, constraints, options, observer);
+  if (solution.infeasible) throw_contradiction(constraints);
   return solution;
 }
 

@@ -33,11 +33,13 @@
 namespace graybox {
 
 struct ConstrainedSolution {
-  std::vector<double> efforts;  // x, Q numbers; empty where `status` is unsupported
+  std::vector<double> efforts;      // x, Q numbers; empty where `status` is unsupported
+  std::vector<double> multipliers;  // y of the rows, as the solver has them
   SolveStatus status = SolveStatus::kNumericalFailure;
   std::vector<TracePoint> trace;
   SolveCounters counters;
   std::string message;
+  bool infeasible = false;  // no design obeys the constraints; status unsupported
 };
 
 // Throws InputError for constraints that do not fit the set, that no design obeys (naming the rows
@@ -47,5 +49,12 @@ struct ConstrainedSolution {
                                                     const DesignConstraints& constraints,
                                                     const SolveOptions& options,
                                                     SolveObserver* observer = nullptr);
+
+// The same for constraints that are known to fit the set (require_fits()), without exceptions: where
+// no design obeys them the answer says so.
+[[nodiscard]] ConstrainedSolution try_constrained(const InformationSet& set,
+                                                  const DesignConstraints& constraints,
+                                                  const SolveOptions& options,
+                                                  SolveObserver* observer = nullptr);
 
 }  // namespace graybox

@@ -21,6 +21,7 @@ constexpr double kToBoundary = 0.995;
 constexpr double kRowTolerance = 1e-10;    // relative, of the rows
 constexpr double kEquationWidth = 1e-9;    // rows whose bounds are closer count as equations
 constexpr std::size_t kLargestFace = 400;  // free efforts of a last Newton step
+constexpr double kNearLimit = 1e-3;        // of an effort, relative
 constexpr double kSmallestComplementarity = 1e-20;
 
 }  // namespace
@@ -512,9 +513,11 @@ ConstrainedWorkingSet::Face ConstrainedWorkingSet::snap_to_face() {
     const double room = constraints_.largest_effort(candidates_[static_cast<std::size_t>(k)]);
     const double below = (state_.x(k) - state_.x_limits.lower(k)) / room;
     const double above = (state_.x_limits.upper(k) - state_.x(k)) / room;
-    if (below < std::min(1e-3, state_.x_limits.at_lower(k) * room)) {
+    // Both relative: a distance is small where its multiplier is not.
+    const double gain = std::max(gain_(k), 1e-300);
+    if (below < std::min(kNearLimit, state_.x_limits.at_lower(k) / gain)) {
       state_.x(k) = state_.x_limits.lower(k);
-    } else if (above < std::min(1e-3, state_.x_limits.at_upper(k) * room)) {
+    } else if (above < std::min(kNearLimit, state_.x_limits.at_upper(k) / gain)) {
       state_.x(k) = state_.x_limits.upper(k);
     } else {
       face.free.push_back(k);
