@@ -5,6 +5,8 @@
 //   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass
 //   hessian_assembly/Q   sum_i s_i h_i h_i^T: the costly step of the dual interior point
 //   SOLVER/Q             a solve on the robot's set (beyond 7920: a finer grid)
+//   constrained/rows:M/Q 20 experiments on the robot's set under M random rows (none: the plain
+//                        problem by the same code), gap 1e-9; compare with column_generation/Q
 //   SOLVER/FAMILY/Q      the same on another family (problems/families); a curve of another
 //                        dimension than its default is named FAMILY_D (legendre_31)
 //
@@ -22,6 +24,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/benchmark_sets.hpp"
@@ -29,7 +32,10 @@
 #include "bench/study/plan.hpp"
 #include "bench/study/study_sets.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
+#include "solvers/constrained/constrained_certificate.hpp"
+#include "solvers/constrained/constrained_column_generation.hpp"
 #include "solvers/interior_point/hessian_assembly.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -43,7 +49,8 @@ using graybox::bench::kFullSize;
 
 constexpr std::size_t kMillion = 1'000'000;
 constexpr std::size_t kQuadraticLimit = 1000;  // largest Q for solvers whose memory grows as Q^2
-constexpr double kTimeLimit = 60.0;            // seconds a solve
+constexpr double kConstrainedGap = 1e-9;
+constexpr double kTimeLimit = 60.0;  // seconds a solve
 
 void set_byte_rate(benchmark::State& state, const InformationSet& set, double passes) {
   const double bytes = passes * static_cast<double>(set.bytes());
@@ -124,6 +131,44 @@ void register_solve(const Solver& solver, const std::string& family, std::size_t
       ->Unit(benchmark::kMillisecond);
 }
 
+// At most 45 % of what the rows allow at most, so that most of them bind.
+graybox::DesignConstraints random_rows(const InformationSet& set, std::size_t rows) {
+  constexpr double kExperiments = 20.0, kShare = 0.45;
+  graybox::DesignConstraints constraints = graybox::number_of_experiments(set, kExperiments);
+  graybox::Random random(1);
+  for (std::size_t j = 0; j < rows; ++j) {
+    std::vector<double> coefficients(set.candidate_count());
+    for (double& a : coefficients) a = random.uniform();
+    constraints.rows.push_back({.name = fmt::format("row {}", j),
+                                .coefficients = std::move(coefficients),
+                                .upper = kShare * kExperiments});
+  }
+  return constraints;
+}
+
+void constrained(benchmark::State& state, std::size_t rows, std::size_t count) {
+  const InformationSet& set = benchmark_set("robot", count);
+  const graybox::DesignConstraints constraints = random_rows(set, rows);
+  graybox::SolveOptions options;
+  options.duality_gap = kConstrainedGap;
+  graybox::ConstrainedSolution solution;
+  for (auto _ : state) solution = graybox::solve_constrained(set, constraints, options);
+  const graybox::Certificate proof =
+      graybox::certify_constrained(set, solution.efforts, constraints, {}, kConstrainedGap)
+          .certificate;
+  state.counters["gap"] = proof.duality_gap;
+  state.counters["solved"] = graybox::proves(proof, kConstrainedGap) ? 1 : 0;
+  state.counters["passes"] = solution.counters.passes;
+}
+
+void register_constrained() {
+  for (const std::size_t rows : {0U, 1U, 10U, 30U}) {
+    benchmark::RegisterBenchmark(fmt::format("constrained/rows:{}/{}", rows, kFullSize).c_str(),
+                                 constrained, rows, kFullSize)
+        ->Unit(benchmark::kMillisecond);
+  }
+}
+
 void register_passes(std::size_t count) {
   benchmark::RegisterBenchmark(fmt::format("stream_read/{}", count).c_str(), stream_read, count);
   benchmark::RegisterBenchmark(fmt::format("pricing_pass/{}", count).c_str(), pricing_pass, count);
@@ -171,6 +216,7 @@ int run(int argc, char** argv) {
   }
   register_curves(registry.at("column_generation"));
   register_million(registry.at("column_generation"));
+  register_constrained();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();

@@ -1,7 +1,7 @@
 // The checker of designs under constraints (design_constraints.hpp): D, A, L and Ds.
 //
-// With M = P + sum_i x_i H_i and G the supergradient of log Phi at M (certificate.hpp), tr(G M) = 1,
-// concavity and Euler's identity give for every other design that obeys the constraints
+// With M = P + sum_i x_i H_i and G the supergradient of log Phi at M (certificate.hpp), tr(G M) =
+// 1, concavity and Euler's identity give for every other design that obeys the constraints
 //
 //   Phi(M') / Phi(M) <= tr(G M') = tr(G P) + sum_i w_i x'_i,      w_i = tr(G H_i),
 //
@@ -13,8 +13,10 @@
 // (multiplier_bound.hpp): the design and its constraints are all that is read. With one row sum x =
 // 1 and no prior this is the certificate of certify().
 //
-// Arithmetic: as certificate.hpp, extended precision first and quadruple where that is not enough.
-// duality_gap is taken at the upper ends of all w_i; rounding_bound is what is left of rounding in
+// Arithmetic is that of certificate.hpp: extended precision, and quadruple where that is not
+// enough.
+//
+// The gap is taken at the upper ends of all w_i. The rounding bound is what is left of rounding in
 // the sum, and what the allowed violation of the rows is worth.
 //
 // A design may break limits and rows by a relative 1e-9 (largest_violation()); one that breaks them

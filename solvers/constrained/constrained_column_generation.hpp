@@ -1,21 +1,22 @@
 // Column generation for designs under constraints (design_constraints.hpp): D, A, L and Ds.
 //
-// The scheme is that of column_generation.hpp. The problem is solved on a working set of a few dozen
-// candidates (constrained_working_set.hpp), whose multipliers y price the rows. A pass over the
-// others asks for
+// The scheme is that of column_generation.hpp. The problem is solved on a working set of a few
+// dozen candidates (constrained_working_set.hpp), whose multipliers y price the rows. A pass over
+// the others asks for
 //
 //   r_i = tr(G H_i) - sum_j a_ji y_j > 0,
 //
-// and takes in those that gain most. Between passes over the whole set it goes on with a short list.
-// The rows destroy the structure that lets the duals of the paper be solved directly (its footnote
-// 8); priced by their multipliers they cost m multiplications a candidate, and nothing else changes.
+// and takes in those that gain most. Between passes over the whole set it goes on with a short
+// list. The rows destroy the structure that lets the duals of the paper be solved directly (its
+// footnote 8); priced by their multipliers they cost m multiplications a candidate, and nothing
+// else changes.
 //
-// It ends on a pass over all candidates whose gap is at most the one asked for. The gap is the bound
-// of multiplier_bound.hpp, the one that the checker takes.
+// It ends on a pass over all candidates whose gap is at most the one asked for. The gap is the
+// bound of multiplier_bound.hpp, the one that the checker takes.
 //
 // The start: a linear programme (linear_programme.hpp) finds candidates that can obey the
-// constraints, or tells which rows contradict each other. A spread sample, uniformly run, prices the
-// rest.
+// constraints, or tells which rows contradict each other. A spread sample, uniformly run, prices
+// the rest.
 //
 // Where rounding could hide a tenth of the gap asked for, the set is whitened first
 // (conditioned_set.hpp).
@@ -50,8 +51,8 @@ struct ConstrainedSolution {
                                                     const SolveOptions& options,
                                                     SolveObserver* observer = nullptr);
 
-// The same for constraints that are known to fit the set (require_fits()), without exceptions: where
-// no design obeys them the answer says so.
+// The same for constraints that are known to fit the set (require_fits()), without exceptions:
+// where no design obeys them the answer says so.
 [[nodiscard]] ConstrainedSolution try_constrained(const InformationSet& set,
                                                   const DesignConstraints& constraints,
                                                   const SolveOptions& options,

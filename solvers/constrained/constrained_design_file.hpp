@@ -1,8 +1,8 @@
-// Designs under constraints in graybox-design/1 files (design_file.hpp): the same keys, with weights
-// x_i / sum x, and beside them
+// Designs under constraints in graybox-design/1 files (design_file.hpp): the same keys, with
+// weights x_i / sum x, and beside them
 //
 //   "experiments": sum x,
-//   "request": {"experiments": 20, "stock": "1", ..., "constraints_hash": ...}  (design_request.hpp),
+//   "request": {"experiments": 20, "stock": "1", ..., ...},        as design_request.hpp has it
 //   "multipliers": [{"name": ..., "value": a_j . x, "multiplier": y_j}, ...]
 //
 // `certificate` is the constrained one (constrained_certificate.hpp); log_det is that of the prior

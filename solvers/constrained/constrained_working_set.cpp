@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
@@ -279,70 +280,68 @@ bool ConstrainedWorkingSet::factorise() {
   return schur_factor_.info() == Eigen::Success;
 }
 
+// What the limits push their variables with, mu / distance, less the second-order terms of a
+// predicted step.
+ConstrainedWorkingSet::Push ConstrainedWorkingSet::push_of(const Vector& value,
+                                                           const Limited& limits, double mu,
+                                                           const Vector* step,
+                                                           const Vector* lower_step,
+                                                           const Vector* upper_step) {
+  Push push{Vector::Zero(value.size()), Vector::Zero(value.size())};
+  for (Index k = 0; k < value.size(); ++k) {
+    const double below = value(k) - limits.lower(k), above = limits.upper(k) - value(k);
+    if (std::isfinite(below) && below > 0.0) {
+      const double second = step == nullptr ? 0.0 : (*step)(k) * (*lower_step)(k);
+      push.up(k) = (mu - second) / below;
+    }
+    if (std::isfinite(above) && above > 0.0) {
+      const double second = step == nullptr ? 0.0 : -(*step)(k) * (*upper_step)(k);
+      push.down(k) = (mu - second) / above;
+    }
+  }
+  return push;
+}
+
+// The multipliers' part of Newton's step, from the variables'.
+void ConstrainedWorkingSet::multiplier_steps(const Vector& value, const Limited& limits,
+                                             const Push& push, const Vector& step,
+                                             Vector& lower_step, Vector& upper_step) {
+  lower_step = upper_step = Vector::Zero(value.size());
+  for (Index k = 0; k < value.size(); ++k) {
+    const double below = value(k) - limits.lower(k), above = limits.upper(k) - value(k);
+    if (std::isfinite(below) && below > 0.0) {
+      const double z = limits.at_lower(k);
+      lower_step(k) = push.up(k) - z - z / below * step(k);
+    }
+    if (std::isfinite(above) && above > 0.0) {
+      const double z = limits.at_upper(k);
+      upper_step(k) = push.down(k) - z + z / above * step(k);
+    }
+  }
+}
+
 // Newton's step to complementarity `mu`, with the second-order terms of a predicted step.
 void ConstrainedWorkingSet::solve(double mu, const Direction* predicted, Direction& step) {
-  const Index n = state_.x.size(), m = state_.s.size();
-  // Complementarity of a limit at distance t with multiplier z: z dt + t dz = target - z t.
-  const auto target = [&](const Vector* dt, const Vector* dz, Index k, double sign) {
-    return mu - (dt == nullptr ? 0.0 : sign * (*dt)(k) * (*dz)(k));
+  const auto push_on = [&](const Vector& value, const Limited& limits, Vector Direction::*of,
+                           Vector Direction::*lower, Vector Direction::*upper) {
+    if (predicted == nullptr) return push_of(value, limits, mu, nullptr, nullptr, nullptr);
+    return push_of(value, limits, mu, &(predicted->*of), &(predicted->*lower),
+                   &(predicted->*upper));
   };
-  Vector lower_push = Vector::Zero(n), upper_push = Vector::Zero(n);
-  for (Index k = 0; k < n; ++k) {
-    if (std::isfinite(state_.x_limits.lower(k))) {
-      const double t =
-          predicted == nullptr ? mu : target(&predicted->x, &predicted->x_lower, k, 1.0);
-      lower_push(k) = t / (state_.x(k) - state_.x_limits.lower(k));
-    }
-    if (std::isfinite(state_.x_limits.upper(k))) {
-      const double t =
-          predicted == nullptr ? mu : target(&predicted->x, &predicted->x_upper, k, -1.0);
-      upper_push(k) = t / (state_.x_limits.upper(k) - state_.x(k));
-    }
-  }
-  const Vector h = gain_ - a_.transpose() * state_.y + lower_push - upper_push;
-  Vector slack_lower = Vector::Zero(m), slack_upper = Vector::Zero(m), g = Vector::Zero(m);
-  for (Index j = 0; j < m; ++j) {
-    if (is_slack_(j) == 0.0) continue;
-    if (std::isfinite(state_.s_limits.lower(j))) {
-      const double t =
-          predicted == nullptr ? mu : target(&predicted->s, &predicted->s_lower, j, 1.0);
-      slack_lower(j) = t / (state_.s(j) - state_.s_limits.lower(j));
-    }
-    if (std::isfinite(state_.s_limits.upper(j))) {
-      const double t =
-          predicted == nullptr ? mu : target(&predicted->s, &predicted->s_upper, j, -1.0);
-      slack_upper(j) = t / (state_.s_limits.upper(j) - state_.s(j));
-    }
-    g(j) = state_.y(j) - slack_upper(j) + slack_lower(j);
-  }
+  const Push x_push =
+      push_on(state_.x, state_.x_limits, &Direction::x, &Direction::x_lower, &Direction::x_upper);
+  const Push s_push =
+      push_on(state_.s, state_.s_limits, &Direction::s, &Direction::s_lower, &Direction::s_upper);
+  const Vector h = gain_ - a_.transpose() * state_.y + x_push.up - x_push.down;
+  // Equations have no slack that could move.
+  const Vector g = is_slack_.cwiseProduct(state_.y + s_push.up - s_push.down);
   const Vector kh = solve_hessian(h);
-  const Vector rp = state_.s - (a_ * state_.x);
-  step.y = schur_factor_.solve(a_ * kh - rp - inverse_slack_.cwiseProduct(g));
+  const Vector missing = state_.s - a_ * state_.x;
+  step.y = schur_factor_.solve(a_ * kh - missing - inverse_slack_.cwiseProduct(g));
   step.x = kh - solve_hessian(a_.transpose() * step.y);
   step.s = inverse_slack_.cwiseProduct(step.y + g);
-  step.x_lower = step.x_upper = Vector::Zero(n);
-  for (Index k = 0; k < n; ++k) {
-    if (std::isfinite(state_.x_limits.lower(k))) {
-      const double t = state_.x(k) - state_.x_limits.lower(k), z = state_.x_limits.at_lower(k);
-      step.x_lower(k) = lower_push(k) - z - z / t * step.x(k);
-    }
-    if (std::isfinite(state_.x_limits.upper(k))) {
-      const double t = state_.x_limits.upper(k) - state_.x(k), z = state_.x_limits.at_upper(k);
-      step.x_upper(k) = upper_push(k) - z + z / t * step.x(k);
-    }
-  }
-  step.s_lower = step.s_upper = Vector::Zero(m);
-  for (Index j = 0; j < m; ++j) {
-    if (is_slack_(j) == 0.0) continue;
-    if (std::isfinite(state_.s_limits.lower(j))) {
-      const double t = state_.s(j) - state_.s_limits.lower(j), v = state_.s_limits.at_lower(j);
-      step.s_lower(j) = slack_lower(j) - v - v / t * step.s(j);
-    }
-    if (std::isfinite(state_.s_limits.upper(j))) {
-      const double t = state_.s_limits.upper(j) - state_.s(j), v = state_.s_limits.at_upper(j);
-      step.s_upper(j) = slack_upper(j) - v + v / t * step.s(j);
-    }
-  }
+  multiplier_steps(state_.x, state_.x_limits, x_push, step.x, step.x_lower, step.x_upper);
+  multiplier_steps(state_.s, state_.s_limits, s_push, step.s, step.s_lower, step.s_upper);
 }
 
 namespace {
@@ -498,6 +497,7 @@ bool ConstrainedWorkingSet::improve(double pool_gap, double tolerance) {
     stalled = gap_ < 0.9 * best ? 0 : stalled + 1;
     best = std::min(best, gap_);
     if (stalled > kStalledLimit || !(complementarity() > kSmallestComplementarity)) break;
+    if (stop_requested()) return false;
     if (!factorise()) break;
     step(count > 0 && (length_ < kShortStep || stalled > 2));
     if (length_ == 0.0) break;

@@ -1,10 +1,10 @@
 // ConstrainedWorkingSet: the problem of design_constraints.hpp on a few dozen candidates, by a
 // primal-dual interior point.
 //
-// Mathematics. f = -log Phi(M), M = P + sum_i x_i H_i, is convex with gradient -w_i, w_i = tr(G H_i),
-// and Hessian S (smooth_restricted_problem.hpp, which has S for all criteria: S_ij = tr(B_i B_j)/d
-// for D). The rows have slacks s_j in [L_j, U_j] where L_j < U_j. With multipliers y of the rows and
-// z >= 0 of the limits, the conditions of optimality are
+// Mathematics. f = -log Phi(M), M = P + sum_i x_i H_i, is convex with gradient -w_i, w_i = tr(G
+// H_i), and Hessian S (smooth_restricted_problem.hpp, which has S for all criteria: S_ij = tr(B_i
+// B_j)/d for D). The rows have slacks s_j in [L_j, U_j] where L_j < U_j. With multipliers y of the
+// rows and z >= 0 of the limits, the conditions of optimality are
 //
 //   w = A^T y + z^u - z^l,     A x = s,     y = v^u - v^l  (slacks),
 //   z^l (x - l) = z^u (u - x) = v^l (s - L) = v^u (U - s) = mu -> 0.
@@ -15,16 +15,18 @@
 //   A dx - D^-1 dy = s - A x + D^-1 g,                             D = v^l/(s - L) + v^u/(U - s),
 //
 // and solves for dy with the m x m Schur complement. Predictor and corrector (Mehrotra 1992) share
-// the factors. All steps have one length, 0.995 of the way to the boundary. The step of f is held to
-// where its second-order model holds, |B|_F of the change of M about one.
+// the factors. All steps have one length, 0.995 of the way to the boundary. The step of f is held
+// to where its second-order model holds, |B|_F of the change of M about one.
 //
-// It stops by the bound of multiplier_bound.hpp over its members, which is a proof, not an estimate.
-// A last Newton step on the limits that are active then puts the weights that are zero to zero.
+// It stops by the bound of multiplier_bound.hpp over its members, which is a proof, not an
+// estimate. A last Newton step on the limits that are active then puts the weights that are zero
+// to zero.
 //
 // Starts are warm: members keep x, y and z, lifted to the complementarity that the gap of the pool
 // calls for.
 //
-// Cost of a step: n d^3 + n^2 p / 2 + n^3 / 6 + n^2 m for n members, n (d^3 + p^2 + p m) where n > 2 p.
+// Cost of a step: n d^3 + n^2 p / 2 + n^3 / 6 + n^2 m for n members, n (d^3 + p^2 + p m) where n >
+// 2 p.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -106,6 +108,14 @@ class ConstrainedWorkingSet {
   bool factorise_hessian();
   [[nodiscard]] Matrix solve_hessian(const Matrix& right) const;
   bool factorise();
+  // mu / distance of each limit, upwards from the lower and downwards from the upper ones.
+  struct Push {
+    Vector up, down;
+  };
+  static Push push_of(const Vector& value, const Limited& limits, double mu, const Vector* step,
+                      const Vector* lower_step, const Vector* upper_step);
+  static void multiplier_steps(const Vector& value, const Limited& limits, const Push& push,
+                               const Vector& step, Vector& lower_step, Vector& upper_step);
   void solve(double mu, const Direction* predicted, Direction& step);
   [[nodiscard]] double step_length(const Direction& step) const;
   [[nodiscard]] double model_length(const Direction& step) const;

@@ -1,11 +1,12 @@
-// DesignRequest: what a user asks of the next experiments, in files and words, before it is put into
-// numbers (design_constraints.hpp). One vocabulary for all commands: options of the command line, or
+// DesignRequest: what a user asks of the next experiments, in files and words, before it is put
+// into numbers (design_constraints.hpp). One vocabulary for all commands: options of the command
+// line, or
 //
 //   # request.yaml
 //   format: graybox-request/1
 //   experiments: 20                # how many come next; or a budget
 //   prior: calibration.h5          # information that is there already: a set of one matrix
-//   done: last_week.json           # experiments that were run: a design with counts, or index,count
+//   done: last_week.json           # what was run: a design with counts, or index,count
 //   costs: minutes.csv             # one number a candidate, or the name of a coordinate
 //   budget: 90                     # sum of the costs of what is run
 //   stock: 1                       # each at most so often; or a file of Q numbers

@@ -2,19 +2,19 @@
 //
 //   maximise  Phi(P + sum_i m_i H_i),   Phi of D, A, L or Ds.
 //
-// Branch and bound over boxes of counts, best first. Each node solves the relaxed problem in its box
-// (constrained_column_generation.hpp). With its M, the gains w_i = tr(G H_i) and the multipliers y
-// of its rows,
+// Branch and bound over boxes of counts, best first. Each node solves the relaxed problem in its
+// box (constrained_column_generation.hpp). With its M, the gains w_i = tr(G H_i) and the
+// multipliers y of its rows,
 //
 //   log Phi(M(m)) <= log Phi(M) + log(tr(G P) + bound(y))         for every design of the box,  (1)
 //
-// bound(y) of multiplier_bound.hpp: nothing relies on convergence. What a design loses by each run
-// of a candidate with reduced gain r_i < 0 (or lacks of one with r_i > 0 below its limit) is |r_i|
-// under the logarithm, so that counts which no better design can have go away for good. At the root
-// that leaves a pool of some tens or hundreds of candidates.
+// bound(y) of multiplier_bound.hpp: nothing relies on convergence. Each run of a candidate with
+// reduced gain r_i < 0 costs |r_i| under the logarithm, and so does each run that one with r_i > 0
+// is short of its limit. Counts that no better design can have go away for good. At the root that
+// leaves a pool of some tens or hundreds of candidates.
 //
-// Designs come from rounding the relaxed points of the nodes one count at a time, and from exchanges
-// that keep within all constraints.
+// Designs come from rounding the relaxed points of the nodes one count at a time, and from
+// exchanges that keep within all constraints.
 //
 // With `top` K the K best designs are sought: parts of the tree are given up only where they hold
 // nothing better than the K-th. The proof is then of all K.

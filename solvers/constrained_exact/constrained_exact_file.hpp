@@ -1,10 +1,10 @@
-// Exact designs under constraints in graybox-design/1 files: the keys of constrained_design_file.hpp
-// and of exact_design_file.hpp together,
+// Exact designs under constraints in graybox-design/1 files: the keys of
+// constrained_design_file.hpp and of exact_design_file.hpp together,
 //
 //   "experiments", "counts", "method", "proven_efficiency", "nodes", "open_nodes", "survivors",
 //   "request",
-//   "designs": [{"counts": [...], "efficiency": ...}, ...]   with --top: best first, relative to the
-//                                                            first
+//   "designs": [{"counts": [...], "efficiency": ...}, ...]   with --top: best first;
+//                                                            efficiency relative to it
 #pragma once
 
 #include <filesystem>

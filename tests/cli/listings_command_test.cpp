@@ -134,6 +134,27 @@ TEST_F(Listings, OfAnEllipsoidAreWhatTheProgramPrints) {
   expect_quoted("docs/ellipsoid.md", outcome.out, "ellipsoid: ");
 }
 
+// The campaign of docs/constraints.md.
+TEST_F(Listings, OfExperimentsUnderConstraintsAreWhatTheProgramPrints) {
+  const std::string page = source_file("docs/constraints.md");
+  const std::size_t from = page.find("format: graybox-request/1");
+  testing::write_text(folder_.file("request.yaml"),
+                      page.substr(from, page.find("```", from) - from));
+  ASSERT_EQ(graybox("problem robot -o set.h5").exit_code, 0);
+  ASSERT_EQ(
+      graybox("exact set.h5 --experiments 8 --stock 1 --gap 0.001 -o last_week.json").exit_code, 0);
+  const testing::Outcome relaxed = graybox("solve set.h5 --request request.yaml -o relaxed.json");
+  ASSERT_EQ(relaxed.exit_code, 0) << relaxed.err;
+  expect_quoted("docs/constraints.md", relaxed.out, "column_generation: ");
+  const testing::Outcome exact = graybox("exact set.h5 --request request.yaml -o next.json");
+  ASSERT_EQ(exact.exit_code, 0) << exact.err;
+  expect_quoted("docs/constraints.md", exact.out, "branch_and_bound: ");
+  for (const std::string design : {"relaxed.json", "next.json"}) {
+    const testing::Outcome checked = graybox("check set.h5 " + design);
+    EXPECT_EQ(checked.exit_code, 0) << checked.out << checked.err;
+  }
+}
+
 // The thermometer of docs/own_model.md, as its Python makes it.
 TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
   const double final = 60.0, tau = 8.0;
