@@ -125,13 +125,23 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
       judge_constrained(set, file.solver, options, std::move(solution),
                         given ? std::move(request) : claim.request, std::move(constraints));
   report.report.problem_hash = set.content_hash();
+  const bool other = given || !arguments.criterion.name.empty();
+  if (other && report.report.status == ReportStatus::kClaimedButWrong) {
+    report.report.status = ReportStatus::kInaccurate;  // no claim was made for this request
+    report.report.message = "made for another request";
+  }
   // An exact design is compared with the best relaxed one, which no exact one exceeds.
   const bool exact = read_exact_claim(arguments.design, set, file.design).has_value();
   double efficiency = report.report.certificate.efficiency;
   if (exact) efficiency = std::max(efficiency, efficiency_of_exact(set, report));
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
-    if (exact) line["proven_efficiency"] = efficiency;
+    if (exact) {
+      line["status"] = to_string(report.report.certificate.status);
+      line["message"] = report.report.certificate.message;
+      line["efficiency"] = line["proven_efficiency"] = efficiency;
+      line["duality_gap"] = 1.0 / efficiency - 1.0;
+    }
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else if (exact) {

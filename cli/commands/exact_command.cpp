@@ -165,12 +165,16 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
     return solve_constrained_exact(set, constraints, options, &line);
   }();
   if (interrupted() && solution.status == ExactStatus::kTimeLimit) {
-    solution.message = "interrupted; this is the best design so far";
+    solution.message = solution.designs.empty() ? "interrupted before there was a design"
+                                                : "interrupted; this is the best design so far";
   }
   ConstrainedExactReport report = report_constrained_exact(
       set, options, std::move(solution), std::move(request), std::move(constraints));
   report.share.report.problem_hash = set.content_hash();
-  const bool found = !report.solution.designs.empty();
+  const bool found = !report.solution.designs.empty() && report.share.experiments() > 0.0;
+  if (!found && report.solution.message.empty()) {
+    report.solution.message = "no experiment fits, and what is known already needs none";
+  }
   if (!arguments.output.empty() && found) write_constrained_exact(arguments.output, set, report);
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);

@@ -19,8 +19,10 @@ std::string binding_row(const LinearConstraint& row, double multiplier) {
   const double bound = multiplier > 0.0 ? row.upper : row.lower;
   const char* sign = row.lower == row.upper ? "=" : multiplier > 0.0 ? "<=" : ">=";
   const std::string text = fmt::format("{} {} {:g}", row.name, sign, bound);
-  return fmt::format("  binds         {:<34} one more: {:+.3g} % efficiency\n", text,
-                     100.0 * multiplier);
+  const bool counts = std::abs(bound) >= 1.0 || bound == 0.0;
+  return fmt::format("  binds         {:<34} {}: {:+.3g} % efficiency\n", text,
+                     counts ? "one more" : "1 % more",
+                     counts ? 100.0 * multiplier : multiplier * bound);
 }
 
 }  // namespace
@@ -82,7 +84,8 @@ std::string describe_constrained_exact(const InformationSet& set,
   text += fmt::format("\n  request       {}\n", describe(report.share.request));
   if (!solution.designs.empty()) {
     const Certificate& certificate = report.share.report.certificate;
-    text += fmt::format("  log det M     {:.10g}, earlier trials included\n", certificate.log_det);
+    text += fmt::format("  log det M     {:.10g}{}\n", certificate.log_det,
+                        report.share.constraints.prior.empty() ? "" : ", earlier trials included");
     text += fmt::format("  {}-efficiency  at least {:.8f} of the best exact design\n",
                         to_string(report.share.report.options.criterion.kind()),
                         report.proven_efficiency);

@@ -73,6 +73,7 @@ class ConstrainedRun {
   ConstrainedWorkingSet working_;
   Random random_;
   std::vector<double> reduced_;
+  std::vector<std::size_t> sample_;  // that the start was chosen from
   std::int64_t rounds_ = 0;
   double best_gap_ = kInfinity;
   std::vector<double> best_efforts_, best_multipliers_;
@@ -133,7 +134,16 @@ ConstrainedRun::Start ConstrainedRun::begin() {
   if (!price_uniformly(sample, dual)) {
     sample = sample_pool(total, total, random_);
     tracer_.count_passes(1.0);
-    if (!price_uniformly(sample, dual)) return Start::kSingular;
+    if (!price_uniformly(sample, dual)) {
+      const std::vector<double> gains(total, 1.0);
+      const LinearOptimum any = maximise_linear(constraints_, {}, gains);
+      return any.status == LinearStatus::kInfeasible ? Start::kInfeasible : Start::kSingular;
+    }
+  }
+  for (std::size_t k = 0; k < sample.count; ++k) {
+    if (constraints_.largest_effort(sample.candidate(k)) > 0.0) {
+      sample_.push_back(sample.candidate(k));
+    }
   }
   price_pool(set_, dual, options_.threads, sample);
   tracer_.count_candidates(2 * sample.count);
@@ -267,6 +277,13 @@ ConstrainedSolution ConstrainedRun::run() {
                   "parameters");
   }
   improve(1.0, 0.1);
+  if (!working_.regular()) {  // too few of low rank: the whole sample, which is regular, takes part
+    for (const std::size_t i : sample_) working_.add(i, set_.information(i).data());
+    improve(1.0, 0.1);
+  }
+  if (!working_.regular()) {
+    return finish(SolveStatus::kNumericalFailure, "the first design is singular to rounding");
+  }
   CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
   double lowest = kInfinity;
   for (int without_progress = 0;;) {
@@ -274,8 +291,8 @@ ConstrainedSolution ConstrainedRun::run() {
     tracer_.record(gap, rounds_);
     without_progress = gap < 0.9 * lowest ? 0 : without_progress + 1;
     lowest = std::min(lowest, gap);
-    if (working_.obeys_rows()) keep_if_better(gap);
-    if (gap <= kShareOfGap * options_.duality_gap && working_.obeys_rows()) {
+    if (working_.regular() && working_.obeys_rows()) keep_if_better(gap);
+    if (gap <= kShareOfGap * options_.duality_gap && working_.regular() && working_.obeys_rows()) {
       return finish(SolveStatus::kSolved);
     }
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);

@@ -164,7 +164,8 @@ bool ConstrainedWorkingSet::evaluate() {
     std::ranges::copy(prior_, matrix_.begin());
   }
   kernels().accumulate(rows_.data(), size(), packed_size_, state_.x.data(), matrix_.data());
-  if (!inverse_.factor(matrix_)) return false;
+  regular_ = inverse_.factor(matrix_);
+  if (!regular_) return false;
   frame_.compute(inverse_);
   gain_.resize(state_.x.size());
   kernels().price(rows_.data(), size(), packed_size_, frame_.trace_dual().data(), gain_.data());
@@ -591,6 +592,7 @@ void ConstrainedWorkingSet::polish() {
 }
 
 void ConstrainedWorkingSet::drop(double threshold) {
+  if (!regular_) return;  // no gains to judge by
   const Vector reduced = gain_ - a_.transpose() * state_.y;
   std::vector<Index> kept;
   for (Index k = 0; k < state_.x.size(); ++k) {

@@ -72,6 +72,7 @@ class ConstrainedWorkingSet {
   [[nodiscard]] std::span<const double> trace_dual() const { return frame_.trace_dual(); }  // G
   [[nodiscard]] double prior_gain() const { return prior_gain_; }  // tr(G P)
   [[nodiscard]] double gap() const { return gap_; }                // over the members
+  [[nodiscard]] bool regular() const { return regular_; }          // M at the last efforts
   [[nodiscard]] bool obeys_rows() const;                           // to a relative 1e-10
   [[nodiscard]] std::size_t steps() const { return steps_; }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
@@ -149,6 +150,7 @@ class ConstrainedWorkingSet {
   Matrix a_;             // rows of the members, m x n
   Vector gain_;          // w
   double prior_gain_ = 0.0;
+  bool regular_ = false;
   double gap_ = 0.0;
   std::size_t fresh_ = 0;  // members from here on have never been solved for
   std::size_t steps_ = 0;

@@ -15,10 +15,12 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kSmallest = 1e-50, kLargest = 1e50;  // of numbers and costs of experiments
 
 void require_positive(double number, const char* what) {
-  if (!(number > 0.0 && std::isfinite(number))) {
-    throw InputError(fmt::format("{} must be a positive number, is {:g}", what, number));
+  if (!(number >= kSmallest && number <= kLargest)) {
+    throw InputError(fmt::format("{} must be a positive number from {:g} to {:g}, is {:g}", what,
+                                 kSmallest, kLargest, number));
   }
 }
 
@@ -36,7 +38,9 @@ void require_limits(const DesignConstraints& constraints, std::size_t count) {
     const double lower = constraints.lower_of(i), upper = constraints.upper_of(i);
     if (!(lower >= 0.0 && std::isfinite(lower)) || !(upper >= 0.0)) {
       throw InputError(fmt::format(
-          "limits of candidate {}: {:g} to {:g}; they must not be negative", i, lower, upper));
+          "limits of candidate {}: {:g} to {:g}; they must be numbers, not negative, the lower one "
+          "finite",
+          i, lower, upper));
     }
     if (lower > upper) {
       throw InputError(fmt::format(

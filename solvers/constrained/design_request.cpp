@@ -177,8 +177,10 @@ class Resolver {
 
   static double number(const std::string& name, const std::string& text) {
     double value = 0.0;
-    const std::string_view digits = trimmed(std::string_view(text).substr(0, text.find('%')));
-    if (!parse_number(digits, value) || !std::isfinite(value)) {
+    const std::size_t sign = text.find('%');
+    const std::string_view digits = trimmed(std::string_view(text).substr(0, sign));
+    const bool more = sign != std::string::npos && !trimmed(text.substr(sign + 1)).empty();
+    if (more || !parse_number(digits, value) || !std::isfinite(value)) {
       throw InputError(
           fmt::format("constraint '{}': '{}' is no bound; write 6 or 30 %", name, text));
     }

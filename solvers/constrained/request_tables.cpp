@@ -9,6 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <utility>
 
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
@@ -17,20 +18,36 @@
 namespace graybox {
 namespace {
 
+constexpr double kMostRuns = 1e9;  // of one candidate
+
 struct TextTable {
   std::vector<std::string> head;  // empty where the first line is numbers
   std::vector<std::vector<double>> rows;
 };
 
-TextTable read_table(const std::string& path) {
+// Whether blanks separate fields where nothing else does.
+enum class Blanks : std::int8_t { kSeparate, kBelong };
+
+std::string_view unquoted(std::string_view text) {
+  const bool quoted = text.size() >= 2 && text.front() == '"' && text.back() == '"';
+  return quoted ? text.substr(1, text.size() - 2) : text;
+}
+
+TextTable read_table(const std::string& path, Blanks blanks) {
   { const InputFile present(path); }
   LineReader lines(path);
   TextTable table;
   std::string_view line;
   std::vector<FieldSplitter> splitter;
+  bool one_column = false;
   while (lines.next(line)) {
-    if (splitter.empty()) splitter.emplace_back(line);
-    const std::vector<std::string_view>& fields = splitter.front().split(line);
+    if (splitter.empty()) {
+      splitter.emplace_back(line);
+      one_column =
+          blanks == Blanks::kBelong && line.find_first_of(",;\t") == std::string_view::npos;
+    }
+    const std::vector<std::string_view> fields =
+        one_column ? std::vector<std::string_view>{unquoted(line)} : splitter.front().split(line);
     if (table.rows.empty() && table.head.empty() && is_header(fields)) {
       table.head.assign(fields.begin(), fields.end());
       continue;
@@ -64,15 +81,19 @@ std::vector<double> done_in_design(const InformationSet& set, const std::string&
         "{}: no design with counts; write one by 'graybox exact -o', or CSV lines index,count",
         path));
   }
-  if (root.value("candidates", set.candidate_count()) != set.candidate_count()) {
-    throw InputError(fmt::format("{}: a design of another set, of {} candidates", path,
-                                 root["candidates"].dump()));
+  for (const auto& [key, fits] : {std::pair{"candidates", nlohmann::json(set.candidate_count())},
+                                  std::pair{"problem_hash", nlohmann::json(set.content_hash())}}) {
+    if (root.contains(key) && root[key] != fits && root[key] != "") {
+      throw InputError(fmt::format("{}: a design of another set: its {} is {}", path, key,
+                                   root[key].dump().substr(0, 20)));
+    }
   }
   std::vector<double> done(set.candidate_count(), 0.0);
   for (const auto& entry : root["counts"]) {
     const bool fits = entry.is_object() && entry.contains("index") && entry.contains("count") &&
                       entry["index"].is_number_unsigned() && entry["count"].is_number() &&
-                      entry["index"] < set.candidate_count() && entry["count"] >= 0;
+                      entry["index"] < set.candidate_count() && entry["count"] >= 0 &&
+                      entry["count"] <= kMostRuns;
     if (!fits) throw InputError(fmt::format("{}: counts: {} is no count", path, entry.dump()));
     done[entry["index"].get<std::size_t>()] += entry["count"].get<double>();
   }
@@ -114,7 +135,7 @@ std::vector<double> candidate_numbers(const InformationSet& set, const std::stri
     throw InputError(
         fmt::format("{}: '{}' is neither a file nor a coordinate of the candidates", what, name));
   }
-  const TextTable table = read_table(path);
+  const TextTable table = read_table(path, Blanks::kBelong);
   require_lines(table, set, path);
   std::vector<double> values;
   for (const auto& row : table.rows) {
@@ -130,12 +151,12 @@ std::vector<double> candidate_numbers(const InformationSet& set, const std::stri
 std::vector<double> experiments_done(const InformationSet& set, const std::string& path) {
   const InputFile file(path);
   if (file.head(1) == "{") return done_in_design(set, path);
-  const TextTable table = read_table(path);
+  const TextTable table = read_table(path, Blanks::kSeparate);
   std::vector<double> done(set.candidate_count(), 0.0);
   for (const auto& row : table.rows) {
     const bool is_index = row.size() <= 2 && row[0] >= 0.0 && row[0] == std::floor(row[0]) &&
                           row[0] < static_cast<double>(set.candidate_count());
-    if (!is_index || (row.size() == 2 && row[1] < 0.0)) {
+    if (!is_index || (row.size() == 2 && !(row[1] >= 0.0 && row[1] <= kMostRuns))) {
       throw InputError(fmt::format(
           "{}: '{}' is no line index,count with an index from 0 to {} and a count of at least 0",
           path, fmt::join(row, ","), set.candidate_count() - 1));
@@ -146,7 +167,7 @@ std::vector<double> experiments_done(const InformationSet& set, const std::strin
 }
 
 std::vector<LinearConstraint> constraint_table(const InformationSet& set, const std::string& path) {
-  const TextTable table = read_table(path);
+  const TextTable table = read_table(path, Blanks::kBelong);
   if (table.head.empty()) {
     throw InputError(
         fmt::format("{}: the first line must name the constraints, as in 'left side <= 6'", path));

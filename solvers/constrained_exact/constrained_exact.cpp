@@ -13,6 +13,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
+#include "solvers/conditioning/extended_information.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
 #include "solvers/constrained_exact/constrained_exchange.hpp"
 
@@ -160,6 +161,7 @@ class ConstrainedTree {
   ConstrainedTree(const InformationSet& set, const DesignConstraints& constraints,
                   const ConstrainedExactOptions& options, ExactObserver* observer)
       : set_(set),
+        original_(constraints),
         whole_(whole_limits(constraints, set.candidate_count())),
         options_(options),
         observer_(observer),
@@ -195,6 +197,7 @@ class ConstrainedTree {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   }
 
+  [[nodiscard]] bool is_regular(const std::vector<std::int64_t>& counts) const;
   void offer(RankedDesign design);
   std::optional<std::vector<std::int64_t>> dive(const InformationSet& set,
                                                 DesignConstraints constraints,
@@ -212,6 +215,7 @@ class ConstrainedTree {
   ConstrainedExactSolution finish();
 
   const InformationSet& set_;
+  const DesignConstraints& original_;
   DesignConstraints whole_;
   const ConstrainedExactOptions& options_;
   ExactObserver* observer_;
@@ -230,9 +234,29 @@ class ConstrainedTree {
   bool stopped_ = false;
 };
 
+// Double precision finds some singular sums regular.
+bool ConstrainedTree::is_regular(const std::vector<std::int64_t>& counts) const {
+  std::vector<std::size_t> run;
+  std::vector<Extended> weights;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    run.push_back(i);
+    weights.push_back(static_cast<Extended>(counts[i]));
+  }
+  const std::size_t p = set_.packed_size();
+  AlignedArray packed((run.size() + 1) * p, 0.0);
+  for (std::size_t k = 0; k < run.size(); ++k) {
+    std::ranges::copy(set_.information(run[k]), packed.data() + k * p);
+  }
+  std::ranges::copy(whole_.prior, packed.data() + run.size() * p);
+  weights.push_back(1);
+  const InformationSet support(set_.dimension(), std::move(packed));
+  return ExtendedInformation(support, weights).regular();
+}
+
 // Keeps the K best, all different.
 void ConstrainedTree::offer(RankedDesign design) {
-  if (!std::isfinite(design.value)) return;
+  if (!std::isfinite(design.value) || !is_regular(design.counts)) return;
   for (const RankedDesign& kept : designs_) {
     if (kept.counts == design.counts) return;
   }
@@ -508,6 +532,7 @@ ConstrainedExactSolution ConstrainedTree::run() {
   options.threads = options_.threads;
   const ConstrainedSolution first = try_constrained(set_, whole_, options);
   if (first.infeasible) {
+    (void)solve_constrained(set_, original_, options);  // names what contradicts each other
     ConstrainedExactSolution none;
     none.message = "no whole numbers of experiments obey the constraints";
     return none;

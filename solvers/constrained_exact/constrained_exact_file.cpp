@@ -81,9 +81,20 @@ ConstrainedExactReport report_constrained_exact(const InformationSet& set,
                                  std::move(request), std::move(constraints))};
   if (out.solution.designs.empty()) return out;
   const Certificate& certificate = out.share.report.certificate;
+  if (certificate.status != CertificateStatus::kCertified) {
+    out.solution.status = ExactStatus::kSingular;
+    out.solution.message = certificate.message;
+    out.solution.designs.clear();
+    return out;
+  }
   out.value = log_phi(certificate, options.criterion, set.dimension());
   const double bound = std::max(out.solution.value_bound, out.value);
   out.proven_efficiency = std::exp(out.value - bound);
+  const bool proven = out.proven_efficiency * (1.0 + options.gap) >= 1.0 - 1e-9;
+  if (out.solution.status == ExactStatus::kOptimal && !proven) {
+    out.solution.status = ExactStatus::kFeasible;
+    out.solution.message = "the search is complete, but rounding hides the last of the gap";
+  }
   return out;
 }
 
