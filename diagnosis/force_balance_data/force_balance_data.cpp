@@ -8,6 +8,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "diagnosis/force_balance_data/clipped_forces.hpp"
 #include "diagnosis/force_balance_data/late_forces.hpp"
 #include "diagnosis/force_balance_data/standstill.hpp"
 #include "diagnosis/hypotheses/place_file.hpp"
@@ -357,6 +358,20 @@ void leave_out_standstill(const RigidRobotModel& robot, std::vector<MotionRecord
   }
 }
 
+void leave_out_clipped(const RigidRobotModel& robot, std::vector<MotionRecord>& records,
+                       ForceBalanceData& data) {
+  for (MotionRecord& record : records) {
+    const std::vector<Eigen::Index> clipped = mark_clipped_forces(record.pieces);
+    for (std::size_t j = 0; j < clipped.size(); ++j) {
+      if (clipped[j] == 0) continue;
+      data.remarks.push_back(fmt::format(
+          "{}: the force of {} lies at a limit in {} samples (flat tops). They are left out of the "
+          "balance, for nobody knows what acted beyond",
+          record.name, robot.joints[j].name, clipped[j]));
+    }
+  }
+}
+
 void remark_idle_joints(const RigidRobotModel& robot, ForceBalanceData& data) {
   for (std::size_t j = 0; j < data.idle.size(); ++j) {
     if (!data.idle[j]) continue;
@@ -449,6 +464,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   std::vector<MotionRecord> records = read_motion_records(robot, campaign);
   advance_forces(advance, records);
   leave_out_standstill(robot, records, data);
+  leave_out_clipped(robot, records, data);
   for (MotionRecord& record : records) {
     const bool is_fitted = record.role == ExperimentRole::kEstimation;
     for (Motion& piece : record.pieces) {

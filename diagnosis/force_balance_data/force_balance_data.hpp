@@ -41,7 +41,7 @@ struct ForceBalanceRows {
   std::vector<FilteredMotion> filtered;  // of each piece, for laws
   std::vector<std::string> names;        // of each piece's recording
   std::shared_ptr<LawSampleCache> laws;  // forces of laws in all rows
-  // Samples x coordinates, 0 where a joint stands still and its force is left out: all columns are
+  // Samples x coordinates, 0 where a joint's force is left out (Motion::stands): all columns are
   // zero there and what was measured is its mean. Else 1. Empty: all count.
   Eigen::MatrixXd counts;
 

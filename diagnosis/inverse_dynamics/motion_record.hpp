@@ -25,7 +25,7 @@ struct Motion {
   // False: it is the integral of the velocity, from zero at the first sample on.
   bool position_is_recorded = true;
   std::string load = {};  // of the recording (campaign.hpp); empty: none stated
-  // Samples x joints: where a joint stands still (standstill.hpp); empty: nowhere.
+  // Samples x joints: where a joint stands still, or its force was clipped; empty: nowhere.
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> stands = {};
 
   [[nodiscard]] Eigen::Index samples() const { return time.size(); }

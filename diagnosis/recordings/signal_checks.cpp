@@ -34,11 +34,11 @@ StepSizes step_sizes(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return sizes;
 }
 
-// Samples in flat runs at this value.
-std::size_t clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
-                       const StepSizes& sizes) {
+// Adds the samples in flat runs at this value.
+void add_clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
+                    const StepSizes& sizes, std::vector<Index>& places) {
   const double abrupt = std::max(0.1 * sizes.rms, 2.0 * sizes.smallest);
-  std::size_t samples = 0;
+  std::vector<Index> samples;
   std::size_t runs = 0;
   bool entered_abruptly = false;
   for (Index k = 0; k < values.size();) {
@@ -46,12 +46,13 @@ std::size_t clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double l
     while (end < values.size() && values(end) == limit) ++end;
     if (end - k >= kFlatRun) {
       ++runs;
-      samples += static_cast<std::size_t>(end - k);
+      for (Index at = k; at < end; ++at) samples.push_back(at);
       entered_abruptly = entered_abruptly || (k > 0 && std::abs(limit - values(k - 1)) > abrupt);
     }
     k = end + 1;
   }
-  return runs >= kFlatRuns && entered_abruptly ? samples : 0;
+  if (runs < kFlatRuns || !entered_abruptly) return;
+  places.insert(places.end(), samples.begin(), samples.end());
 }
 
 }  // namespace
@@ -74,11 +75,17 @@ std::vector<Index> wild_samples(const Eigen::Ref<const Eigen::VectorXd>& values)
   return wild;
 }
 
-std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  if (values.size() < 2 || has_few_levels(values)) return 0;
+std::vector<Index> clipped_places(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  std::vector<Index> places;
+  if (values.size() < 2 || has_few_levels(values)) return places;
   const StepSizes sizes = step_sizes(values);
-  return clipped_at(values, values.maxCoeff(), sizes) +
-         clipped_at(values, values.minCoeff(), sizes);
+  add_clipped_at(values, values.maxCoeff(), sizes, places);
+  add_clipped_at(values, values.minCoeff(), sizes, places);
+  return places;
+}
+
+std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  return clipped_places(values).size();
 }
 
 void check_signal(const std::string& source, const Eigen::Ref<const Eigen::VectorXd>& values,

@@ -26,6 +26,9 @@ void check_signal(const std::string& source, const Eigen::Ref<const Eigen::Vecto
 // (A quantised signal that turns there enters by single steps.) The number is 0 for signals of at
 // most 16 values: they switch.
 [[nodiscard]] std::size_t clipped_samples(const Eigen::Ref<const Eigen::VectorXd>& values);
+// Which samples those are.
+[[nodiscard]] std::vector<Eigen::Index> clipped_places(
+    const Eigen::Ref<const Eigen::VectorXd>& values);
 
 // Samples that stand alone: further than 20 median absolute deviations from the median, and reached
 // and left within one sample by steps of at least half that distance and ten times the step that 95

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <numbers>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
@@ -91,6 +92,7 @@ experiments:
   }
 
   fs::path folder_;
+  double limit_ = std::numeric_limits<double>::infinity();  // of the recorded force
 
  private:
   double memory_ = 0.0, late_ = 0.0;
@@ -118,8 +120,9 @@ experiments:
       const double t = 0.01 * k;
       const auto [x, v, a] = motion_at(t, phase);
       const auto [then_x, then_v, then_a] = motion_at(t - late_, phase);
-      file << 12.0 * a + force(x, v) + noise * disturbance << ',' << then_x << ',' << then_v << ','
-           << then_a << '\n';
+      const double acts = 12.0 * a + force(x, v) + noise * disturbance;
+      file << std::clamp(acts, -limit_, limit_) << ',' << then_x << ',' << then_v << ',' << then_a
+           << '\n';
     }
   }
 };
@@ -322,6 +325,29 @@ TEST_F(ForceBalance, NamesFrictionWithItsParameters) {
   EXPECT_LT(diagnosis.validation_after->nrmse, 0.5 * diagnosis.validation_before->nrmse);
   ASSERT_EQ(diagnosis.pictures.size(), 2U);
   EXPECT_EQ(diagnosis.pictures[0].force.size(), 1500U);
+}
+
+// What a limit takes from the force is like friction: nothing is found in a mass alone, and a law
+// that is there is found with its size.
+TEST_F(ForceBalance, LeavesOutWhatWasClipped) {
+  limit_ = 9.0;
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    record([](double, double) { return 0.0; }, 0.2, seed);
+    const auto data = problem();
+    const Diagnosis diagnosis = diagnose(*data);
+    EXPECT_TRUE(diagnosis.effects.empty()) << seed;
+    EXPECT_NE(diagnosis.verdict, Verdict::kExplained) << seed;
+    ASSERT_FALSE(data->remarks().empty());
+    EXPECT_NE(data->remarks()[0].find("flat tops"), std::string::npos) << data->remarks()[0];
+  }
+  record([](double, double v) { return 4.0 * std::tanh(v / 0.01); }, 0.2, 5);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "coulomb");
+  const LawParameterEstimate& level = diagnosis.effects[0].law.parameters[0];
+  EXPECT_NEAR(level.value, 4.0, 4.0 * level.standard_error);
+  EXPECT_LT(level.standard_error, 0.4);
 }
 
 TEST_F(ForceBalance, WithoutItsLawTheRestIsUnknown) {
