@@ -188,14 +188,14 @@ void Predictor::place_sensors(const LumpedModel& model) {
   }
 }
 
-// Exact for a signal that is straight between samples: the exponential of the states, the signal
+// Exact for a signal that is straight within a step: the exponential of the states, the signal
 // and its change (Van Loan, IEEE Transactions on Automatic Control 23, 1978).
 void Predictor::place_resonance(const Element& part, Sensor& sensor) {
   sensor.kind = Sensor::Kind::kResonance;
   sensor.resonance = part.parameters;
   sensor.state = states_;
   states_ += 2;
-  const double w = 2.0 * std::numbers::pi * part.parameters[1], h = sample_time_;
+  const double w = 2.0 * std::numbers::pi * part.parameters[1], h = step_;
   Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
   m(0, 1) = h;
   m(1, 0) = -w * w * h;
@@ -222,7 +222,7 @@ void Predictor::follow(const Sensor& sensor, double before, double now) {
                                       .eval();
     return;
   }
-  const double r = sample_time_ / std::max(sensor.time_constant, 1e-12 * sample_time_);
+  const double r = step_ / std::max(sensor.time_constant, 1e-12 * step_);
   const double end = std::exp(-r), mean = (1.0 - end) / r;
   x_(sensor.state) = end * x_(sensor.state) + (mean - end) * before + (1.0 - mean) * now;
 }
@@ -510,9 +510,17 @@ void Predictor::follow_lags() {
 }
 
 // From the corrected state at a sample to the next one. x_, kept_y_ and followed_before_ are of
-// now.
+// now. An acceleration jumps where a held input does, so the end of a step is not the sample there.
 void Predictor::between_samples(const NodeInputs& drive, Index sample) {
-  for (Index s = 0; s < steps_; ++s) step(drive, sample * steps_ + s);
+  for (Index s = 0; s < steps_; ++s) {
+    const Index at = sample * steps_ + s;
+    step(drive, at);
+    if (followed_before_.empty()) continue;
+    const double* at_end = linear_ ? no_inputs_.data() : drive.nodes.col(3 * at + 2).data();
+    sense(at_end, followed_);
+    follow_lags();
+    sense(at_end, followed_before_);  // the lags' outputs
+  }
   shift_registers();
   if (disturbance_state_ >= 0) x_(disturbance_state_) *= disturbance_kept_;
 }
@@ -562,11 +570,7 @@ bool Predictor::advance(const Recorded& recorded, Index from, Index to) {
   const Eigen::MatrixXd& outputs = *recorded.outputs;
   for (Index k = from; k < to; ++k) {
     const double* inputs = recorded.drive->samples.col(k).data();
-    sense(inputs, followed_);
-    if (k > 0) {
-      follow_lags();
-      sense(inputs, followed_before_);  // the lags' outputs
-    }
+    sense(inputs, followed_before_);
     delay();
     error_ = outputs.row(k).transpose() - y_;
     if (!(error_.cwiseAbs().maxCoeff() < kOutOfBounds)) return false;
@@ -631,8 +635,6 @@ void Predictor::linear_step(VectorXd& state, Index pushed, double force) {
   kept_y_ = y_;
   const NodeInputs none;
   between_samples(none, 0);
-  sense(no_inputs_.data(), followed_);
-  follow_lags();
   state = x_;
   linear_ = false;
   pushed_ = -1;

@@ -16,8 +16,9 @@
 // F b' M^-1 b / v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v
 // is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
 // reading is less of the signal, and e_k is taken with the other sign. A lag or a resonance of a
-// sensor is exact for outputs that are straight between samples; a late sensor reads what the state
-// was then, and is corrected there, since earlier outputs are part of the state.
+// sensor is exact for outputs that are straight within a step, where what is held jumps between
+// two. A late sensor reads what the state was then, and is corrected there, since earlier outputs
+// are part of the state.
 //
 // A disturbance is one state more: a force that holds within a sample and dies away from one to the
 // next, which the filter follows as far as the gain lets it.
