@@ -19,7 +19,9 @@ class ScaledProgramme {
     const std::size_t rows = constraints.rows.size();
     size_.assign(rows, 0.0);
     for (std::size_t k = 0; k < unit_.size(); ++k) {
-      const double effort = constraints.largest_effort(candidate(k));
+      // Infinite where the first row bounds nothing (contradicting_rows).
+      double effort = constraints.largest_effort(candidate(k));
+      if (!std::isfinite(effort) || effort < 0.0) effort = 1.0;
       unit_[k] = effort > 0.0 ? effort : 1.0;
       gain_ = std::max(gain_, std::abs(gains[k]) * unit_[k]);
       for (std::size_t j = 0; j < rows; ++j) {
@@ -97,6 +99,7 @@ LinearOptimum maximise_linear(const DesignConstraints& constraints,
                               std::span<const std::size_t> candidates,
                               std::span<const double> gains) {
   constexpr double kTolerance = 1e-10;  // Clp's own is 1e-7, more than the gaps asked for
+  if (!std::ranges::all_of(gains, [](double gain) { return std::isfinite(gain); })) return {};
   const ScaledProgramme programme(constraints, candidates, gains);
   ClpSimplex simplex;
   simplex.setLogLevel(0);

@@ -214,6 +214,22 @@ TEST(ConstrainedDesign, ContradictionsAreNamed) {
   expect_refused([&] { (void)cost_budget({1.0, 0.0}, 5.0); }, "cost of candidate 1");
 }
 
+// Three groups share all of the experiments, whatever their number.
+TEST(ConstrainedDesign, NoNumberOfExperimentsIsTooLargeOrTooSmall) {
+  const InformationSet set = wishart(3, 30, 2, 31);
+  for (const double number : {1e-6, 1.0, 1e4, 1e7, 1e9, 1e12}) {
+    SCOPED_TRACE(number);
+    DesignConstraints constraints = number_of_experiments(set, number);
+    for (std::size_t group = 0; group < 3; ++group) {
+      std::vector<double> members(30, 0.0);
+      std::fill_n(members.begin() + static_cast<std::ptrdiff_t>(10 * group), 10, 1.0);
+      const double share = (group < 2 ? 0.333 : 0.334) * number;
+      constraints.rows.push_back(row("group", std::move(members), share, share));
+    }
+    (void)solved(set, constraints);
+  }
+}
+
 TEST(ConstrainedDesign, TheCheckerRefusesWhatBreaksARow) {
   const InformationSet set = wishart(3, 20, 3, 23);
   DesignConstraints constraints = number_of_experiments(set, 4.0);

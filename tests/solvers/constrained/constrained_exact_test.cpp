@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
 #include "solvers/constrained_exact/constrained_exact.hpp"
 #include "solvers/constrained_exact/constrained_exchange.hpp"
@@ -86,6 +87,32 @@ ExactInstance exact_instance(std::uint64_t seed) {
   return out;
 }
 
+// Constraints that not even shares of experiments can obey are refused: no designs.
+ConstrainedExactSolution solved_or_refused(const ExactInstance& instance,
+                                           const ConstrainedExactOptions& options) {
+  try {
+    return solve_constrained_exact(instance.set, instance.constraints, options);
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+// Fewer experiments than parameters, of rank one: every design is singular, which is no optimum.
+TEST(ConstrainedExact, SingularDesignsAreNoAnswer) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    SCOPED_TRACE(seed);
+    const InformationSet set = wishart(4, 7, 1, seed);
+    DesignConstraints constraints = number_of_experiments(set, 2.0);
+    constraints.upper.assign(7, 5.0);
+    for (const Criterion& criterion : {Criterion(), Criterion::a(), Criterion::ds({0})}) {
+      const ConstrainedExactSolution answer =
+          solve_constrained_exact(set, constraints, {.criterion = criterion});
+      EXPECT_TRUE(answer.designs.empty());
+      EXPECT_EQ(answer.status, ExactStatus::kSingular);
+    }
+  }
+}
+
 TEST(ConstrainedExact, BruteForceFindsNothingBetter) {
   int found = 0;
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
@@ -93,8 +120,8 @@ TEST(ConstrainedExact, BruteForceFindsNothingBetter) {
     const ExactInstance instance = exact_instance(seed);
     const std::vector<RankedDesign> all =
         brute_force(instance.set, instance.constraints, instance.criterion);
-    const ConstrainedExactSolution answer = solve_constrained_exact(
-        instance.set, instance.constraints, {.criterion = instance.criterion});
+    const ConstrainedExactSolution answer =
+        solved_or_refused(instance, {.criterion = instance.criterion});
     if (all.empty()) {
       EXPECT_TRUE(answer.designs.empty());
       continue;
@@ -114,8 +141,8 @@ TEST(ConstrainedExact, TheBestFewAreTheBestFew) {
     const ExactInstance instance = exact_instance(seed);
     const std::vector<RankedDesign> all =
         brute_force(instance.set, instance.constraints, instance.criterion);
-    const ConstrainedExactSolution answer = solve_constrained_exact(
-        instance.set, instance.constraints, {.criterion = instance.criterion, .top = 5});
+    const ConstrainedExactSolution answer =
+        solved_or_refused(instance, {.criterion = instance.criterion, .top = 5});
     ASSERT_EQ(answer.designs.size(), std::min<std::size_t>(5, all.size()));
     for (std::size_t k = 0; k < answer.designs.size(); ++k) {
       EXPECT_NEAR(answer.designs[k].value, all[k].value, 1.1e-6);

@@ -128,6 +128,17 @@ TEST_F(RequestFiles, ReadsConstraintsFromTables) {
   EXPECT_EQ(all.rows[3].coefficients[7], 7.0);
 }
 
+TEST_F(RequestFiles, ReadsATableOfOneConstraint) {
+  for (const std::string head : {"left side <= 3", "\"left side <= 3\"", "left side<=3"}) {
+    std::string table = head + "\n";
+    for (int i = 0; i < 10; ++i) table += "1\n";
+    write_text(folder_.file("rows.csv"), table);
+    const DesignConstraints all = constraints("experiments: 5\nconstraints: rows.csv\n");
+    ASSERT_EQ(all.rows.size(), 2U);
+    EXPECT_EQ(all.rows[1].name, "left side");
+  }
+}
+
 TEST_F(RequestFiles, RefusesWithTheFieldAndTheRemedy) {
   refused("stock: 1\n", "experiments");
   refused("experiments: -2\n", "experiments");
@@ -146,6 +157,11 @@ TEST_F(RequestFiles, RefusesWithTheFieldAndTheRemedy) {
   refused("budget: 5\ncosts: short.csv\n", "2 lines of numbers for 10 candidates");
   write_text(folder_.file("done.csv"), "11,1\n");
   refused("experiments: 5\ndone: done.csv\n", "index from 0 to 9");
+  write_text(folder_.file("other.json"), R"({"counts": [], "candidates": "x"})");
+  refused("experiments: 5\ndone: other.json\n", "a design of another set");
+  write_text(folder_.file("other.json"), R"({"counts": [], "problem_hash": "abc"})");
+  refused("experiments: 5\ndone: other.json\n", "a design of another set");
+  refused("experiments: 5\nconstraints:\n  - {candidates: 1, at_most: 30 % of all}\n", "no bound");
   write_text(folder_.file("done.json"), "{\"format\": 1}");
   refused("experiments: 5\ndone: done.json\n", "no design with counts");
 }
