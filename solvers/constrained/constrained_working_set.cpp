@@ -57,10 +57,6 @@ ConstrainedWorkingSet::ConstrainedWorkingSet(const Criterion& criterion, std::si
   state_.s_limits.at_lower = state_.s_limits.at_upper = state_.y = state_.s = Vector::Zero(m);
 }
 
-bool ConstrainedWorkingSet::holds(std::size_t candidate) const {
-  return members_.contains(candidate);
-}
-
 bool ConstrainedWorkingSet::add(std::size_t candidate, const double* information) {
   if (!members_.insert(candidate).second) return false;
   candidates_.push_back(candidate);
@@ -469,7 +465,6 @@ void ConstrainedWorkingSet::step(bool centring) {
   const double reach = model_length(corrector_);
   if (reach > 1.0) length_ = std::min(length_, 1.5 / reach);
   const State before = state_;
-  ++steps_;
   for (int attempt = 0; attempt < 8; ++attempt, length_ *= 0.3) {
     move(corrector_, length_);
     if (evaluate()) return;

@@ -54,7 +54,6 @@ class ConstrainedWorkingSet {
 
   // Adds a candidate with its packed matrix, which is copied. False if it is there already.
   bool add(std::size_t candidate, const double* information);
-  [[nodiscard]] bool holds(std::size_t candidate) const;
 
   // Steps until the gap over the members is at most `tolerance`. `pool_gap`: of the last pricing of
   // candidates outside, where the steps begin. False where no further progress is possible.
@@ -71,10 +70,8 @@ class ConstrainedWorkingSet {
   }
   [[nodiscard]] std::span<const double> trace_dual() const { return frame_.trace_dual(); }  // G
   [[nodiscard]] double prior_gain() const { return prior_gain_; }  // tr(G P)
-  [[nodiscard]] double gap() const { return gap_; }                // over the members
   [[nodiscard]] bool regular() const { return regular_; }          // M at the last efforts
   [[nodiscard]] bool obeys_rows() const;                           // to a relative 1e-10
-  [[nodiscard]] std::size_t steps() const { return steps_; }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
 
  private:
@@ -151,9 +148,8 @@ class ConstrainedWorkingSet {
   Vector gain_;          // w
   double prior_gain_ = 0.0;
   bool regular_ = false;
-  double gap_ = 0.0;
+  double gap_ = 0.0;       // over the members
   std::size_t fresh_ = 0;  // members from here on have never been solved for
-  std::size_t steps_ = 0;
 
   AlignedArray gram_rows_;
   using GramMap =

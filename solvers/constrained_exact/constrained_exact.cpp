@@ -27,6 +27,7 @@ constexpr double kNodeGap = 1e-5;    // of the relaxed problems, or a tenth of t
 constexpr std::size_t kBatch = 16;
 constexpr std::size_t kExchangePool = 400;
 constexpr std::int64_t kExchangeEvery = 16;  // nodes
+constexpr int kMostRoundings = 400;          // of one dive
 constexpr std::size_t kMostOpen = 2'000'000;
 
 // Limits of counts, one pair a candidate of the pool.
@@ -271,7 +272,7 @@ std::optional<std::vector<std::int64_t>> ConstrainedTree::dive(const Information
                                                                std::vector<double> efforts) const {
   SolveOptions rough = relaxed_options();
   rough.duality_gap = 1e-3;
-  for (int tries = 0; tries < 400 && !clock_.stops(); ++tries) {
+  for (int tries = 0; tries < kMostRoundings && !clock_.stops(); ++tries) {
     std::optional<std::size_t> chosen;
     double nearest = 1.0;
     for (std::size_t i = 0; i < efforts.size(); ++i) {
