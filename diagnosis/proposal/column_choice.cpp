@@ -52,7 +52,7 @@ std::string reason_of(const LogColumn& column, std::size_t of) {
   return reason;
 }
 
-// Of a reference and the motion that follows it, the follower; null if neither is later.
+// The follower of two columns, one the reference of the other; null if neither is later.
 const LogColumn* follower(const LogColumn& a, const LogColumn& b) {
   if (a.values.size() < kFewestSamples || !a.values.allFinite() || !b.values.allFinite() ||
       correlation(a.values, b.values) < kOneMotion) {

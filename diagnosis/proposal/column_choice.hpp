@@ -20,8 +20,8 @@ struct ColumnChoice {
 // letters. Columns that don't move are none. Of columns that are the same the first is taken.
 [[nodiscard]] ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns);
 
-// Of columns of one quantity: measured before reference, raw before filtered. Of two that describe
-// one motion without such words the later one is measured.
+// Chooses among columns of one quantity: measured before reference, raw before filtered. Where two
+// describe one motion without such words, the later one is measured.
 [[nodiscard]] ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns,
                                            LogQuantity quantity);
 

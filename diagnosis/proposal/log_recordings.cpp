@@ -88,7 +88,8 @@ const LogColumn* time_of(const LogFile& log) {
   return found == log.columns.end() ? nullptr : &*found;
 }
 
-// Of one length and time, with other columns or, by their names, other quantities.
+// Whether two files have one length and time, and other columns or, by their names, other
+// quantities.
 bool complement(const LogFile& a, const LogFile& b) {
   if (a.samples() != b.samples()) return false;
   const LogColumn* one = time_of(a);

@@ -1,9 +1,9 @@
 // One mass, or two with a spring between them, as a graybox-lumped/1 model (lumped_model.hpp).
 //
-// Of one mass the drive and one motion are needed. Of two the motion of the driven mass is needed,
-// and that of the other is used if it is there. Which side an encoder is on comes from its title,
-// or from which of the two follows the force at once. Whether the second counts backwards, and the
-// gear between them, come from how both move together.
+// One mass needs the drive and one motion. Two masses need the motion of the driven one, and that
+// of the other is used if it is there. Which side an encoder is on comes from its title, or from
+// which of the two follows the force at once. Whether the second counts backwards, and the gear
+// between them, come from how both move together.
 #pragma once
 
 #include <vector>

@@ -35,7 +35,7 @@ struct MotionContext {
   std::optional<double> counts_per_turn;
 };
 
-// Of columns of one thing. An open `column` without questions means that there is none.
+// Chooses among columns of one thing. An open `column` without questions means that there is none.
 [[nodiscard]] MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
                                          const MotionContext& context);
 

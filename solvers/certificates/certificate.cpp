@@ -93,7 +93,8 @@ void price_again(const InformationSet& set, const Design& design, const CheckedW
   if (was_regular || proves(again, 1.0)) certificate = std::move(again);
 }
 
-// How many factors the determinant has in which the criterion measures.
+}  // namespace
+
 double log_det_size(const InformationSet& set, const Criterion& criterion) {
   switch (criterion.kind()) {
     case CriterionKind::kD:
@@ -104,8 +105,6 @@ double log_det_size(const InformationSet& set, const Criterion& criterion) {
       return std::numeric_limits<double>::quiet_NaN();
   }
 }
-
-}  // namespace
 
 std::string_view to_string(CertificateStatus status) {
   switch (status) {

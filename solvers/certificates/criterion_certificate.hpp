@@ -36,6 +36,10 @@ namespace graybox {
 [[nodiscard]] std::vector<std::size_t> elimination_order(const InformationSet& set,
                                                          const Criterion& criterion);
 
+// How many factors the determinant has in which the criterion measures: d for D, s for Ds; NaN for
+// the others.
+[[nodiscard]] double log_det_size(const InformationSet& set, const Criterion& criterion);
+
 // The candidates that a pass reads: the first `count`, or those listed.
 class CandidateList {
  public:

@@ -222,14 +222,6 @@ std::string why_no_design(const InformationSet& set, std::span<const double> eff
   return "a candidate is run more often, or less, than its limits say";
 }
 
-double determinant_size(const InformationSet& set, const Criterion& criterion) {
-  if (criterion.kind() == CriterionKind::kD) return static_cast<double>(set.dimension());
-  if (criterion.kind() == CriterionKind::kDs) {
-    return static_cast<double>(criterion.interest().size());
-  }
-  return std::numeric_limits<double>::quiet_NaN();
-}
-
 }  // namespace
 
 ConstrainedCertificate certify_constrained(const InformationSet& set,
@@ -262,7 +254,7 @@ ConstrainedCertificate certify_constrained(const InformationSet& set,
         "parameters";
     return out;
   }
-  state_bounds(determinant_size(set, criterion), certificate);
+  state_bounds(log_det_size(set, criterion), certificate);
   return out;
 }
 

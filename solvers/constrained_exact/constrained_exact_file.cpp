@@ -6,20 +6,13 @@
 #include <utility>
 
 #include "problems/files/atomic_file.hpp"
+#include "solvers/exact/exact_design_file.hpp"
 #include "solvers/report/design_file.hpp"
 
 namespace graybox {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json counts_json(const std::vector<std::int64_t>& counts) {
-  Json out = Json::array();
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    if (counts[i] != 0) out.push_back({{"index", i}, {"count", counts[i]}});
-  }
-  return out;
-}
 
 void add_exact_keys(const ConstrainedExactReport& report, Json& root) {
   const ConstrainedExactSolution& solution = report.solution;

@@ -16,14 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json counts_json(const ExactDesign& design) {
-  Json counts = Json::array();
-  for (std::size_t i = 0; i < design.counts.size(); ++i) {
-    if (design.counts[i] != 0) counts.push_back({{"index", i}, {"count", design.counts[i]}});
-  }
-  return counts;
-}
-
 void add_exact_keys(const ExactReport& report, Json& root) {
   const ExactSolution& solution = report.solution;
   const ExactCertificate& certificate = report.certificate;
@@ -31,7 +23,7 @@ void add_exact_keys(const ExactReport& report, Json& root) {
   root["message"] = solution.message;
   root["method"] = report.share.solver;
   root["experiments"] = certificate.experiments;
-  root["counts"] = counts_json(solution.design);
+  root["counts"] = counts_json(solution.design.counts);
   root["proven_efficiency"] = certificate.proven_efficiency;
   root["log_det"] = certificate.log_det;
   root["log_det_bound"] = certificate.log_det_bound;
@@ -135,6 +127,14 @@ class ClaimReader {
 };
 
 }  // namespace
+
+Json counts_json(std::span<const std::int64_t> counts) {
+  Json out = Json::array();
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] != 0) out.push_back({{"index", i}, {"count", counts[i]}});
+  }
+  return out;
+}
 
 ExactReport report_exact(const InformationSet& set, const Relaxation& relaxation,
                          std::string_view method, const ExactOptions& options,

@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "solvers/exact/exact_certificate.hpp"
@@ -40,6 +41,9 @@ struct ExactReport {
 // listed above, and `relaxed_log_det`, `relaxed_duality_gap`, `relaxed_log_det_gap`,
 // `relaxed_efficiency`, `relaxed_rounding_bound`: of the weights m / M in the relaxed problem.
 [[nodiscard]] nlohmann::ordered_json to_json(const ExactReport& report);
+
+// The list "counts" of a design file: those that are not zero.
+[[nodiscard]] nlohmann::ordered_json counts_json(std::span<const std::int64_t> counts);
 
 // Writes the file in full or not at all. report.share.problem_hash must be set.
 void write_exact_design(const std::string& path, const InformationSet& set,
