@@ -315,13 +315,24 @@ PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int 
   result.usable = evaluate(at, weights);
   double damping = kInitialDamping;
   int settled = 0;
+  bool is_central = false;
   for (int iteration = 0; result.usable; ++iteration) {
     stop_if_requested();
     result.jacobian = jacobian(at, result.free, weights);
+    if (is_central) {
+      result.jacobian = 0.5 * (result.jacobian + jacobian(at, result.free, weights, -1.0));
+    }
     const std::vector<Index> active =
         active_columns(at, result.jacobian.transpose() * at.residuals, result);
-    if (iteration == iterations || settled == 2 || active.empty()) break;
+    if (iteration == iterations || active.empty()) break;
     const double before = at.cost;
+    if (settled == 2) {
+      if (is_central || !task_->is_free()) break;
+      is_central = true;
+      damping = kInitialDamping;
+      settled = 0;
+      continue;
+    }
     if (!descend(at, result.jacobian, active, result.free, weights, damping)) break;
     settled = before - at.cost < kSettled * before ? settled + 1 : 0;
   }

@@ -6,7 +6,9 @@
 // s_j the rms that the present model leaves in output j (a common scale: outputs of different units
 // weigh alike). The gain K is that of the model where the fit starts. Derivatives are forward
 // differences of whole passes, a column a pass, columns in parallel: right for laws of any kind,
-// delays and set-valued friction too.
+// delays and set-valued friction too. In free run a fit that has settled goes on with central
+// differences. There a step of a mass adds up to a phase, and what is left of two columns that
+// nearly cancel is less than what a forward difference is off by.
 //
 //   PredictionFitter fitter(data, task, intensity, threads);
 //   PredictionFit fit = fitter.fit(model, weights, {});
