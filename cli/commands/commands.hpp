@@ -39,5 +39,6 @@ void add_design_spectrum_command(CLI::App& design, Invocation& invocation);
 void add_design_robust_command(CLI::App& design, Invocation& invocation);
 void add_design_efficiency_command(CLI::App& design, Invocation& invocation);
 void add_design_verify_command(CLI::App& design, Invocation& invocation);
+void add_design_plan_command(CLI::App& design, Invocation& invocation);
 
 }  // namespace graybox::cli

@@ -9,6 +9,7 @@ void add_design_command(CLI::App& app, Invocation& invocation) {
       app.add_subcommand("design", "Designs beyond one criterion and one information set");
   command->require_subcommand(1);
   add_design_criteria_command(*command, invocation);
+  add_design_plan_command(*command, invocation);
   add_design_continuous_command(*command, invocation);
   add_design_sequential_command(*command, invocation);
   add_design_spectrum_command(*command, invocation);

@@ -20,7 +20,8 @@ constexpr double kDifference = 3e-4;  // of a coordinate
 constexpr double kLongestStep = 1.5;  // of a logarithmic coordinate
 constexpr double kInitialDamping = 1e-3, kLeastDamping = 1e-9;
 constexpr double kSettled = 1e-5;  // relative fall of the cost, twice in a row
-constexpr int kTrials = 8;         // of a damping, an iteration
+constexpr int kSettledTwice = 2;
+constexpr int kTrials = 8;  // of a damping, an iteration
 constexpr double kAtBound = 1e-9;
 
 bool wants_out(const ParameterSpace& space, double value, double slope) {
@@ -319,22 +320,24 @@ PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int 
   for (int iteration = 0; result.usable; ++iteration) {
     stop_if_requested();
     result.jacobian = jacobian(at, result.free, weights);
+    if (settled == kSettledTwice && !is_central && task_->is_free()) {
+      is_central = true;
+      settled = 0;
+      damping = kInitialDamping;
+    }
     if (is_central) {
       result.jacobian = 0.5 * (result.jacobian + jacobian(at, result.free, weights, -1.0));
     }
     const std::vector<Index> active =
         active_columns(at, result.jacobian.transpose() * at.residuals, result);
-    if (iteration == iterations || active.empty()) break;
+    if (iteration == iterations || settled == kSettledTwice || active.empty()) break;
     const double before = at.cost;
-    if (settled == 2) {
-      if (is_central || !task_->is_free()) break;
-      is_central = true;
-      damping = kInitialDamping;
+    const bool falls = descend(at, result.jacobian, active, result.free, weights, damping);
+    if (falls && before - at.cost >= kSettled * before) {
       settled = 0;
-      continue;
+    } else {
+      settled = falls ? settled + 1 : kSettledTwice;
     }
-    if (!descend(at, result.jacobian, active, result.free, weights, damping)) break;
-    settled = before - at.cost < kSettled * before ? settled + 1 : 0;
   }
   result.model = at.model;
   result.initials = at.initials;
