@@ -130,6 +130,7 @@ struct Diagnosis {
   bool may_be_disturbed = false;  // no law, and nothing that is left depends on the motion
   bool interrupted = false;
   std::string trouble;  // why no fit, if there is none
+  std::vector<std::string> assumptions;  // what was held to be so, in sentences
   std::vector<ChannelFault> channel_faults;
   bool channels_checked = true;  // false: there was no time to, or not for all
   Detection detection;

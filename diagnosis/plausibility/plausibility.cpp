@@ -87,6 +87,8 @@ std::string unit_words(const std::string& unit) {
   return unit.empty() || unit == "1" ? "" : " " + unit;
 }
 
+constexpr double kLooseError = 0.5;  // of a value: a bound beside it says nothing
+
 std::string value_words(const PhysicalQuantity& quantity) {
   std::string words = fmt::format("{:.3g}", quantity.value);
   if (has_error(quantity)) words += fmt::format(" ± {:.2g}", quantity.standard_error);
@@ -179,6 +181,11 @@ class Examination {
              std::abs(quantity.value - bound) <= kAtBound * std::abs(bound);
     };
     if (is_at(quantity.lowest) || is_at(quantity.highest)) {
+      if (has_error(quantity) && quantity.standard_error > kLooseError * std::abs(quantity.value)) {
+        add(PlausibilityRule::kZero, quantity, 0.0,
+            fmt::format("{} is not determined: {}", quantity.name, value_words(quantity)), false);
+        return;
+      }
       add(PlausibilityRule::kBound, quantity, kInfinity,
           fmt::format("{} is at a bound of the search: {}", quantity.name, value_words(quantity)));
       return;

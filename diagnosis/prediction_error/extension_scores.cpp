@@ -3,6 +3,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <optional>
 
 #include "problems/base/stop.hpp"
@@ -160,20 +161,29 @@ std::vector<ExtensionScore> extension_scores(const PredictionFitter& fitter,
   const Projection whitened(whitened_jacobian, whitener.apply(fit.residuals));
   std::vector<std::optional<ExtensionScore>> found(extensions.size());
   const auto count = static_cast<std::ptrdiff_t>(extensions.size());
-  const StopClock clock;
-#pragma omp parallel for num_threads(fitter.threads()) schedule(dynamic) if (fitter.threads() > 1)
-  for (std::ptrdiff_t k = 0; k < count; ++k) {
-    const auto at = static_cast<std::size_t>(k);
+  const auto score_of = [&](std::size_t at) -> std::optional<ExtensionScore> {
     const LawExtension& law = extensions[at];
-    if (clock.stops()) continue;
     const std::optional<VectorXd> direction = direction_of(fitter, fit, weights, law);
-    if (!direction) continue;
+    if (!direction) return {};
     const Taken raw = taken(plain, *direction);
     const Taken white = taken(whitened, whitener.apply(*direction));
     const bool is_possible = !raw.imitated && !(law.one_sided && raw.amplitude < 0.0);
-    found[at] = ExtensionScore{at, is_possible ? raw.share : 0.0, is_possible ? white.share : 0.0,
-                               raw.amplitude, raw.deviation};
+    return ExtensionScore{at, is_possible ? raw.share : 0.0, is_possible ? white.share : 0.0,
+                          raw.amplitude, raw.deviation};
+  };
+  const StopClock clock;
+  std::exception_ptr trouble;
+#pragma omp parallel for num_threads(fitter.threads()) schedule(dynamic) if (fitter.threads() > 1)
+  for (std::ptrdiff_t k = 0; k < count; ++k) {
+    if (clock.stops()) continue;
+    try {
+      found[static_cast<std::size_t>(k)] = score_of(static_cast<std::size_t>(k));
+    } catch (...) {  // none may leave the parallel region
+#pragma omp critical
+      trouble = std::current_exception();
+    }
   }
+  if (trouble) std::rethrow_exception(trouble);
   stop_if_requested();
   std::vector<ExtensionScore> scores;
   for (const auto& score : found) {

@@ -572,6 +572,9 @@ class DiagnosisBuilder {
     add_plausibility(list);
     if (!result_.detection.detected && result_.interrupted) return list;
     if (!result_.detection.detected) {
+      add_held_out(list);
+      add_growth(list);
+      if (std::ranges::any_of(list, has_failed)) return list;
       list.push_back(test("something is missing", {}, 0.0, false,
                           "nothing: the model as it is will do for motion like the recorded one",
                           Verdict::kNone));
@@ -623,6 +626,27 @@ std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   return "";
 }
 
+// Where no force acts, motion tells forces relative to masses alone: one mass is held at what is
+// stated. The sentence that says so, or nothing.
+std::string hold_scale(const PredictionData& data, LumpedModel& model) {
+  const auto tells_scale = [](const LumpedParameter& parameter) {
+    return parameter.unit.starts_with("kg") || parameter.unit.starts_with('N');
+  };
+  const bool is_told = std::ranges::any_of(model.parameters, [&](const LumpedParameter& parameter) {
+    return parameter.fixed && tells_scale(parameter);
+  });
+  if (!data.moves_freely() || is_told) return {};
+  for (LumpedParameter& parameter : model.parameters) {
+    if (!parameter.unit.starts_with("kg") || !(parameter.value > 0.0)) continue;
+    parameter.fixed = true;
+    return fmt::format(
+        "No force acts in these recordings, so masses and forces are known relative to each other: "
+        "{} was held at {:.4g} {}, as stated.",
+        parameter.name, parameter.value, parameter.unit);
+  }
+  return {};
+}
+
 // A plant that does not forget is searched over windows only.
 void require_windows(const LumpedModel& model, const PredictionData& data,
                      const Campaign& campaign) {
@@ -660,8 +684,9 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
                     "graybox-lumped/1 models, not {}",
                     model.string(), format));
   }
-  const LumpedModel stated = load_lumped_model(model);
+  LumpedModel stated = load_lumped_model(model);
   const PredictionData data(stated, campaign, threads);
+  const std::string held = hold_scale(data, stated);
   const PredictionData searched(stated, campaign, threads, kSearchedSamples);
   require_windows(stated, searched, campaign);
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
@@ -687,6 +712,7 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
       const FinalFit final(data, hypotheses, findings, threads);
       if (final.found().fit.usable) {
         result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
+        if (!held.empty()) result.diagnosis.assumptions.push_back(held);
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);
         return result;
       }

@@ -329,6 +329,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     const bool takes_over = coulomb && is_found(present, *coulomb);
     if (coulomb && !takes_over) return;
     const double load = input_scales_[static_cast<std::size_t>(place.driver)];
+    if (!(load > 0.0)) return;
     const double level = takes_over ? value_of(present, *coulomb, 0) : 0.0;
     const double width = takes_over ? value_of(present, *coulomb, 1) : transition;
     LawExtension law = amplitude(plain, {level, 0.0, width}, 1, at.force / load, true);
@@ -467,9 +468,11 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
   plain.complexity = complexity_of(plain.law, plain.location.kind);
   if (plain.law == "resonance") return extend_modes(plain, present, list);
   if (part_at(present.model, plain.location, plain.law)) return;
+  const bool is_actuator = plain.location.kind == LocationKind::kActuator;
+  if (is_actuator && !(input_peaks_[static_cast<std::size_t>(plain.location.channel)] > 0.0))
+    return;
   const auto channel = static_cast<std::size_t>(plain.location.channel);
   const double sample_time = data_->sample_time();
-  const bool is_actuator = plain.location.kind == LocationKind::kActuator;
   const double size =
       is_actuator ? input_scales_[channel] : data_->output_scale()(static_cast<Index>(channel));
   if (plain.law == "lag" || plain.law == "delay") {
@@ -501,6 +504,12 @@ std::vector<LawExtension> PredictionHypotheses::extensions(
       extend_signal(h, present, list);
     }
   }
+  // Where a signal or a motion is zero throughout there is nothing to measure by.
+  const auto is_finite = [](double value) { return std::isfinite(value); };
+  std::erase_if(list, [&](const LawExtension& law) {
+    return !std::isfinite(law.unit) || !std::ranges::all_of(law.base, is_finite) ||
+           !std::ranges::all_of(law.direction, is_finite);
+  });
   return list;
 }
 

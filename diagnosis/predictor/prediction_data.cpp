@@ -66,6 +66,26 @@ Eigen::MatrixXd steepest_stiffness(const LumpedModel& model, double reach) {
   return stiffness;
 }
 
+// The derivative of this order of a signal, by differences over as many samples as make it stand
+// out from noise; empty where none does.
+Eigen::VectorXd clear_rate(const Eigen::VectorXd& values, int order, double noise,
+                           double sample_time) {
+  constexpr double kClear = 10.0;
+  const double amplification = order == 2 ? std::sqrt(6.0) : order == 1 ? std::sqrt(2.0) : 1.0;
+  for (Index lag = 1; (order + 1) * lag < values.size() / 2; lag *= 2) {
+    Eigen::VectorXd rate = values;
+    for (int k = 0; k < order; ++k) {
+      rate = (rate.tail(rate.size() - lag) - rate.head(rate.size() - lag)).eval();
+    }
+    const double size = std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
+    if (size > kClear * amplification * noise) {
+      return rate / std::pow(static_cast<double>(lag) * sample_time, order);
+    }
+    if (order == 0) break;
+  }
+  return {};
+}
+
 // The largest position that was recorded.
 double reach_of(const LumpedModel& model, std::span<const OutputErrorRecording> recordings) {
   double reach = 0.0;
@@ -330,6 +350,31 @@ void PredictionData::estimate_noise() {
   }
 }
 
+// What moves the masses where no force is recorded: mass times the acceleration that an output
+// shows.
+void PredictionData::measure_inertial_force(const LumpedModel& model) {
+  double squares = 0.0;
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    const LumpedOutput& output = model.outputs[j];
+    if (output.quantity == LumpedOutput::Quantity::kForce) continue;
+    const int order = output.quantity == LumpedOutput::Quantity::kPosition   ? 2
+                      : output.quantity == LumpedOutput::Quantity::kVelocity ? 1
+                                                                             : 0;
+    const double mass = model.masses(output.mass);
+    double own = 0.0, samples = 0.0;
+    for (const OutputErrorRecording& recording : recordings()) {
+      const Eigen::VectorXd rate = clear_rate(recording.outputs.col(static_cast<Index>(j)), order,
+                                              noise_(static_cast<Index>(j)), sample_time_);
+      if (rate.size() == 0) continue;
+      own += (mass * rate).squaredNorm();
+      samples += static_cast<double>(rate.size());
+      largest_force_ = std::fmax(largest_force_, mass * rate.cwiseAbs().maxCoeff());
+    }
+    if (samples > 0.0) squares = std::max(squares, own / samples);
+  }
+  if (squares > 0.0) force_scale_ = std::sqrt(squares);
+}
+
 void PredictionData::measure_force(const LumpedModel& model) {
   double squares = 0.0, samples = 0.0, largest = 0.0;
   const auto add = [&](const Eigen::MatrixXd& values, Index channel) {
@@ -349,9 +394,13 @@ void PredictionData::measure_force(const LumpedModel& model) {
       }
     }
   }
-  if (!(squares > 0.0)) return;
-  force_scale_ = std::sqrt(squares / samples);
-  largest_force_ = largest;
+  if (squares > 0.0) {
+    force_scale_ = std::sqrt(squares / samples);
+    largest_force_ = largest;
+  } else {
+    moves_freely_ = !model.has_imposed_motion();
+    measure_inertial_force(model);
+  }
 }
 
 Eigen::VectorXd PredictionData::measured_initial(std::size_t index) const {

@@ -85,9 +85,13 @@ class PredictionData {
   [[nodiscard]] bool states_noise(Eigen::Index output) const {
     return stated_[static_cast<std::size_t>(output)];
   }
-  // rms, and the largest, of the forces that act or that outputs measure.
+  // rms, and the largest, of the forces that act or that outputs measure. Where none does, of what
+  // moves the masses: mass times acceleration.
   [[nodiscard]] double force_scale() const { return force_scale_; }
   [[nodiscard]] double largest_force() const { return largest_force_; }
+  // Whether no force is recorded, or all are zero throughout: then the motion tells ratios of
+  // forces to masses alone.
+  [[nodiscard]] bool moves_freely() const { return moves_freely_; }
   [[nodiscard]] Eigen::VectorXd measured_initial(std::size_t recording) const;
   // How far a velocity and a position of the free coordinates may be off at the start: their steps.
   [[nodiscard]] Eigen::Index shortest() const;  // samples, of the estimation recordings
@@ -104,6 +108,7 @@ class PredictionData {
   PredictionData(const LumpedModel& model, OutputErrorData data, int threads);
   void estimate_noise();
   void measure_force(const LumpedModel& model);
+  void measure_inertial_force(const LumpedModel& model);
 
   OutputErrorProblem problem_;
   int steps_ = 1;
@@ -112,6 +117,7 @@ class PredictionData {
   Eigen::VectorXd noise_;
   std::vector<bool> stated_;                         // of each output's
   std::vector<std::vector<std::uint8_t>> standing_;  // by recording: samples
+  bool moves_freely_ = false;
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
 };
 

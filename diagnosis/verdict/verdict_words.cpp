@@ -113,13 +113,20 @@ std::string evidence_words(const Rival& rival, bool noise_is_known) {
   return words;
 }
 
+// Whether recordings kept out are predicted worse with it, and badly.
+bool is_contradicted(const FoundEffect& effect) {
+  constexpr double kMuch = 15.0;  // % of the signal
+  return effect.held_out && effect.held_out->misleads && effect.held_out->error_with > kMuch;
+}
+
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   const std::string found =
-      fmt::format("Found: {} ({}): {}.", law_sentence(hypothesis, effect.law),
-                  hypothesis_words(hypothesis), parameters_words(effect.law)) +
+      fmt::format("{}: {} ({}): {}.", is_contradicted(effect) ? "Not confirmed" : "Found",
+                  law_sentence(hypothesis, effect.law), hypothesis_words(hypothesis),
+                  parameters_words(effect.law)) +
       held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
     return found + " Without it the model could not be fitted.";
@@ -485,6 +492,7 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
 std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                                        std::span<const Hypothesis> hypotheses) {
   std::vector<std::string> lines{headline(diagnosis)};
+  std::ranges::copy(diagnosis.assumptions, std::back_inserter(lines));
   for (const ChannelFault& fault : diagnosis.channel_faults) {
     lines.push_back(fmt::format(
         "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "

@@ -200,7 +200,6 @@ std::string unit_of(LumpedInput::Kind kind, const PlaceUnits& units) {
 
 void read_inputs(const YamlField& field, const PlaceUnits& units, LumpedModel& model) {
   const auto items = field.items();
-  if (items.empty()) field.fail("needs at least one input");
   model.input = Eigen::MatrixXd::Zero(model.masses.size(), static_cast<Eigen::Index>(items.size()));
   for (const YamlField& item : items) {
     item.allow_keys({"name", "mass", "quantity", "unit"});
@@ -448,8 +447,11 @@ LumpedModel load_lumped_model(const std::filesystem::path& file,
   const YamlField sample_time = root.at("sample_time");
   model.sample_time = sample_time.text() == "unknown" ? 1.0 : sample_time.positive();
   read_masses(root.at("masses"), units, model);
-  read_inputs(root.at("inputs"), units, model);
-  check_imposed(root.at("inputs"), model);
+  model.input = Eigen::MatrixXd::Zero(model.masses.size(), 0);
+  if (root.has("inputs")) {  // none: it moves by itself
+    read_inputs(root.at("inputs"), units, model);
+    check_imposed(root.at("inputs"), model);
+  }
   for (const auto& [name, value] : root.at("masses").entries()) {
     const Eigen::Index mass = std::ranges::find(model.mass_names, name) - model.mass_names.begin();
     if (model.masses(mass) == 0.0 && !model.imposed[static_cast<std::size_t>(mass)]) {

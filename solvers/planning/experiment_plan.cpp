@@ -18,7 +18,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMargin = 1e-8;   // relative: of a variance that reaches its limit
 constexpr int kReweightings = 12;  // of the targets, while designs are looked for
-constexpr int kTreeRounds = 6;
+constexpr int kTreeRounds = 60;
 constexpr double kShortSearch = 1.0;  // seconds of a tree that only has to find a design
 
 struct WholeDesign {
@@ -73,16 +73,23 @@ class OneNumber {
   }
 
   // Whether branch and bound shows that no whole numbers reach every target; designs that it meets
-  // on its way are taken. Where the weights mu of the relaxed problem leave it open, others follow
-  // that ask more of what the tree's best design misses.
+  // on its way are taken. Where the weights mu of the relaxed problem leave it open, the next are
+  // those of the game (minimax_precision.hpp) among the whole designs met so far. Once a mixture of
+  // these reaches every target no weights exclude the number.
   bool excludes(double seconds, WholeDesign& best) {
     std::vector<double> mu = relaxed_->mu;
+    std::vector<std::vector<double>> met;
+    const TimeLimit limit(seconds);
     for (int round = 0; round < kTreeRounds && !stop_requested(); ++round) {
-      const ConstrainedExactSolution solution = search(mu, seconds / kTreeRounds);
+      const ConstrainedExactSolution solution = search(mu, seconds);
       take(solution.designs, best);
       if (solution.value_bound < -kMargin) return true;
       if (best.worst <= 1.0 || solution.designs.empty() || mu.size() == 1) return false;
-      reweight(measure(solution.designs.front().counts).ratios, mu);
+      met.push_back(measure(solution.designs.front().counts).ratios);
+      if (met.size() == 1) met.push_back(best.ratios);
+      const TargetGame game = solve_target_game(met);
+      if (game.shares.empty() || game.value <= 1.0) return false;
+      mu = game.mu;
     }
     return false;
   }

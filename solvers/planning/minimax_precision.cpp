@@ -33,9 +33,11 @@ class MinimaxSearch {
     for (int cut = 0; cut < kMostCuts; ++cut) {
       stop_if_requested();
       if (!solve(mu) || is_decided()) break;
-      const std::vector<double> game = solve_game();
-      if (game.empty() || is_decided()) break;
-      for (std::size_t j = 0; j < mu.size(); ++j) mu[j] = 0.5 * (game[j] + best_.mu[j]);
+      const TargetGame game = solve_target_game(ratios_);
+      if (game.shares.empty()) break;
+      take_mixture(game.shares);
+      if (is_decided()) break;
+      for (std::size_t j = 0; j < mu.size(); ++j) mu[j] = 0.5 * (game.mu[j] + best_.mu[j]);
     }
     best_.pool.assign(pool_.begin(), pool_.end());
     return std::move(best_);
@@ -112,27 +114,6 @@ class MinimaxSearch {
     return ratios;
   }
 
-  // The matrix game as a linear programme: maximise sum_t y_t subject to sum_t v_jt y_t <= 1. Its
-  // value is 1/v of the game, alpha = y / sum y, and its multipliers are mu / v.
-  std::vector<double> solve_game() {
-    DesignConstraints programme;
-    for (std::size_t j = 0; j < targets_.size(); ++j) {
-      LinearConstraint row{.name = {}, .coefficients = {}, .lower = -kInfinity, .upper = 1.0};
-      for (const std::vector<double>& ratios : ratios_) row.coefficients.push_back(ratios[j]);
-      programme.rows.push_back(std::move(row));
-    }
-    const std::vector<double> gains(designs_.size(), 1.0);
-    const LinearOptimum optimum = maximise_linear(programme, {}, gains);
-    if (optimum.status != LinearStatus::kOptimal) return {};
-    take_mixture(optimum.efforts);
-    std::vector<double> mu = optimum.multipliers;
-    double sum = 0.0;
-    for (double& share : mu) sum += share = std::max(share, 0.0);
-    if (!(sum > 0.0)) return {};
-    for (double& share : mu) share /= sum;
-    return mu;
-  }
-
   void take_mixture(std::span<const double> shares) {
     double sum = 0.0;
     for (const double share : shares) sum += std::max(share, 0.0);
@@ -155,7 +136,36 @@ class MinimaxSearch {
   std::set<std::size_t> pool_;
 };
 
+// Divides by the sum, without what is below zero, and returns the sum.
+double to_simplex(std::vector<double>& shares) {
+  double sum = 0.0;
+  for (double& share : shares) sum += share = std::max(share, 0.0);
+  if (sum > 0.0) {
+    for (double& share : shares) share /= sum;
+  }
+  return sum;
+}
+
 }  // namespace
+
+// As a linear programme: maximise sum_t y_t subject to sum_t v_jt y_t <= 1. The game's value is
+// 1/sum y, alpha = y / sum y, and the multipliers are mu over the value.
+TargetGame solve_target_game(std::span<const std::vector<double>> ratios) {
+  DesignConstraints programme;
+  for (std::size_t j = 0; j < ratios.front().size(); ++j) {
+    LinearConstraint row{.name = {}, .coefficients = {}, .lower = -kInfinity, .upper = 1.0};
+    for (const std::vector<double>& each : ratios) row.coefficients.push_back(each[j]);
+    programme.rows.push_back(std::move(row));
+  }
+  const std::vector<double> gains(ratios.size(), 1.0);
+  const LinearOptimum optimum = maximise_linear(programme, {}, gains);
+  if (optimum.status != LinearStatus::kOptimal) return {};
+  TargetGame game{.value = 0.0, .shares = optimum.efforts, .mu = optimum.multipliers};
+  const double effort = to_simplex(game.shares);
+  if (!(effort > 0.0) || !(to_simplex(game.mu) > 0.0)) return {};
+  game.value = 1.0 / effort;
+  return game;
+}
 
 Criterion weighted_targets(std::span<const PrecisionTarget> targets, std::span<const double> mu,
                            std::size_t dimension) {

@@ -59,6 +59,15 @@ struct MinimaxPrecision {
                                                        std::span<const PrecisionTarget> targets,
                                                        const MinimaxOptions& options = {});
 
+// The matrix game min_alpha max_j sum_t alpha_t v_jt, with alpha and mu on their simplices.
+// `ratios`: the v_jt of each t, positive. Empty shares where the linear programme fails.
+struct TargetGame {
+  double value = 0.0;
+  std::vector<double> shares;  // alpha
+  std::vector<double> mu;
+};
+[[nodiscard]] TargetGame solve_target_game(std::span<const std::vector<double>> ratios);
+
 // L with W(mu).
 [[nodiscard]] Criterion weighted_targets(std::span<const PrecisionTarget> targets,
                                          std::span<const double> mu, std::size_t dimension);

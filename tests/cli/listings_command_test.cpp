@@ -155,6 +155,18 @@ TEST_F(Listings, OfExperimentsUnderConstraintsAreWhatTheProgramPrints) {
   }
 }
 
+TEST_F(Listings, OfAPlanAreWhatTheProgramPrints) {
+  const std::string page = "docs/plan.md";
+  ASSERT_EQ(graybox("problem random --family wis --candidates 60 --dimension 4 --seed 3 "
+                    "-o plan_set.h5")
+                .exit_code,
+            0);
+  const testing::Outcome plan =
+      graybox("design plan plan_set.h5 --target 'sd(all) <= 0.1' --at-most 300");
+  ASSERT_EQ(plan.exit_code, 0) << plan.err << plan.out;
+  expect_quoted(page, plan.out, "plan_set.h5: ");
+}
+
 // The thermometer of docs/own_model.md, as its Python makes it.
 TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
   const double final = 60.0, tau = 8.0;
