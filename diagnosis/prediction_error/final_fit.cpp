@@ -384,6 +384,19 @@ bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const
   return false;
 }
 
+// Something that swings is told by its frequency.
+bool FinalFit::has_loose_frequency(const PlacedFinding& law) const {
+  constexpr double kLoose = 0.3;  // standard error over value
+  const PredictionFit& fit = found_.fit;
+  const std::string& name = fit.model.model.parts[law.part].law_name;
+  if (name != "mode" && name != "resonance") return false;
+  const std::size_t frequency = fit.model.first_parameter(law.part) + 1;
+  const auto at = std::ranges::find(fit.free, frequency);
+  if (at == fit.free.end()) return false;
+  const double value = fit.model.model.parameters[frequency].value;
+  return !(found_.deviations(at - fit.free.begin()) < kLoose * std::abs(value));
+}
+
 // A law goes whose every size is smaller than its error.
 bool FinalFit::drop_undetermined_law() {
   const PredictionFit& fit = found_.fit;
@@ -397,7 +410,7 @@ bool FinalFit::drop_undetermined_law() {
       const double value = fit.model.model.parameters[fit.free[i]].value;
       has_size = has_size || std::abs(value) > found_.deviations(static_cast<Index>(i));
     }
-    if (!has_free || has_size) continue;
+    if (!has_free || (has_size && !has_loose_frequency(law))) continue;
     JudgedModel without = judged(without_part(fit.model, law.part), kIterations);
     if (!without.fit.usable) continue;
     found_ = std::move(without);

@@ -101,7 +101,8 @@ class FinalFit {
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
-  // Whether any of its parameters is more than two and a half standard errors from zero.
+  [[nodiscard]] bool has_loose_frequency(const PlacedFinding& law) const;
+  // Whether a law went whose sizes, or whose frequency, the recordings do not tell.
   [[nodiscard]] bool drop_undetermined_law();
   [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;

@@ -66,6 +66,19 @@ MatrixXd of_position(const VectorXd& q) {
   return beside_each_other(hats(q), orders);
 }
 
+MatrixXd of_wave(const VectorXd& q, double period) {
+  const Eigen::ArrayXd angle = 2.0 * std::numbers::pi / period * q.array();
+  MatrixXd columns(q.size(), 2);
+  columns << angle.cos(), angle.sin();
+  return columns;
+}
+
+std::string_view position_unit(const LumpedModel& model) {
+  const bool rotates = std::ranges::any_of(
+      model.parameters, [](const LumpedParameter& each) { return each.unit == "kg m^2"; });
+  return rotates ? "rad" : "m";
+}
+
 MatrixXd of_speed(const VectorXd& v) {
   return beside_each_other(hats(v), v.array().sign().matrix());
 }
@@ -218,6 +231,12 @@ std::vector<LatentStructure> latent_structures(const PredictionData& data, Exper
     asked.ask("reversals", "the reversals of " + place, of_reversals(q, starts));
   };
   ask_motion(force.motion.col(own), force.motion.col(coordinates + own), name(own));
+  for (const RippleTrial& trial : ripple_trials(force)) {
+    asked.ask("position",
+              fmt::format("the position of {}, again every {:.3g} {}", name(own), trial.period,
+                          position_unit(model)),
+              of_wave(force.motion.col(own), trial.period));
+  }
   for (Index other = 0; other < coordinates; ++other) {
     if (other == own || model.stiffness(own, other) == 0.0) continue;
     ask_motion(force.motion.col(own) - force.motion.col(other),

@@ -197,6 +197,7 @@ class DiagnosisBuilder {
           findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
       if (without.fit.usable) add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
+      unite_delays(effect);
       result_.effects.push_back(std::move(effect));
     }
   }
@@ -223,6 +224,7 @@ class DiagnosisBuilder {
     // Others were no explanation by themselves, which says nothing of them beside it.
     for (const TriedLaw& tried : accepted.excluded) {
       if (effect.excluded.size() == kNamed) break;
+      if (is_found(tried.hypothesis)) continue;
       if (tried.behind > kExcluded) effect.excluded.push_back(rival_of(tried));
     }
   }
@@ -247,6 +249,25 @@ class DiagnosisBuilder {
       rival.bic_difference = z * std::abs(z);
       effect.rivals.push_back(std::move(rival));
     }
+  }
+
+  // With one drive and one sensor a delay at either is one system, whatever lies between them and
+  // whatever a filter that starts somewhere else may say.
+  void unite_delays(FoundEffect& effect) const {
+    const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+    const Hypothesis& found = all[effect.law.hypothesis];
+    if (found.law != "delay" || stated_->inputs.size() != 1 || stated_->outputs.size() != 1) return;
+    const auto is_twin = [&](std::size_t other) {
+      return all[other].law == "delay" && all[other].place != found.place;
+    };
+    for (std::size_t h = 0; h < all.size(); ++h) {
+      if (!is_twin(h) || is_found(h)) continue;
+      effect.same_at.push_back(effect.law);
+      effect.same_at.back().hypothesis = h;
+    }
+    const auto names_twin = [&](const Rival& rival) { return is_twin(rival.law.hypothesis); };
+    std::erase_if(effect.rivals, names_twin);
+    std::erase_if(effect.excluded, names_twin);
   }
 
   [[nodiscard]] bool is_found(std::size_t hypothesis) const {

@@ -25,7 +25,7 @@ int complexity_of(const std::string& law, LocationKind kind) {
                             "dead_zone", "backlash"}) {
     if (law == plain) return 1;
   }
-  return law == "dahl" || law == "play_and_slip" ? 3 : 2;
+  return law == "dahl" || law == "bouc_wen" || law == "play_and_slip" ? 3 : 2;
 }
 
 const std::vector<std::string> kForceLaws{"viscous",
@@ -44,6 +44,7 @@ const std::vector<std::string> kForceLaws{"viscous",
                                           "ripple",
                                           "mode",
                                           "dahl",
+                                          "bouc_wen",
                                           "play_and_slip"};
 
 // A part of the model at this place with this law.
@@ -407,9 +408,12 @@ void PredictionHypotheses::extend_ripples(const LawExtension& plain,
   }
 }
 
-void PredictionHypotheses::extend_memory(const LawExtension& plain, const MotionAt& at,
+void PredictionHypotheses::extend_memory(const LawExtension& plain,
+                                         const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
-  if (plain.law == "dahl") {
+  if (plain.law == "bouc_wen" && !at.is_of_free_mass) {
+    extend_bouc_wen(plain, present, at, list);
+  } else if (plain.law == "dahl" && !part_at(present.model, plain.location, "bouc_wen")) {
     for (const double share : {0.3, 0.6}) {
       if (!(at.size(share) > 0.0)) continue;
       LawExtension law = amplitude(plain, {0.0, 0.0}, 1, at.force, true);
@@ -425,6 +429,29 @@ void PredictionHypotheses::extend_memory(const LawExtension& plain, const Motion
       list.push_back(std::move(law));
     }
   }
+}
+
+// Dahl's law is the Bouc-Wen law of exponent and shape 1.
+void PredictionHypotheses::extend_bouc_wen(const LawExtension& plain,
+                                           const ExtendedLumpedModel& present, const MotionAt& at,
+                                           std::vector<LawExtension>& list) const {
+  constexpr double kMostExponent = 20.0;
+  const double unlimited = std::numeric_limits<double>::infinity();
+  const auto add = [&](LawExtension law) {
+    law.most = {unlimited, unlimited, kMostExponent, 1.0};
+    list.push_back(std::move(law));
+  };
+  for (const double share : {0.1, 0.3, 0.6}) {
+    const double yield = at.size(share);
+    if (!(yield > 0.0)) continue;
+    add(amplitude(plain, {0.0, yield, 1.5, 0.5}, 0, at.force / yield, true));
+  }
+  const auto dahl = part_at(present.model, plain.location, "dahl");
+  if (!dahl || !is_found(present, *dahl)) return;
+  const double stiffness = value_of(present, *dahl, 0), level = value_of(present, *dahl, 1);
+  LawExtension law = amplitude(plain, {stiffness, level / stiffness, 1.0, 0.9}, 2, 1.0, false);
+  law.replaces = dahl;
+  add(std::move(law));
 }
 
 void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present,
@@ -456,7 +483,7 @@ void PredictionHypotheses::extend_force(std::size_t hypothesis, const ExtendedLu
   own.is_of_free_mass = is_single && !present.model.imposed[static_cast<std::size_t>(coordinate)];
   extend_friction(plain, present, at, list);
   extend_spring(plain, present, at, list);
-  extend_memory(plain, own, list);
+  extend_memory(plain, present, own, list);
 }
 
 void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,

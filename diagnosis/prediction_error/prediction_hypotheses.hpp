@@ -54,8 +54,10 @@ class PredictionHypotheses {
   void extend_ripples(const LawExtension& plain, const ExtendedLumpedModel& present,
                       const std::vector<RippleTrial>& ripples,
                       std::vector<LawExtension>& list) const;
-  void extend_memory(const LawExtension& plain, const MotionAt& at,
-                     std::vector<LawExtension>& list) const;
+  void extend_memory(const LawExtension& plain, const ExtendedLumpedModel& present,
+                     const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_bouc_wen(const LawExtension& plain, const ExtendedLumpedModel& present,
+                       const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_signal(std::size_t hypothesis, const ExtendedLumpedModel& present,
                      std::vector<LawExtension>& list) const;
   [[nodiscard]] MotionAt motion_at(const Location& place, const Eigen::MatrixXd& motion) const;
