@@ -77,6 +77,7 @@ int run(int argc, char** argv) {
   graybox::cli::add_predict_command(app, invocation);
   graybox::cli::add_model_command(app, invocation);
   graybox::cli::add_diagnose_command(app, invocation);
+  graybox::cli::add_export_command(app, invocation);
   graybox::cli::add_challenge_command(app, invocation);
   graybox::cli::add_help_command(app, invocation);
   graybox::cli::check_common_options(app);

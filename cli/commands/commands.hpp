@@ -26,6 +26,7 @@ void add_responses_command(CLI::App& app, Invocation& invocation);
 void add_fit_command(CLI::App& app, Invocation& invocation);
 void add_diagnose_command(CLI::App& app, Invocation& invocation);
 void add_predict_command(CLI::App& app, Invocation& invocation);
+void add_export_command(CLI::App& app, Invocation& invocation);
 void add_model_command(CLI::App& app, Invocation& invocation);
 void add_challenge_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);

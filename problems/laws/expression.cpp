@@ -19,19 +19,6 @@ class ExpressionReader {
   using Operation = Expression::Operation;
   using Step = Expression::Step;
 
-  ExpressionReader(const std::string& text, std::span<const std::string> names)
-      : text_(text), names_(names) {}
-
-  std::vector<Step> read() {
-    read_sum();
-    skip_blanks();
-    if (at_ < text_.size()) fail(fmt::format("'{}' is not expected here", text_[at_]));
-    return std::move(steps_);
-  }
-
- private:
-  static constexpr int kMaxNesting = 100;  // of parentheses and signs: protects this reader's stack
-
   struct Function {
     std::string_view name;
     Operation operation;
@@ -54,6 +41,19 @@ class ExpressionReader {
       {"min", Operation::kMin},
       {"max", Operation::kMax},
   }};
+
+  ExpressionReader(const std::string& text, std::span<const std::string> names)
+      : text_(text), names_(names) {}
+
+  std::vector<Step> read() {
+    read_sum();
+    skip_blanks();
+    if (at_ < text_.size()) fail(fmt::format("'{}' is not expected here", text_[at_]));
+    return std::move(steps_);
+  }
+
+ private:
+  static constexpr int kMaxNesting = 100;  // of parentheses and signs: protects this reader's stack
 
   [[noreturn]] void fail(const std::string& message) const {
     throw ExpressionError(
@@ -244,6 +244,80 @@ int Expression::operands(Operation operation) {
     default:
       return 1;
   }
+}
+
+// ---- in C ---------------------------------------------------------------------------------------
+
+// How tightly its outermost operation binds decides where parentheses go.
+struct Expression::Phrase {
+  enum class Binding : std::uint8_t { kSum, kProduct, kSign, kValue };
+  std::string text;
+  Binding binding = Binding::kValue;
+
+  [[nodiscard]] std::string within(Binding around) const {
+    return binding < around ? "(" + text + ")" : text;
+  }
+};
+
+Expression::Phrase Expression::phrase_of(const Step& step, const std::string& name) {
+  if (step.operation == Operation::kName) return {.text = name, .binding = Phrase::Binding::kValue};
+  std::string text = fmt::format("{}", step.number);
+  if (text.find_first_of(".en") == std::string::npos) text += ".0";  // no division of integers
+  return {.text = text, .binding = Phrase::Binding::kValue};
+}
+
+Expression::Phrase Expression::joined(Operation operation, const Phrase& x, const Phrase& y) {
+  using enum Phrase::Binding;
+  switch (operation) {
+    case Operation::kAdd:
+      return {.text = x.within(kSum) + " + " + y.within(kProduct), .binding = kSum};
+    case Operation::kSubtract:
+      return {.text = x.within(kSum) + " - " + y.within(kProduct), .binding = kSum};
+    case Operation::kMultiply:
+      return {.text = x.within(kProduct) + " * " + y.within(kSign), .binding = kProduct};
+    case Operation::kDivide:
+      return {.text = x.within(kProduct) + " / " + y.within(kValue), .binding = kProduct};
+    default:
+      break;
+  }
+  const char* function = operation == Operation::kMin   ? "fmin"
+                         : operation == Operation::kMax ? "fmax"
+                                                        : "pow";
+  return {.text = fmt::format("{}({}, {})", function, x.text, y.text), .binding = kValue};
+}
+
+Expression::Phrase Expression::applied(const Step& step, const Phrase& x) {
+  using enum Phrase::Binding;
+  if (step.operation == Operation::kNegate) {
+    return {.text = fmt::format("-{}", x.within(kValue)), .binding = kSign};
+  }
+  if (step.operation == Operation::kWholePower) {
+    return {.text = fmt::format("pow({}, {:.1f})", x.text, step.number), .binding = kValue};
+  }
+  const auto* function = std::ranges::find(ExpressionReader::kFunctions, step.operation,
+                                           &ExpressionReader::Function::operation);
+  const std::string name = step.operation == Operation::kAbs    ? "fabs"
+                           : step.operation == Operation::kSign ? "sign_of"
+                                                                : std::string(function->name);
+  return {.text = fmt::format("{}({})", name, x.text), .binding = kValue};
+}
+
+std::string Expression::c_text(std::span<const std::string> names) const {
+  std::vector<Phrase> stack;
+  for (const Step& step : steps_) {
+    const int count = operands(step.operation);
+    if (count == 0) {
+      const bool is_name = step.operation == Operation::kName;
+      stack.push_back(phrase_of(step, is_name ? names[step.name] : std::string()));
+    } else if (count == 1) {
+      stack.back() = applied(step, stack.back());
+    } else {
+      const Phrase last = std::move(stack.back());
+      stack.pop_back();
+      stack.back() = joined(step.operation, stack.back(), last);
+    }
+  }
+  return stack.front().text;
 }
 
 }  // namespace graybox

@@ -37,6 +37,10 @@ class Expression {
   // Whether the name of this index occurs.
   [[nodiscard]] bool uses(std::size_t name) const;
 
+  // The formula in C99, with these names in place of its own. It calls functions of math.h, and
+  // sign_of(x), -1, 0 or 1, which the caller's program must have.
+  [[nodiscard]] std::string c_text(std::span<const std::string> names) const;
+
  private:
   friend class ExpressionReader;
 
@@ -83,6 +87,10 @@ class Expression {
   static T of_two(Operation operation, const T& x, const T& y);
   // How many operands an operation takes from the stack.
   static int operands(Operation operation);
+  struct Phrase;  // a part of the formula in C
+  static Phrase phrase_of(const Step& step, const std::string& name);
+  static Phrase joined(Operation operation, const Phrase& x, const Phrase& y);
+  static Phrase applied(const Step& step, const Phrase& x);
 
   std::vector<Step> steps_;  // operands before their operation
 };

@@ -102,6 +102,13 @@ class UrdfReader {
     return joints;
   }
 
+  // A link by itself, in its frame.
+  [[nodiscard]] RigidBody body_of(const std::string& link_name) const {
+    const urdf::LinkConstSharedPtr link = model_->getLink(link_name);
+    if (link == nullptr) fail(fmt::format("no link '{}'", link_name));
+    return own_body(*link);
+  }
+
   // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
   // Joints beside the chain stand at zero.
   [[nodiscard]] RigidBody body(const std::string& link_name,
@@ -267,6 +274,10 @@ UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string&
     reader.fail(fmt::format("no moving joint between '{}' and '{}'", base, tip));
   }
   return chain;
+}
+
+RigidBody read_urdf_body(const std::filesystem::path& file, const std::string& link) {
+  return UrdfReader(file).body_of(link);
 }
 
 std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file) {

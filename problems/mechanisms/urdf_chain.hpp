@@ -41,6 +41,10 @@ struct UrdfJoint {
 // All joints, parents before children. Throws InputError for a missing or broken file.
 [[nodiscard]] std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file);
 
+// The body of one link alone, in its frame; mass 0 where it has none. Throws InputError for a
+// missing or broken file, an unknown link, and a body that can't be.
+[[nodiscard]] RigidBody read_urdf_body(const std::filesystem::path& file, const std::string& link);
+
 // read_urdf_joints for robots of rotations alone: InputError for a prismatic joint.
 [[nodiscard]] std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,
                                                          const std::string& base,
