@@ -6,6 +6,7 @@
 
 #include "cli/arguments/option_checks.hpp"
 #include "cli/commands/commands.hpp"
+#include "cli/front/task_list.hpp"
 #include "cli/process/start_up.hpp"
 #include "diagnosis/estimation/quiet_ceres.hpp"
 #include "problems/base/available_memory.hpp"
@@ -79,8 +80,13 @@ int run(int argc, char** argv) {
   graybox::cli::add_diagnose_command(app, invocation);
   graybox::cli::add_export_command(app, invocation);
   graybox::cli::add_challenge_command(app, invocation);
+  graybox::cli::add_completion_command(app, invocation);
   graybox::cli::add_help_command(app, invocation);
   graybox::cli::check_common_options(app);
+  if (argc == 1) {
+    std::fputs(graybox::cli::task_list().c_str(), stdout);
+    return graybox::cli::kDone;
+  }
   if (const std::string line = unknown_command(app, argc, argv); !line.empty()) {
     return complain(line);
   }

@@ -139,7 +139,8 @@ void add_make(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Ctrl-C loses the cases in hand; the same command goes on where it was.\n"
-      "Example: graybox challenge make --quick --seed commit -o cases --truth truth --threads 2");
+      "Example:\n  graybox challenge make --quick --seed commit -o cases --truth truth --threads "
+      "2");
   command->callback([arguments, &invocation] { invocation.exit_code = make(*arguments); });
 }
 
@@ -258,7 +259,7 @@ void add_score(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "A truth that is not the one sealed with the cases is refused (exit code 2).\n"
-      "Example: graybox challenge score cases answers --truth truth -o tables");
+      "Example:\n  graybox challenge score cases answers --truth truth -o tables");
   command->callback([arguments, &invocation] { invocation.exit_code = score(*arguments); });
 }
 

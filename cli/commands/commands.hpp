@@ -31,6 +31,7 @@ void add_model_command(CLI::App& app, Invocation& invocation);
 void add_challenge_command(CLI::App& app, Invocation& invocation);
 void add_study_command(CLI::App& app, Invocation& invocation);
 void add_help_command(CLI::App& app, Invocation& invocation);
+void add_completion_command(CLI::App& app, Invocation& invocation);
 void add_paper_command(CLI::App& app, Invocation& invocation);
 void add_design_command(CLI::App& app, Invocation& invocation);  // the group of the designs below
 void add_design_criteria_command(CLI::App& design, Invocation& invocation);

@@ -159,6 +159,7 @@ void add_paper_command(CLI::App& app, Invocation& /*invocation*/) {
   add_figure_2(*paper);
   add_figure_4(*paper);
   add_figure_5(*paper);
+  paper->footer("Example:\n  graybox paper table_1 set.h5 design.json -o table_1.csv");
 }
 
 }  // namespace graybox::cli

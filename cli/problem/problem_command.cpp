@@ -251,6 +251,10 @@ void add_problem_command(CLI::App& app, Invocation& /*invocation*/) {
   add_jacobian_problem(*problem, write);
   add_subset(*problem);
   add_convert(*problem);
+  problem->footer(
+      "Examples:\n"
+      "  graybox problem robot -o set.h5\n"
+      "  graybox problem from-jacobians jacobians.csv --noise 0.1 -o set.h5");
 }
 
 }  // namespace graybox::cli

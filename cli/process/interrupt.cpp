@@ -42,6 +42,12 @@ extern "C" void on_patience_end_loses_nothing(int /*signal*/) {
   std::_Exit(kShort);
 }
 
+// The handler is gone by now, so that the signal ends the program once this returns.
+extern "C" void on_interrupt_unheard(int signal) {
+  say("graybox: interrupted\n");
+  std::raise(signal);
+}
+
 void handle(int signal, void (*handler)(int), int flags) {
   struct sigaction action {};
   action.sa_handler = handler;
@@ -51,6 +57,15 @@ void handle(int signal, void (*handler)(int), int flags) {
 }
 
 }  // namespace
+
+void answer_interrupts() {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    struct sigaction present {};
+    sigaction(signal, nullptr, &present);
+    if (present.sa_handler != SIG_DFL) continue;
+    handle(signal, &on_interrupt_unheard, static_cast<int>(SA_RESETHAND));
+  }
+}
 
 void catch_interrupts(OnStop on_stop) {
   handle(

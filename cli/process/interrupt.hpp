@@ -1,8 +1,8 @@
 // How a command ends before its end: Ctrl-C (or SIGTERM) and --time-limit, both within a second or
 // so. What has to look at a clock asks problems/base/stop.hpp; this sets it.
 //
-// A command that is not listening ends at the first signal, as any program does: so do all that
-// hand nothing over. A second signal always ends the program.
+// A command that is not listening says "interrupted" and ends at the first signal, as any program
+// does: so do all that hand nothing over. A second signal always ends the program.
 #pragma once
 
 #include <condition_variable>
@@ -17,6 +17,10 @@ enum class OnStop {
   kLosesNothing,  // all that was done is on disk, or nothing would be handed over: where the work
                   // does not end in time by itself, the program ends
 };
+
+// From now on the first signal is answered in words, and ends the program as it would without. A
+// signal that is ignored, as of what runs in the background, stays so.
+void answer_interrupts();
 
 // From now on the first signal stops the work.
 void catch_interrupts(OnStop on_stop = OnStop::kHandsOver);

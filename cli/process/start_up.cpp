@@ -10,6 +10,7 @@
 
 #include "cli/process/build_commit.hpp"
 #include "cli/process/exit_code.hpp"
+#include "cli/process/interrupt.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/input_guard.hpp"
 #include "problems/formats/quiet_hdf5.hpp"
@@ -31,6 +32,7 @@ void start_up() {
   hold_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);
   set_program_commit(kBuildCommit);
+  answer_interrupts();
   protect_inputs();
   silence_hdf5();
 }

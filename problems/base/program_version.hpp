@@ -6,7 +6,7 @@
 
 namespace graybox {
 
-// "0.1.0".
+// "0.3.0".
 [[nodiscard]] const char* program_version();
 
 // The git commit that the program was built from, twelve digits and "+" where files were changed,
@@ -19,7 +19,7 @@ void set_program_commit(const std::string& commit);
 // Bytes that the commit takes in the program, blanks included.
 inline constexpr std::size_t kCommitField = 13;
 
-// "graybox 0.1.0 (commit 33c485e51c2a)".
+// "graybox 0.3.0 (commit 33c485e51c2a)".
 [[nodiscard]] std::string written_by();
 
 }  // namespace graybox

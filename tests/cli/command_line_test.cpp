@@ -219,7 +219,7 @@ TEST_F(CommandLine, CtrlCKeepsTheBestDesign) {
 // ---- wrong input: exit code 2 ------------------------------------------------------------------
 
 TEST_F(CommandLine, WrongUsageIsOneLine) {
-  expect_refused("", "subcommand");
+  expect_refused("problem", "subcommand");
   expect_refused("frobnicate",
                  "unknown command 'frobnicate'; choose one of problem, solvers, solve");
   expect_refused("problem nonsense -o x.h5", "unknown command 'nonsense'");

@@ -1,0 +1,230 @@
+// The front door: what graybox says of itself, to people and to shells.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/command_runner.hpp"
+#include "tests/support/quoted_listing.hpp"
+
+namespace graybox {
+namespace {
+
+using testing::Outcome;
+using testing::read_text;
+using testing::source_file;
+using testing::write_text;
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+// What stands behind the prefix, of the lines that begin so.
+std::vector<std::string> lines_after(const std::string& text, const std::string& prefix) {
+  std::vector<std::string> found;
+  for (const std::string& line : lines_of(text)) {
+    if (line.starts_with(prefix)) found.push_back(line.substr(prefix.size()));
+  }
+  return found;
+}
+
+class FrontDoor : public testing::CommandRunner {
+ protected:
+  // The commands below `path` ("design "), as its help lists them.
+  std::vector<std::string> commands_below(const std::string& path) {
+    std::vector<std::string> names;
+    bool is_list = false;
+    for (const std::string& line : lines_of(graybox(path + "--help").out)) {
+      if (line.empty()) is_list = false;
+      if (is_list) names.push_back(line.substr(2, line.find(' ', 2) - 2));
+      if (line == "Subcommands:") is_list = true;
+    }
+    return names;
+  }
+
+  std::vector<std::string> all_commands() {
+    std::vector<std::string> all;
+    for (const std::string& name : commands_below("")) {
+      all.push_back(name);
+      for (const std::string& below : commands_below(name + " ")) {
+        all.push_back(name + " " + below);
+      }
+    }
+    return all;
+  }
+
+  // Sources the script in a shell that is not interactive and asks for what follows these words.
+  std::vector<std::string> completed(const std::string& words) {
+    write_text(folder_.file("ask.bash"), "source ./graybox.bash\nCOMP_WORDS=(" + words +
+                                             ")\nCOMP_CWORD=$((${#COMP_WORDS[@]} - 1))\n_graybox\n"
+                                             "printf '%s\\n' \"${COMPREPLY[@]}\"\n");
+    const std::string command =
+        "cd '" + folder_.file("") + "' && bash --norc --noprofile ask.bash > replies 2> errors";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    EXPECT_EQ(read_text(folder_.file("errors")), "") << words;
+    std::vector<std::string> replies = lines_of(read_text(folder_.file("replies")));
+    std::erase(replies, "");
+    return replies;
+  }
+};
+
+TEST_F(FrontDoor, AloneItPrintsTheTasksWithACommandEach) {
+  const Outcome outcome = graybox("");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(outcome.err, "");
+  const std::vector<std::string> commands = lines_after(outcome.out, "  graybox ");
+  EXPECT_EQ(commands.size(), 8U);
+  for (const std::string& command : commands) {
+    // Well written, but in this folder there are no such files.
+    const Outcome tried = graybox(command);
+    EXPECT_EQ(tried.exit_code, 2) << command;
+    EXPECT_EQ(tried.err.find("--help"), std::string::npos) << command << ": " << tried.err;
+  }
+}
+
+TEST_F(FrontDoor, EveryHelpFitsAScreenAndHasAnExampleOfItsOwn) {
+  const std::vector<std::string> commands = all_commands();
+  EXPECT_GT(commands.size(), 35U);
+  EXPECT_LE(lines_of(graybox("--help").out).size(), 40U);
+  for (const std::string& command : commands) {
+    const Outcome outcome = graybox(command + " --help");
+    EXPECT_EQ(outcome.exit_code, 0) << command;
+    EXPECT_LE(lines_of(outcome.out).size(), 50U) << command;
+    const std::vector<std::string> examples = lines_after(outcome.out, "  graybox ");
+    const auto is_own = [&](const std::string& example) { return example.starts_with(command); };
+    EXPECT_TRUE(std::ranges::any_of(examples, is_own)) << command << ":\n" << outcome.out;
+    for (const std::string& example : examples) {
+      if (!is_own(example)) continue;
+      std::istringstream words(example);
+      for (std::string word; words >> word;) {
+        const std::string option = word.substr(0, word.find('='));
+        if (!option.starts_with("--") || example.substr(command.size()).find("  (") == 0) continue;
+        const bool is_group = outcome.out.find("Subcommands:") != std::string::npos;
+        EXPECT_TRUE(is_group || outcome.out.find("  " + option + ' ') != std::string::npos ||
+                    outcome.out.find("," + option + ' ') != std::string::npos ||
+                    outcome.out.find("  " + option + '\n') != std::string::npos)
+            << command << " has no option " << option << " of its example";
+      }
+    }
+  }
+}
+
+TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
+  using Replies = std::vector<std::string>;
+  const Outcome script = graybox("completion bash");
+  ASSERT_EQ(script.exit_code, 0);
+  write_text(folder_.file("graybox.bash"), script.out);
+  write_text(folder_.file("set.h5"), "");
+  EXPECT_EQ(completed("graybox so"), (Replies{"solvers", "solve"}));
+  EXPECT_EQ(completed("graybox design ro"), Replies{"robust"});
+  EXPECT_EQ(completed("graybox help design ro"), Replies{"robust"});
+  EXPECT_EQ(completed("graybox solve --cri"), Replies{"--criterion"});
+  EXPECT_EQ(completed("graybox solve set.h5 --criterion ''"), (Replies{"D", "A", "E", "L", "Ds"}));
+  EXPECT_EQ(completed("graybox solve --solver column"), Replies{"column_generation"});
+  EXPECT_EQ(completed("graybox solve --solver = column"), Replies{"column_generation"});
+  EXPECT_EQ(completed("graybox solve s"), Replies{"set.h5"});
+  EXPECT_EQ(completed("graybox solve set.h5 --trace s"), Replies{"set.h5"});
+  EXPECT_EQ(completed("graybox solve --gap ''"), Replies{});
+  EXPECT_EQ(completed("graybox export model.yaml --to ''"), (Replies{"c", "csv", "urdf"}));
+  EXPECT_EQ(completed("graybox fit model.yaml campaign --lines l"), Replies{"local"});
+  EXPECT_EQ(completed("graybox completion z"), Replies{"zsh"});
+  // All commands and back-ends that there are.
+  Replies names = commands_below("");
+  EXPECT_EQ(completed("graybox ''"), names);
+  const std::string solvers = graybox("solvers --json").out;
+  const Replies completions = completed("graybox solve --solver ''");
+  EXPECT_GT(completions.size(), 5U);
+  for (const std::string& name : completions) {
+    EXPECT_NE(solvers.find("\"name\":\"" + name + "\""), std::string::npos) << name;
+  }
+}
+
+TEST_F(FrontDoor, OtherShellsReadTheirScripts) {
+  expect_refused("completion tcsh", "tcsh");
+  for (const std::string shell : {"zsh", "fish"}) {
+    const Outcome script = graybox("completion " + shell);
+    ASSERT_EQ(script.exit_code, 0);
+    write_text(folder_.file("script"), script.out);
+    EXPECT_NE(script.out.find("column_generation"), std::string::npos);
+    if (std::system((shell + " --version > /dev/null 2>&1").c_str()) != 0) continue;
+    const std::string check = shell == "zsh" ? "zsh -n script" : "fish --no-execute script";
+    EXPECT_EQ(std::system(("cd '" + folder_.file("") + "' && " + check).c_str()), 0) << shell;
+    if (shell != "fish") continue;
+    const std::string ask =
+        "fish -c 'source script; complete -C \"graybox solve --solver column_g\"' > replies";
+    EXPECT_EQ(std::system(("cd '" + folder_.file("") + "' && " + ask).c_str()), 0);
+    EXPECT_TRUE(read_text(folder_.file("replies")).starts_with("column_generation"));
+  }
+}
+
+// The table of docs/exit_codes.md, each of its codes by a command that ends so.
+TEST_F(FrontDoor, ExitCodesAreThoseOfTheirPage) {
+  std::vector<std::string> codes;
+  for (const std::string& line : lines_of(source_file("docs/exit_codes.md"))) {
+    std::smatch row;
+    if (std::regex_match(line, row, std::regex(R"(\| (\d+) \|.*)"))) codes.push_back(row[1]);
+  }
+  EXPECT_EQ(codes, (std::vector<std::string>{"0", "1", "2", "130"}));
+  EXPECT_EQ(
+      graybox("problem regression --model polynomial --degree 1 --points 3 -o line.h5").exit_code,
+      0);
+  write_text(folder_.file("design.json"),
+             R"({"format": "graybox-design/1", "status": "solved", "support": )"
+             R"([{"index": 0, "weight": 0.5}, {"index": 1, "weight": 0.5}]})");
+  EXPECT_EQ(graybox("check line.h5 design.json").exit_code, 1);
+  expect_refused("check line.h5 missing.json", "missing.json");
+  expect_refused("solve", "see graybox solve --help");
+}
+
+// A command that has nothing to hand over ends as any program does at Ctrl-C, but not without a
+// word.
+TEST_F(FrontDoor, CtrlCIsAnsweredInWords) {
+  const Outcome outcome =
+      graybox("problem robot --grid 4000000 -o big.h5",
+              "timeout --foreground --preserve-status --signal=INT --kill-after=20 1");
+  EXPECT_EQ(outcome.exit_code, 130);
+  EXPECT_EQ(outcome.err, "graybox: interrupted\n");
+  EXPECT_EQ(folder_.file_count(), 0U);
+}
+
+TEST_F(FrontDoor, ColoursAreForTerminalsAlone) {
+  ASSERT_EQ(graybox("problem random --family wis --candidates 3000 -o set.h5").exit_code, 0);
+  const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive";
+  const std::vector<std::string> commands{
+      "solve set.h5 --solver multiplicative --time-limit 2 --gap 1e-14",
+      "exact set.h5 -M 20 --time-limit 2",
+      "diagnose " + drive + "/motor.yaml " + drive,
+      "--help",
+      "",
+  };
+  for (const std::string& command : commands) {
+    const Outcome outcome = graybox(command);
+    EXPECT_EQ((outcome.out + outcome.err).find('\033'), std::string::npos) << command;
+    EXPECT_EQ((outcome.out + outcome.err).find('\r'), std::string::npos) << command;
+  }
+}
+
+// One version, wherever it stands.
+TEST_F(FrontDoor, TheVersionIsThatOfTheChangelogAndTheCitation) {
+  const std::string text = graybox("--version").out;
+  std::smatch parts;
+  ASSERT_TRUE(std::regex_match(
+      text, parts, std::regex(R"(graybox (\d+\.\d+\.\d+) \(commit ([0-9a-f]{12}\+?|unknown)\)\n)")))
+      << text;
+  const std::string version = parts[1];
+  const std::string changelog = source_file("CHANGELOG.md");
+  const std::size_t first = changelog.find("\n## [", changelog.find("## [Unreleased]") + 1);
+  EXPECT_EQ(changelog.substr(first + 5, version.size()), version);
+  EXPECT_NE(source_file("CITATION.cff").find("\nversion: " + version + "\n"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace graybox

@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+"""What --json prints and what files of results hold keep to docs/reference/schemas.
+
+    tests/schema_test.py GRAYBOX SOURCE
+
+Runs the command in a folder of its own. Each schema is also held against output from which something
+was taken, or to which something was added: it must refuse that. Ends with 77 without jsonschema.
+"""
+import copy
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+try:
+    from jsonschema import Draft202012Validator
+except ImportError:
+    print("skipped: python3-jsonschema is not there (scripts/setup installs it)")
+    sys.exit(77)
+
+GRAYBOX, SOURCE = sys.argv[1], Path(sys.argv[2])
+EXAMPLES = SOURCE / "docs/examples"
+DRIVE = EXAMPLES / "fit/drive"
+
+# Each schema, and the commands whose output keeps to it; {file}: what the command writes does, too.
+CASES = [
+    ("report", "solve set.h5 --json -o {file}", "design"),
+    ("report", "solve set.h5 --criterion L --weights 0=1,2=3 --json -o {file}", "design"),
+    ("report", "solve robot.h5 --criterion Ds --interest 0,1 --json -o {file}", "design"),
+    ("report", "solve set.h5 --stock 2 --experiments 20 --criterion A --json -o {file}", "design"),
+    ("report", "solve set.h5 --solver multiplicative --iteration-limit 2 --json", None),
+    ("report", "check set.h5 first.json --json", None),
+    ("exact", "exact set.h5 -M 7 --json -o {file}", "design"),
+    ("exact", "exact set.h5 -M 7 --method rounding --json -o {file}", "design"),
+    ("exact", "exact set.h5 -M 7 --stock 2 --criterion A --top 2 --json -o {file}", "design"),
+    ("solvers", "solvers --json", None),
+    ("ellipsoid", f"ellipsoid {EXAMPLES}/ellipsoid/motors.csv --json -o {{file}}", "ellipsoid"),
+    ("fit", f"fit {DRIVE}/motor.yaml {DRIVE} --json -o {{file}}", "fit"),
+    ("prediction", f"predict {DRIVE}/motor.yaml {DRIVE} --json", None),
+    ("recordings", f"recordings {DRIVE} --json", None),
+    ("recordings", f"recordings {EXAMPLES}/recordings --json", None),
+    ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --json -o motor_report", None),
+    ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --without coulomb --json", None),
+    ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --time-limit 0.02 --json", None),
+    ("verdict", f"diagnose {EXAMPLES}/diagnose/rotor.yaml rotor --json --time-limit 20 -o r", None),
+    ("verdict", f"diagnose axis.yaml {DRIVE} --json -o axis_report", None),
+]
+
+# The motor of the examples as a rigid robot, for a force balance.
+AXIS = """format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints: [{name: motor, alpha: 0, a: 0, d: 0, gear_ratio: 1, rotor_inertia: unknown}]
+channels: {torque: [torque], torque_of: motors, velocity: [speed], position_of: motors}
+"""
+
+failures = []
+
+
+def fail(text):
+    failures.append(text)
+    print("FAILED:", text)
+
+
+def load_schemas():
+    schemas = {}
+    for path in sorted((SOURCE / "docs/reference/schemas").glob("*.json")):
+        schema = json.loads(path.read_text())
+        Draft202012Validator.check_schema(schema)
+        schemas[path.stem] = schema
+    return schemas
+
+
+def errors_of(schema, instance):
+    return [f"{'/'.join(map(str, e.absolute_path))}: {e.message[:200]}"
+            for e in Draft202012Validator(schema).iter_errors(instance)]
+
+
+def hold(schemas, name, instance, origin):
+    """The instance keeps to the schema; with a key less, or of another type, it does not."""
+    for line in errors_of(schemas[name], instance):
+        fail(f"{origin}: {name}: {line}")
+    first = instance[0] if isinstance(instance, list) else instance
+    required = schemas[name].get("required") or schemas[name].get("items", {}).get("required")
+    for key in required or ["kind"]:
+        for change in (lambda item: item.pop(key), lambda item: item.update({key: object})):
+            broken = copy.deepcopy(instance)
+            change(broken[0] if isinstance(broken, list) else broken)
+            if not errors_of(schemas[name], broken):
+                fail(f"{name}: takes an instance without a proper '{key}'")
+    if not first:
+        fail(f"{origin}: is empty")
+
+
+def run(arguments, folder):
+    done = subprocess.run([GRAYBOX, *arguments.split()], cwd=folder, capture_output=True, text=True,
+                          timeout=300, check=False)
+    if done.returncode not in (0, 1):
+        fail(f"graybox {arguments}: {done.stderr.strip()}")
+        return None
+    return done.stdout
+
+
+def main():
+    schemas = load_schemas()
+    used = set()
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "axis.yaml").write_text(AXIS)
+        run("problem random --family wis --candidates 300 --dimension 4 -o set.h5", folder)
+        run("problem robot --grid 60 -o robot.h5", folder)
+        run("solve set.h5 -o first.json", folder)
+        run(f"simulate {EXAMPLES}/diagnose/rotor.yaml {EXAMPLES}/diagnose/rotor_short_plan.yaml "
+            f"--hidden {EXAMPLES}/diagnose/hidden_magnet.yaml -o rotor", folder)
+        for number, (name, arguments, file_schema) in enumerate(CASES):
+            file = f"file_{number}.json"
+            printed = run(arguments.format(file=file), folder)
+            if printed is None:
+                continue
+            hold(schemas, name, json.loads(printed), f"graybox {arguments}")
+            used.add(name)
+            if file_schema:
+                hold(schemas, file_schema, json.loads((Path(folder) / file).read_text()), file)
+                used.add(file_schema)
+        for report in ("motor_report", "axis_report", "r"):
+            verdict = json.loads((Path(folder) / report / "verdict.json").read_text())
+            hold(schemas, "verdict", verdict, f"{report}/verdict.json")
+        run("study --quick --solvers column_generation --max-candidates 50 --no-families -o rows",
+            folder)
+        for rows in (Path(folder) / "rows/rows.jsonl", SOURCE / "results/reference/rows.jsonl"):
+            lines = rows.read_text().splitlines()
+            for line in lines[:3] + lines[3::50]:
+                hold(schemas, "study_row", json.loads(line), rows.name)
+        used.add("study_row")
+    for name in sorted(set(schemas) - used):
+        fail(f"{name}: no output is held against it")
+    print(f"{len(schemas)} schemas, {len(CASES)} commands, {len(failures)} failures")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
