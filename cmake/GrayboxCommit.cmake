@@ -1,5 +1,6 @@
 # Run at each build: writes OUTPUT, the C++ file that states the git commit of SOURCE, and only where
-# that has changed. Twelve digits and "+" where committed files were changed; "unknown" outside git.
+# that has changed. Twelve digits and "+" where committed files were changed; "unknown" outside git
+# and source archives.
 set(commit "unknown")
 execute_process(COMMAND git -C "${SOURCE}" rev-parse --show-toplevel
   OUTPUT_VARIABLE top ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE RESULT_VARIABLE failed)
@@ -15,6 +16,13 @@ if(NOT failed AND top STREQUAL source)
     if(changes)
       string(APPEND commit "+")
     endif()
+  endif()
+endif()
+# A source archive states the commit that it was made from (.gitattributes).
+if(commit STREQUAL "unknown")
+  file(STRINGS "${SOURCE}/cmake/archive_commit.txt" stated)
+  if(stated MATCHES "^[0-9a-f]+$")
+    string(SUBSTRING "${stated}" 0 12 commit)
   endif()
 endif()
 # Of one length, so that nothing else in the program moves (kCommitField).

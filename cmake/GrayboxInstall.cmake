@@ -18,7 +18,7 @@ foreach(folder problems solvers diagnosis)
     include(\"${CMAKE_SOURCE_DIR}/cmake/install_headers.cmake\")")
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/problems/robot/
-  DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot OPTIONAL)
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/graybox/robot COMPONENT program OPTIONAL)
 configure_package_config_file(${CMAKE_SOURCE_DIR}/cmake/graybox-config.cmake.in
   ${CMAKE_BINARY_DIR}/graybox-config.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)
