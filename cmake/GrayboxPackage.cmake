@@ -21,7 +21,7 @@ install(DIRECTORY ${CMAKE_SOURCE_DIR}/docs/examples ${CMAKE_SOURCE_DIR}/docs/ref
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME graybox)
 set(CPACK_PACKAGE_VENDOR "graybox")
-set(CPACK_PACKAGE_CONTACT "The graybox authors <graybox@localhost>")
+set(CPACK_PACKAGE_CONTACT "The graybox authors <graybox@example.invalid>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
 set(CPACK_PACKAGE_DESCRIPTION "graybox tells which experiments to run, and which physics a model of a machine
 leaves out. Each answer comes with a proof or an error bar.")

@@ -14,6 +14,7 @@ struct FitArguments {
   std::string model;
   std::string campaign;
   std::string output;
+  std::string written_model;
   int threads = 1;
   std::uint64_t seed = 1;
   int starts = 8;  // of the search, at most

@@ -2,15 +2,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "cli/commands/commands.hpp"
 #include "cli/fit/fit_arguments.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/verdict/extended_model.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/yaml_field.hpp"
@@ -46,6 +49,13 @@ const FittedFormat& format_of(const std::string& model) {
   field.fail(fmt::format("is '{}'; models that can be fitted: {}", name, known));
 }
 
+void write_model(const FitArguments& arguments, const FitReport& report) {
+  const std::vector<std::filesystem::path> physics(arguments.physics.begin(),
+                                                   arguments.physics.end());
+  write_text_file(arguments.written_model,
+                  fitted_model_text(arguments.model, arguments.written_model, report, physics));
+}
+
 int execute(const FitArguments& arguments) {
   const FittedFormat& format = format_of(arguments.model);
   if (!format.takes_elements && (!arguments.physics.empty() || !arguments.refine.empty() ||
@@ -63,16 +73,25 @@ int execute(const FitArguments& arguments) {
     throw InputError(fmt::format("--lines is for graybox-robot/1 models; {} is {}", arguments.model,
                                  format.name));
   }
-  if (!arguments.output.empty()) require_writable(arguments.output);
+  if (!format.takes_elements && !arguments.written_model.empty()) {
+    throw InputError(fmt::format("--write is for lumped models and rigid robots; {} is {}",
+                                 arguments.model, format.name));
+  }
+  for (const std::string* file : {&arguments.output, &arguments.written_model}) {
+    if (!file->empty()) require_writable(*file);
+  }
   catch_interrupts();
   FitReport report = format.fit(arguments);
   judge_plausibility(report);
   if (!arguments.output.empty()) write_fit(arguments.output, report);
+  if (!arguments.written_model.empty()) write_model(arguments, report);
   if (arguments.json) {
     fmt::print("{}\n", fit_json(report).dump());
   } else {
     fmt::print("{}", fit_text(report));
-    if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
+    for (const std::string* file : {&arguments.output, &arguments.written_model}) {
+      if (!file->empty()) fmt::print("wrote {}\n", *file);
+    }
   }
   return report.converged() ? kDone : kShort;
 }
@@ -88,6 +107,8 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                    "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
       ->required();
   command->add_option("-o,--output", arguments->output, "write the result to this file (JSON)");
+  command->add_option("--write", arguments->written_model,
+                      "write the model with the fitted values (lumped models, rigid robots)");
   command->add_option("--threads", arguments->threads, "threads")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
@@ -128,7 +149,7 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"
       "Examples:\n"
       "  graybox fit robot.yaml campaign/ -o fit.json\n"
-      "  graybox fit drive.yaml campaign/ --physics friction.yaml\n"
+      "  graybox fit drive.yaml campaign/ --physics friction.yaml --write fitted.yaml\n"
       "  graybox fit robot.yaml campaign/ --lines full\n"
       "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });

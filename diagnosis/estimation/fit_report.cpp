@@ -27,13 +27,6 @@ Json json_of(const Eigen::MatrixXd& matrix) {
   return rows;
 }
 
-double standard_error(const FitReport& report, std::size_t p) {
-  const auto at = static_cast<Eigen::Index>(p);
-  const Eigen::MatrixXd& covariance = report.identifiability.covariance;
-  return at < covariance.rows() ? std::sqrt(covariance(at, at))
-                                : std::numeric_limits<double>::quiet_NaN();
-}
-
 double chi_square_per_dof(const FitReport& report) {
   return report.chi_square / static_cast<double>(report.degrees_of_freedom);
 }
@@ -44,7 +37,7 @@ Json parameters_json(const FitReport& report) {
     const FittedParameter& each = report.parameters[p];
     list.push_back({{"name", each.name},
                     {"value", each.value},
-                    {"standard_error", standard_error(report, p)},
+                    {"standard_error", report.standard_error(p)},
                     {"unit", each.unit},
                     {"start", each.start}});
   }
@@ -85,7 +78,7 @@ std::string parameter_table(const FitReport& report) {
                                  "value", "std. error", "[%]", "start");
   for (std::size_t p = 0; p < report.parameters.size(); ++p) {
     const FittedParameter& each = report.parameters[p];
-    const double error = standard_error(report, p);
+    const double error = report.standard_error(p);
     const bool determined = std::isfinite(error);
     const std::string absolute = determined ? fmt::format("{:.4g}", error) : "not seen";
     const std::string relative = determined && each.value != 0.0
@@ -115,6 +108,13 @@ std::string starts_line(const std::vector<FitStart>& starts) {
 
 }  // namespace
 
+double FitReport::standard_error(std::size_t p) const {
+  const auto at = static_cast<Eigen::Index>(p);
+  const Eigen::MatrixXd& covariance = identifiability.covariance;
+  return at < covariance.rows() ? std::sqrt(covariance(at, at))
+                                : std::numeric_limits<double>::quiet_NaN();
+}
+
 FittedPhysics fitted_physics(const FitReport& report) {
   FittedPhysics physics;
   for (std::size_t p = 0; p < report.parameters.size(); ++p) {
@@ -124,7 +124,7 @@ FittedPhysics fitted_physics(const FitReport& report) {
     quantity.unit = each.unit;
     quantity.kind = each.kind.value_or(quantity_kind(each.name, each.unit));
     quantity.value = each.value;
-    quantity.standard_error = standard_error(report, p);
+    quantity.standard_error = report.standard_error(p);
     quantity.start = each.start;
   }
   for (const UnseenCombination& each : report.identifiability.unseen) {

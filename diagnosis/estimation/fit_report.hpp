@@ -80,6 +80,8 @@ struct FitReport {
   std::shared_ptr<nlohmann::ordered_json> details;  // what the method adds; may be null
 
   [[nodiscard]] bool converged() const { return status == "converged"; }
+  // Of parameter p; NaN where there is none.
+  [[nodiscard]] double standard_error(std::size_t p) const;
 };
 
 // The fitted parameters as the gate of physical sanity reads them.

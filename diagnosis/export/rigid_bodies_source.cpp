@@ -139,7 +139,7 @@ static void wrench(const double p[10], const double w[3], const double dw[3], co
 
 )";
 
-// {0}: the number of joints.
+// {0}: the number of joints, {1}: the last.
 constexpr const char* kRecursion =
     R"(static void rigid_bodies(const double position[{0}], const double velocity[{0}],
     const double acceleration[{0}], double force[{0}]) {{
@@ -169,7 +169,7 @@ constexpr const char* kRecursion =
     }}
     wrench(body[j], w, dw, a, push[j], moment[j]);
   }}
-  for (j = {0} - 1; j >= 0; --j) {{ /* inwards: what each joint carries */
+  for (j = {1}; j >= 0; --j) {{ /* inwards: what each joint carries */
     for (i = 0; i < 3; ++i) {{
       push[j][i] += carried_push[i];
       moment[j][i] += carried_moment[i];
@@ -187,7 +187,8 @@ constexpr const char* kRecursion =
 }  // namespace
 
 std::string rigid_bodies_source(const ExportedModel& model) {
-  return tables(model) + kVectors + fmt::format(fmt::runtime(kRecursion), model.size());
+  return tables(model) + kVectors +
+         fmt::format(fmt::runtime(kRecursion), model.size(), model.size() - 1);
 }
 
 }  // namespace graybox

@@ -154,6 +154,34 @@ void add_definitions(YAML::Node root, const ExtendedFit& fit,
   }
 }
 
+// The model's parameters with these values, and paths that lead to where they did.
+void take_estimates(YAML::Node root, std::span<const LawParameterEstimate> estimates,
+                    const std::filesystem::path& model, const std::filesystem::path& target) {
+  const bool is_rigid = root["format"].as<std::string>() == "graybox-rigid-robot/1";
+  root.remove("base_parameters");  // of an earlier fit
+  for (const LawParameterEstimate& estimate : estimates) {
+    if (!is_rigid || is_of_element(root, estimate.name)) {
+      set_parameter(root, estimate, model);
+    } else {
+      root["base_parameters"].push_back(base_parameter_node(estimate));
+    }
+  }
+  redirect(root, "urdf", model, target);
+}
+
+// The laws and elements of a physics file behind those of the model.
+void add_physics(YAML::Node root, const std::filesystem::path& file) {
+  const YAML::Node physics = YAML::LoadFile(file.string());
+  for (const char* list : {"laws", "elements"}) {
+    for (const YAML::Node& each : physics[list]) root[list].push_back(each);
+  }
+}
+
+std::string heading(const std::filesystem::path& model, const char* holds, const YAML::Node& root) {
+  return fmt::format("# {} with {}.\n{}", model.filename().string(), holds,
+                     root["base_parameters"] ? kBaseParametersComment : "");
+}
+
 std::string text_of(const YAML::Node& root) {
   YAML::Emitter emitter;
   emitter << root;
@@ -166,25 +194,32 @@ std::string extended_model_text(const std::filesystem::path& model,
                                 const std::filesystem::path& target, const ExtendedFit& fit,
                                 std::span<const Hypothesis> hypotheses) {
   YAML::Node root = YAML::LoadFile(model.string());
-  const bool is_rigid = root["format"].as<std::string>() == "graybox-rigid-robot/1";
-  root.remove("base_parameters");  // of an earlier fit
-  for (const LawParameterEstimate& estimate : fit.model_parameters) {
-    if (!is_rigid || is_of_element(root, estimate.name)) {
-      set_parameter(root, estimate, model);
-    } else {
-      root["base_parameters"].push_back(base_parameter_node(estimate));
-    }
-  }
-  redirect(root, "urdf", model, target);
+  take_estimates(root, fit.model_parameters, model, target);
   add_definitions(root, fit, hypotheses);
   std::set<std::string> names = element_names(root);
   for (const FittedLaw& law : fit.laws) {
     root["elements"].push_back(element_node(law, hypotheses, names));
   }
-  return fmt::format("# {} with estimated parameters and the physics that was found missing.\n{}",
-                     model.filename().string(),
-                     root["base_parameters"] ? kBaseParametersComment : "") +
+  return heading(model, "estimated parameters and the physics that was found missing", root) +
          text_of(root);
+}
+
+std::string fitted_model_text(const std::filesystem::path& model,
+                              const std::filesystem::path& target, const FitReport& report,
+                              std::span<const std::filesystem::path> physics) {
+  YAML::Node root = YAML::LoadFile(model.string());
+  for (const std::filesystem::path& file : physics) add_physics(root, file);
+  std::vector<LawParameterEstimate> estimates;
+  for (std::size_t p = 0; p < report.parameters.size(); ++p) {
+    const FittedParameter& each = report.parameters[p];
+    LawParameterEstimate& estimate = estimates.emplace_back();
+    estimate.name = each.name;
+    estimate.unit = each.unit;
+    estimate.value = each.value;
+    estimate.standard_error = report.standard_error(p);
+  }
+  take_estimates(root, estimates, model, target);
+  return heading(model, "fitted parameters", root) + text_of(root);
 }
 
 std::string physics_text(const ExtendedFit& fit, std::span<const Hypothesis> hypotheses) {

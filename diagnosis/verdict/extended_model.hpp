@@ -14,6 +14,7 @@
 #include <span>
 #include <string>
 
+#include "diagnosis/estimation/fit_report.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 
 namespace graybox {
@@ -24,6 +25,13 @@ namespace graybox {
                                               const std::filesystem::path& target,
                                               const ExtendedFit& fit,
                                               std::span<const Hypothesis> hypotheses);
+
+// The same of a fit: its values, and the elements of the graybox-physics/1 files that were fitted
+// with the model.
+[[nodiscard]] std::string fitted_model_text(const std::filesystem::path& model,
+                                            const std::filesystem::path& target,
+                                            const FitReport& report,
+                                            std::span<const std::filesystem::path> physics);
 
 // The found elements alone, a graybox-physics/1 file.
 [[nodiscard]] std::string physics_text(const ExtendedFit& fit,

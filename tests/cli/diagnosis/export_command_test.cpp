@@ -2,13 +2,16 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 
 #include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
 #include "tests/support/command_runner.hpp"
 #include "tests/support/quoted_listing.hpp"
 
@@ -16,6 +19,7 @@ namespace graybox {
 namespace {
 
 using testing::read_text;
+using Json = nlohmann::json;
 
 const std::string kExamples = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/";
 
@@ -54,6 +58,89 @@ TEST_F(ExportCommand, TurnsADiagnosisIntoACFunction) {
   EXPECT_EQ(tables.out, "wrote tables/parameters.csv\nwrote tables/friction_motor.csv\n");
   EXPECT_EQ(graybox("export report/model_extended.yaml --to csv").out,
             read_text(folder_.file("tables/parameters.csv")));
+}
+
+// The force of a model of one coordinate at this state, from the function NAME_force of its C.
+double force_of(const std::string& folder, const std::string& name, double v, double a) {
+  testing::write_text(
+      folder + "main.c",
+      fmt::format("#include <stdio.h>\n"
+                  "void {0}_force(const double*, const double*, const double*, double*);\n"
+                  "int main(void) {{\n  const double q = 0.3, v = {1}, a = {2};\n  double f;\n"
+                  "  {0}_force(&q, &v, &a, &f);\n  printf(\"%.17g\", f);\n  return 0;\n}}\n",
+                  name, v, a));
+  const std::string command = fmt::format(
+      "cd '{}' && cc -std=c99 -Wall -Wextra -Werror main.c {}.c -lm -o program && ./program > out",
+      folder, name);
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  return std::stod(read_text(folder + "out"));
+}
+
+// A fit's values, with the elements that were fitted beside the model, make a model that predicts
+// as the fit said, and that can be exported.
+TEST_F(ExportCommand, AFitWritesAModelThatCanBeExported) {
+  const std::string drive = kExamples + "fit/drive";
+  const testing::Outcome outcome =
+      graybox("fit " + drive + "/motor.yaml " + drive + " --physics " + drive +
+              "/friction.yaml --json -o fit.json --write fitted.yaml");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Json fit = Json::parse(outcome.out);
+  const LumpedModel model = load_lumped_model(folder_.file("fitted.yaml"));
+  ASSERT_EQ(model.parameters.size(), 4U);  // with the friction's transition velocity
+  for (const Json& parameter : fit["parameters"]) {
+    const auto same = std::ranges::find(model.parameters, parameter["name"].get<std::string>(),
+                                        &LumpedParameter::name);
+    ASSERT_NE(same, model.parameters.end()) << parameter;
+    EXPECT_EQ(same->value, parameter["value"].get<double>()) << parameter;
+  }
+  ASSERT_EQ(graybox("export fitted.yaml --to c -o fitted.c").exit_code, 0);
+  const double v = -3.0, a = 17.0;
+  const double force =
+      model.mass(0, 0) * a + model.damping(0, 0) * v + model.elements[0].law->force(0.3, v, {});
+  EXPECT_NEAR(force_of(folder_.file(""), "fitted", v, a), force, 1e-9 * std::abs(force));
+}
+
+// The same motor as a rigid robot, whose inertia is a base parameter: of a fit, and of a diagnosis.
+TEST_F(ExportCommand, TakesBaseParametersOfFitsAndDiagnoses) {
+  const std::string drive = kExamples + "fit/drive";
+  testing::write_text(folder_.file("axis.yaml"), R"(format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints: [{name: motor, alpha: 0, a: 0, d: 0, gear_ratio: 2, rotor_inertia: unknown}]
+channels: {torque: [torque], torque_of: motors, velocity: [speed], position_of: motors}
+elements:
+  - {name: oil, location: {kind: element, joint: motor, axis: motor}, law: viscous,
+     parameters: {damping: {value: 0, unit: N m s/rad}}}
+)");
+  const testing::Outcome fitted = graybox("fit axis.yaml " + drive + " --json --write fitted.yaml");
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  double inertia = 0.0, damping = 0.0;
+  const Json fit = Json::parse(fitted.out);
+  for (const Json& parameter : fit["parameters"]) {
+    (parameter["unit"] == "kg m^2" ? inertia : damping) = parameter["value"].get<double>();
+  }
+  ASSERT_NE(inertia, 0.0);
+  ASSERT_NE(damping, 0.0);
+  ASSERT_EQ(graybox("export fitted.yaml --to c -o fitted.c").exit_code, 0);
+  const double force = inertia * 17.0 - 2.0 * 2.0 * damping * 3.0;  // both sides of the gear
+  EXPECT_NEAR(force_of(folder_.file(""), "fitted", -3.0, 17.0), force, 1e-9 * std::abs(force));
+  EXPECT_NE(read_text(folder_.file("fitted.c")).find("void fitted_motors("), std::string::npos);
+
+  const testing::Outcome found = graybox("diagnose axis.yaml " + drive + " -o report");
+  ASSERT_NE(found.exit_code, 2) << found.err;
+  const testing::Outcome exported =
+      graybox("export report/model_extended.yaml --to c --name found -o found.c");
+  ASSERT_EQ(exported.exit_code, 0) << exported.err;
+  const RigidRobotModel model = load_rigid_robot(folder_.file("report/model_extended.yaml"));
+  double friction = 0.0;
+  for (const Element& element : model.elements) {
+    friction +=
+        element.location.output(0) * element.law->force(0.0, -3.0 * element.location.input(0), {});
+  }
+  const std::string text = read_text(folder_.file("report/model_extended.yaml"));
+  const std::size_t at = text.find("value: ", text.find("base_parameters:"));
+  const double own = std::stod(text.substr(at + 7)) * 17.0 + friction;
+  EXPECT_NEAR(force_of(folder_.file(""), "found", -3.0, 17.0), own, 1e-9 * std::abs(own));
 }
 
 TEST_F(ExportCommand, RefusesInOneLine) {
