@@ -46,6 +46,12 @@ std::string heading(const ExportedModel& model, const std::string& name) {
         " *\n * The bodies are equivalent ones: their forces are those of the machine along every\n"
         " * motion, but no body of it has these masses and moments.\n";
   }
+  for (Index i = 0; i < model.size() && !model.input_masses.empty(); ++i) {
+    if (std::ranges::find(model.input_masses, i) != model.input_masses.end()) continue;
+    text += fmt::format(
+        " *\n * No input acts on {}: along motions that the inputs can make its force is zero.\n",
+        in_comment(model.coordinates[static_cast<std::size_t>(i)].name));
+  }
   for (const Element& element : model.senses) {
     text += fmt::format(" *\n * Not here, since it changes what is measured and no force: {}.\n",
                         in_comment(element_words(element)));

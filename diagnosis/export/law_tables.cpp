@@ -109,6 +109,7 @@ double reach_of(const Curve& curve, std::string_view unit) {
 // Even steps from -reach to reach, exactly zero in the middle.
 std::vector<double> grid(double reach, int points) {
   std::vector<double> values;
+  values.reserve(static_cast<std::size_t>(points));
   for (int k = 0; k < points; ++k) {
     values.push_back(reach * (2.0 * k - (points - 1)) / (points - 1));
   }

@@ -143,6 +143,37 @@ elements:
   EXPECT_NEAR(force_of(folder_.file(""), "found", -3.0, 17.0), own, 1e-9 * std::abs(own));
 }
 
+TEST_F(ExportCommand, WritesAUrdfThatItReadsAgain) {
+  const std::string urdf = std::string(GRAYBOX_SOURCE_DIR) + "/problems/robot/three_axis.urdf";
+  const auto model = [](const std::string& file, const std::string& elements) {
+    return "format: graybox-rigid-robot/1\ngravity: [0, 0, -9.81]\nurdf: " + file +
+           "\nbase: base_link\ntip: flange\njoints:\n"
+           "  - {name: joint_1, gear_ratio: 100, rotor_inertia: 1e-3}\n"
+           "  - {name: joint_2, gear_ratio: 1, rotor_inertia: 0}\n"
+           "  - {name: joint_3, gear_ratio: 1, rotor_inertia: 0}\n" +
+           elements;
+  };
+  const std::string payload =
+      "elements:\n  - {name: tool, location: {kind: element, axis: flange}, law: payload,\n"
+      "     parameters: {mass: {value: 2, unit: kg}, x: {value: 0.3, unit: m}, y: {value: 0, unit: "
+      "m}, z: {value: 0.1, unit: m}}}\n";
+  testing::write_text(folder_.file("arm.yaml"), model(urdf, payload));
+  const testing::Outcome outcome = graybox("export arm.yaml --to urdf -o with_tool.urdf");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out, "wrote with_tool.urdf\n");
+  EXPECT_EQ(outcome.err,
+            "note: a URDF has no rotor inertia: that of joint_1 is 0.001 kg m^2 on the motor's "
+            "side\n");
+  // The bodies of the new file are those of the old one with the tool.
+  testing::write_text(folder_.file("again.yaml"), model("with_tool.urdf", ""));
+  const testing::Outcome before = graybox("export arm.yaml --to c --without tool --name arm");
+  const testing::Outcome again = graybox("export again.yaml --to c --name arm");
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_NE(before.out.substr(before.out.find("body[3][10]")),
+            again.out.substr(again.out.find("body[3][10]")));
+  EXPECT_EQ(load_rigid_robot(folder_.file("again.yaml")).joints.back().body->mass, 8.0 + 2.0);
+}
+
 TEST_F(ExportCommand, RefusesInOneLine) {
   const std::string drive = kExamples + "fit/drive/motor.yaml";
   expect_refused("export " + drive + " --to urdf -o x.urdf", "has no URDF");
