@@ -8,6 +8,7 @@ was taken, or to which something was added: it must refuse that. Ends with 77 wi
 """
 import copy
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -43,14 +44,17 @@ CASES = [
     ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --json -o motor_report", None),
     ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --without coulomb --json", None),
     ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --time-limit 0.02 --json", None),
-    ("verdict", f"diagnose {EXAMPLES}/diagnose/rotor.yaml rotor --json --time-limit 20 -o r", None),
+    ("verdict", f"diagnose {EXAMPLES}/diagnose/rotor.yaml rotor --json --time-limit 6 -o r", None),
     ("criteria", "design criteria set.h5 --json", None),
     ("report", "design robust set.h5 --largest-share 0.5 --of-positions 0.1 --json -o {file}",
      "design"),
     ("report", "design robust --grid 40 --samples 3 --json", None),
     ("report", "design spectrum --grid 8 --json", None),
+    ("report", "design continuous --grid 60 --rounds 1 --starts 2 --random-points 50 "
+     "--refined 50 --json -o {file} --set {file}.h5", "design"),
     ("sequential", "design sequential --grid 30 --stages 2 --repetitions 1 --json", None),
     ("efficiency", "design efficiency robot_design.json --grid 60 --samples 3 --json", None),
+    ("verify", "design verify --grid 60 --recordings 0 --repetitions 70 --json -o verified", None),
     ("simulation", f"simulate {EXAMPLES}/diagnose/rotor.yaml "
      f"{EXAMPLES}/diagnose/rotor_short_plan.yaml --json -o again", None),
     ("laws", "simulate --laws --json", None),
@@ -121,6 +125,12 @@ def run(arguments, folder):
     return done.stdout
 
 
+def commands_with_json(folder):
+    """By the script that completes command lines, which knows every command's options."""
+    script = run("completion bash", folder)
+    return re.findall(r'^    " ([^"]+)"\) subcommands=.* switches=\'[^\']*--json[ \']', script, re.M)
+
+
 def main():
     schemas = load_schemas()
     used = set()
@@ -150,6 +160,9 @@ def main():
             for line in lines[:3] + lines[3::50]:
                 hold(schemas, "study_row", json.loads(line), rows.name)
         used.add("study_row")
+        for command in commands_with_json(folder):
+            if not any(arguments.startswith(command + " ") for _, arguments, _ in CASES):
+                fail(f"graybox {command} --json: held against no schema")
     for name in sorted(set(schemas) - used):
         fail(f"{name}: no output is held against it")
     print(f"{len(schemas)} schemas, {len(CASES)} commands, {len(failures)} failures")
