@@ -1,6 +1,8 @@
 // `graybox export`: a model for other programs, as C, tables or URDF.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -22,6 +24,13 @@ struct Arguments {
   double velocity = 0.0, deflection = 0.0;  // 0: not stated
   int points = 201;
 };
+
+// CLI::PositiveNumber would name the largest number there is, in all its digits.
+std::string not_positive(std::string& text) {
+  const double value = std::strtod(text.c_str(), nullptr);
+  if (value > 0.0 && std::isfinite(value)) return {};
+  return text + " must be a positive number";
+}
 
 // To the file, or to the standard output where none is named.
 void hand_over(const std::string& output, const std::string& text) {
@@ -101,9 +110,9 @@ void add_export_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--name", arguments->name,
                       "c: beginning of the functions' names (default: the model's file)");
   command->add_option("--velocity", arguments->velocity, "csv: the largest velocity in a table")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Validator(&not_positive, ""));
   command->add_option("--deflection", arguments->deflection, "csv: the largest deflection")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Validator(&not_positive, ""));
   command->add_option("--points", arguments->points, "csv: rows of a table")
       ->check(CLI::Range(3, 100001))
       ->capture_default_str();

@@ -21,6 +21,7 @@
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
@@ -84,7 +85,7 @@ void solve_row(const CriteriaArguments& arguments, const Solver& solver, const I
     row.solution = solver.solve(set, options, &progress);
     seconds.push_back(cpu_seconds() - start);
   }
-  if (seconds.empty()) throw InputError("interrupted before every criterion had its design");
+  if (seconds.empty()) throw Stopped();
   std::ranges::nth_element(seconds,
                            seconds.begin() + static_cast<std::ptrdiff_t>(seconds.size() / 2));
   row.cpu_seconds = seconds[seconds.size() / 2];

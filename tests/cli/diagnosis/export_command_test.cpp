@@ -181,6 +181,7 @@ TEST_F(ExportCommand, RefusesInOneLine) {
                  "no element 'oil'; there are 'bearing'");
   expect_refused("export " + drive + " --to c --name 2x", "is no name in C");
   expect_refused("export " + drive, "--to is required");
+  expect_refused("export " + drive + " --to csv --velocity -1", "-1 must be a positive number");
   expect_refused("export missing.yaml --to c", "missing.yaml");
   expect_refused(
       "export " + std::string(GRAYBOX_SOURCE_DIR) + "/problems/robot/three_axis.yaml --to c",
