@@ -29,11 +29,17 @@ bool is_available(const SolverRegistry& registry, const std::string& name) {
 
 std::vector<std::string> chosen_solvers(const StudyOptions& options,
                                         const SolverRegistry& registry) {
-  if (!options.solvers.empty()) {
-    for (const std::string& name : options.solvers) (void)registry.at(name);  // throws
-    return options.solvers;
-  }
   std::vector<std::string> names;
+  if (!options.solvers.empty()) {
+    for (const std::string& name : options.solvers) {
+      (void)registry.at(name);  // throws
+      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+    }
+    for (const NamedProgram& program : options.programs) {
+      if (std::ranges::find(names, program.name) == names.end()) names.push_back(program.name);
+    }
+    return names;
+  }
   for (const auto& entry : registry.entries()) {
     if (entry.solver != nullptr && !is_ablation(entry.name)) names.push_back(entry.name);
   }
@@ -51,6 +57,19 @@ void check(const StudyOptions& options) {
     throw InputError(fmt::format("--max-candidates {} is below the smallest set of {}",
                                  options.max_candidates, kSizes.front()));
   }
+}
+
+std::vector<StudyPoint> plan_of_own_sets(const StudyOptions& options,
+                                         const std::vector<std::string>& solvers,
+                                         const std::vector<OwnSetSize>& own) {
+  std::vector<StudyPoint> plan;
+  for (const OwnSetSize& set : own) {
+    for (const std::string& solver : solvers) {
+      plan.push_back({"own", set.path, set.candidates, solver, options.duality_gap,
+                      limits_of(options).run_seconds, true, ""});
+    }
+  }
+  return plan;
 }
 
 }  // namespace
@@ -87,10 +106,12 @@ std::vector<std::size_t> study_sizes(std::size_t max_candidates) {
 }
 
 std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegistry& registry,
-                                  const std::vector<std::string>& families) {
+                                  const std::vector<std::string>& families,
+                                  const std::vector<OwnSetSize>& own) {
   check(options);
   const StudyLimits limits = limits_of(options);
   const std::vector<std::string> solvers = chosen_solvers(options, registry);
+  if (!own.empty()) return plan_of_own_sets(options, solvers, own);
   const std::vector<std::size_t> sizes = study_sizes(options.max_candidates);
   std::vector<StudyPoint> plan;
   for (const std::size_t size : sizes) {

@@ -6,6 +6,9 @@
 //   families       every family at full size, every solver, at gap 1e-9: passes and time to gaps
 //   normalisation  the dual interior point with and without scaling, on the robot's subsets as they
 //                  are and with parameters in units twelve decades apart
+//
+// or, where the user brings sets, one alone:
+//   own            every set as it is, every solver, at one gap
 #pragma once
 
 #include <cstddef>
@@ -20,18 +23,25 @@
 
 namespace graybox::bench {
 
-inline constexpr std::size_t kFullSize = 7920;          // the paper's grid
-inline constexpr std::uint64_t kSubsetSeed = 20070101;  // of the nested subsets, for every set
+inline constexpr std::size_t kFullSize = 7920;  // the paper's grid
 inline constexpr double kFamilyGap = 1e-9;
 
 enum class StudyMode { kQuick, kStandard, kFull };
 
+// A solver that the user brings: the program behind it, and its name in rows, tables and figures.
+struct NamedProgram {
+  std::string name;
+  std::string command;  // as after "external:"
+};
+
 struct StudyOptions {
   std::filesystem::path output = "results/latest";
-  std::vector<std::string> solvers;  // empty: all that were built
+  std::vector<std::string> solvers;    // empty: all in the registry
+  std::vector<NamedProgram> programs;  // in the registry, too; they run beside `solvers`
+  std::vector<std::string> sets;       // files of the user's own; not empty: these alone
   std::size_t max_candidates = kFullSize;
   StudyMode mode = StudyMode::kStandard;
-  double duality_gap = 1e-6;                // of the scaling experiment
+  double duality_gap = 1e-6;                // of the scaling experiment and of own sets
   std::optional<double> time_limit;         // seconds a run; otherwise by mode
   std::optional<std::size_t> memory_limit;  // bytes a run; otherwise by mode
   int threads = 1;
@@ -43,7 +53,7 @@ struct StudyOptions {
 
 // Limits that follow from the mode (or were given).
 struct StudyLimits {
-  double run_seconds = 0.0;         // the scaling experiment, a run
+  double run_seconds = 0.0;         // the scaling experiment and own sets, a run
   double family_run_seconds = 0.0;  // the other experiments, a run
   std::size_t memory_bytes = 0;     // a run
   int repetitions = 1;              // at most, a point
@@ -66,13 +76,20 @@ struct StudyPoint {
   std::string skipped_because;  // not empty: known beforehand not to be run
 };
 
+// An own set, as the plan knows it.
+struct OwnSetSize {
+  std::string path;
+  std::size_t candidates = 0;
+};
+
 // Q of the scaling experiment: 50, 100, 200, 500, 1000, 2000, 4000, 7920, up to the maximum.
 [[nodiscard]] std::vector<std::size_t> study_sizes(std::size_t max_candidates);
 
 // Throws InputError for an unknown or unavailable solver, and for limits out of range. `families`
-// names the families besides the robot.
+// names the families besides the robot; neither is run where `own` lists any sets.
 [[nodiscard]] std::vector<StudyPoint> make_plan(const StudyOptions& options,
                                                 const SolverRegistry& registry,
-                                                const std::vector<std::string>& families);
+                                                const std::vector<std::string>& families,
+                                                const std::vector<OwnSetSize>& own = {});
 
 }  // namespace graybox::bench

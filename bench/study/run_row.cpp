@@ -95,6 +95,17 @@ std::string explain(const ProcessOutcome& outcome, const std::optional<WorkerAns
                      last_line(outcome.error_tail));
 }
 
+json to_json(const SetOrigin& origin) {
+  if (!origin.path.empty()) return {{"path", origin.path}};
+  return {{"generator", origin.generator}, {"seed", origin.seed}};
+}
+
+SetOrigin set_origin(const json& row) {
+  const json set = row.value("set", json::object());
+  return {set.value("generator", std::string()), set.value("seed", std::uint64_t{0}),
+          set.value("path", std::string())};
+}
+
 }  // namespace
 
 void to_json(json& out, const RunRow& row) {
@@ -129,6 +140,8 @@ void to_json(json& out, const RunRow& row) {
          {"load", row.load},
          {"date", row.date},
          {"message", row.message}};
+  if (!row.key.command.empty()) out["command"] = row.key.command;
+  if (!row.origin.generator.empty() || !row.origin.path.empty()) out["set"] = to_json(row.origin);
   json reached = json::object();
   for (const auto& [level, at] : row.reached) {
     reached[level] = {rounded(at.seconds), rounded(at.passes)};
@@ -143,9 +156,18 @@ void to_json(json& out, const RunRow& row) {
 }
 
 void from_json(const json& in, RunRow& row) {
-  row.key = {in.at("experiment"),   in.at("problem"), in.at("solver"), in.at("gap"),
-             in.at("repetition"),   in.at("threads"), in.at("seed"),   in.at("time_limit"),
-             in.at("memory_limit"), in.at("binary")};
+  row.key = {in.at("experiment"),
+             in.at("problem"),
+             in.at("solver"),
+             in.at("gap"),
+             in.at("repetition"),
+             in.at("threads"),
+             in.at("seed"),
+             in.at("time_limit"),
+             in.at("memory_limit"),
+             in.at("binary"),
+             in.value("command", std::string())};
+  row.origin = set_origin(in);
   in.at("family").get_to(row.family);
   in.at("candidates").get_to(row.candidates);
   in.at("dimension").get_to(row.dimension);

@@ -27,7 +27,7 @@ namespace graybox::bench {
 
 // What makes two runs the same run: a resumed study skips the runs it finds done.
 struct RunKey {
-  std::string experiment;  // "scaling", "families", "normalisation"
+  std::string experiment;  // "scaling", "families", "normalisation", "own"
   std::string problem;     // content hash of the set
   std::string solver;
   double duality_gap = 0.0;
@@ -36,7 +36,8 @@ struct RunKey {
   std::uint64_t seed = 1;
   double time_limit = 0.0;
   std::size_t memory_limit = 0;
-  std::string binary;  // hash of the program that ran
+  std::string binary;   // hash of the program that ran
+  std::string command;  // of an external program with a name of the user's; else empty
 
   auto operator<=>(const RunKey&) const = default;
 };
@@ -47,9 +48,18 @@ struct GapReached {
   double passes = 0.0;
 };
 
+// Where the set of a row comes from, so that it can be made again. Rows of earlier releases do not
+// say it: all is empty.
+struct SetOrigin {
+  std::string generator;   // of study_sets.hpp; empty for a set of the user's own
+  std::uint64_t seed = 0;  // of the generator
+  std::string path;        // of an own set, absolute
+};
+
 struct RunRow {
   RunKey key;
-  std::string family;
+  std::string family;  // the generator's, or the path of an own set as it was given
+  SetOrigin origin;
   std::size_t candidates = 0;
   std::size_t dimension = 0;
 

@@ -15,10 +15,12 @@
 #include <utility>
 
 #include "bench/study/environment.hpp"
+#include "bench/study/own_sets.hpp"
 #include "bench/study/process.hpp"
 #include "bench/study/row_file.hpp"
 #include "bench/study/run_row.hpp"
 #include "bench/study/statistics.hpp"
+#include "bench/study/study_sets.hpp"
 #include "bench/study/worker.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/folder_lock.hpp"
@@ -35,27 +37,44 @@ struct StudySet {
   InformationSet set;
   std::string hash;
   std::string file;
+  SetOrigin origin;
 };
 
 class SetStore {
  public:
-  SetStore(const StudySetup& setup, fs::path folder) : setup_(setup), folder_(std::move(folder)) {}
+  SetStore(const StudySetup& setup, std::vector<OwnSet>& own, fs::path folder)
+      : setup_(setup), own_(own), folder_(std::move(folder)) {}
 
   const StudySet& get(const std::string& family, std::size_t candidates) {
     auto& entry = sets_[{family, candidates}];
     if (!entry) {
-      InformationSet set = setup_.make_set(family, candidates);
-      std::string hash = set.content_hash();
-      const fs::path file =
-          folder_ / fmt::format("{}_{}_{}.h5", family, set.candidate_count(), hash.substr(0, 12));
-      if (!fs::exists(file)) write_information_set(file.string(), set);
-      entry = std::make_unique<StudySet>(StudySet{std::move(set), std::move(hash), file.string()});
+      entry = std::make_unique<StudySet>(make(family, candidates));
+      if (!fs::exists(entry->file)) write_information_set(entry->file, entry->set);
     }
     return *entry;
   }
 
  private:
+  StudySet make(const std::string& family, std::size_t candidates) {
+    const auto own = std::ranges::find(own_, family, &OwnSet::path);
+    if (own != own_.end()) {
+      std::string file = file_of("own", own->set, own->hash);
+      return {std::move(own->set), own->hash, std::move(file), {"", 0, own->absolute}};
+    }
+    InformationSet set = setup_.make_set(family, candidates);
+    std::string hash = set.content_hash();
+    std::string file = file_of(family, set, hash);
+    return {std::move(set), std::move(hash), std::move(file), {family, kStudySetSeed, ""}};
+  }
+
+  [[nodiscard]] std::string file_of(const std::string& name, const InformationSet& set,
+                                    const std::string& hash) const {
+    const std::string start = hash.substr(0, 12);
+    return (folder_ / fmt::format("{}_{}_{}.h5", name, set.candidate_count(), start)).string();
+  }
+
   const StudySetup& setup_;
+  std::vector<OwnSet>& own_;  // each is taken out when it is first asked for
   fs::path folder_;
   std::map<std::pair<std::string, std::size_t>, std::unique_ptr<StudySet>> sets_;
 };
@@ -92,6 +111,12 @@ std::string describe(const PointState& state) {
       first.message);
 }
 
+std::vector<OwnSetSize> sizes_of(const std::vector<OwnSet>& own) {
+  std::vector<OwnSetSize> sizes;
+  for (const OwnSet& each : own) sizes.push_back({each.path, each.set.candidate_count()});
+  return sizes;
+}
+
 class StudyRunner {
  public:
   StudyRunner(const StudyOptions& options, const SolverRegistry& registry, const StudySetup& setup,
@@ -100,8 +125,9 @@ class StudyRunner {
         setup_(setup),
         progress_(progress),
         limits_(limits_of(options)),
-        sets_(setup, options.output / "work") {
-    for (StudyPoint& point : make_plan(options, registry, setup.families)) {
+        own_(read_own_sets(options.sets)),
+        sets_(setup, own_, options.output / "work") {
+    for (StudyPoint& point : make_plan(options, registry, setup.families, sizes_of(own_))) {
       states_.push_back({std::move(point), {}, 1, false});
     }
   }
@@ -129,10 +155,21 @@ class StudyRunner {
     const fs::path file = options_.output / "rows.jsonl";
     if (options_.fresh) fs::remove(file);
     if (!fs::exists(file)) return;
-    divide_rows(file, options_.output / "rows_of_other_builds.jsonl", [&](const auto& row) {
-      return !row.contains("binary") || row["binary"] == setup_.binary;
-    });
+    divide_rows(file, options_.output / "rows_of_other_builds.jsonl",
+                [&](const auto& row) { return is_comparable(row); });
     for (RunRow& run : read_rows(file).runs) earlier_.insert_or_assign(run.key, std::move(run));
+  }
+
+  // Of the same build, and where they have the name of an own set or program of today, of the same
+  // contents and command.
+  [[nodiscard]] bool is_comparable(const nlohmann::json& row) const {
+    if (row.contains("binary") && row["binary"] != setup_.binary) return false;
+    const auto own = std::ranges::find(own_, row.value("family", std::string()), &OwnSet::path);
+    if (own != own_.end() && row.value("problem", own->hash) != own->hash) return false;
+    const std::string solver = row.value("solver", std::string());
+    const auto program = std::ranges::find(options_.programs, solver, &NamedProgram::name);
+    return program == options_.programs.end() || !row.contains("status") ||
+           row.value("command", std::string()) == program->command;
   }
 
   // Rows are hours of work, and other files are not ours.
@@ -216,11 +253,26 @@ class StudyRunner {
   RunRow new_row(const PointState& state, const StudySet& set) const {
     const StudyPoint& point = state.point;
     RunRow row;
-    row.key = {
-        point.experiment, set.hash,      point.solver,     point.duality_gap,    round_,
-        options_.threads, options_.seed, point.time_limit, limits_.memory_bytes, setup_.binary};
+    row.key = {point.experiment,
+               set.hash,
+               point.solver,
+               point.duality_gap,
+               round_,
+               options_.threads,
+               options_.seed,
+               point.time_limit,
+               limits_.memory_bytes,
+               setup_.binary,
+               command_of(point.solver)};
     row.family = point.family;
+    row.origin = set.origin;
     return row;
+  }
+
+  // Empty for a solver that no program of the user's stands behind.
+  [[nodiscard]] std::string command_of(const std::string& solver) const {
+    const auto program = std::ranges::find(options_.programs, solver, &NamedProgram::name);
+    return program == options_.programs.end() ? std::string() : program->command;
   }
 
   // False if the run was interrupted; it then leaves no row.
@@ -245,8 +297,9 @@ class StudyRunner {
   ProcessRequest request_for(const StudyPoint& point, const StudySet& set) const {
     ProcessRequest request;
     request.command = setup_.worker;
+    const std::string command = command_of(point.solver);
     for (std::string& argument : worker_arguments({.set_file = set.file,
-                                 .solver = point.solver,
+                                 .solver = command.empty() ? point.solver : "external:" + command,
                                  .duality_gap = point.duality_gap,
                                  .time_limit = point.time_limit,
                                  .seed = options_.seed,
@@ -318,6 +371,7 @@ class StudyRunner {
   const StudySetup& setup_;
   Progress& progress_;
   StudyLimits limits_;
+  std::vector<OwnSet> own_;
   std::optional<FolderLock> lock_;
   SetStore sets_;
   std::vector<PointState> states_;

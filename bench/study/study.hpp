@@ -9,7 +9,9 @@
 //   tables/*.csv          derived tables (tables.hpp)
 //   summary.md            the same in short, with the environment
 //   work/*.h5             the sets the runs read; can be deleted
-//   rows_of_other_builds.jsonl   what a resumed study found of another program; not used
+//   rows_of_other_builds.jsonl   what a resumed study found of another build of graybox, of an own
+//                         set that has changed since, or of another command by the same name; not
+//                         used
 //
 // Order: every point once, then a second time, and so on, so that the repetitions of one point are
 // spread over the whole study and meet the same disturbances as everybody else's. How often a point
@@ -48,7 +50,8 @@ struct StudyOutcome {
 };
 
 // Earlier rows are refused without options.resume or options.fresh. Throws InputError for bad
-// options and where nothing can be written.
+// options, before anything runs for an own set that can't be read or is there twice, and where
+// nothing can be written.
 StudyOutcome run_study(const StudyOptions& options, const SolverRegistry& registry,
                        const StudySetup& setup, Progress& progress);
 

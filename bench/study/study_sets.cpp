@@ -36,18 +36,19 @@ const std::vector<std::string>& study_families() {
 InformationSet make_study_set(const std::string& family, std::size_t candidates) {
   if (const auto end = family.find_last_not_of("0123456789");
       end != std::string::npos && end + 1 < family.size() && family[end] == '_') {
-    return make_family(family.substr(0, end), candidates, std::stoul(family.substr(end + 1)));
+    return make_family(family.substr(0, end), candidates, std::stoul(family.substr(end + 1)),
+                       kStudySetSeed);
   }
   if (family == "robot") return robot_set(candidates);
   if (family == "robot_units") return in_units(robot_set(candidates), kUnitDecades);
   const auto known = std::ranges::find(families(), family, &Family::name);
   if (known == families().end()) return make_family(family);  // throws, listing all
-  if (known->fixed_size) return make_family(family);
+  if (known->fixed_size) return make_family(family, 0, 0, kStudySetSeed);
   if (family == "dup") {
     const std::size_t most = std::min(candidates, known->default_candidates);
-    return make_family(family, std::max(kCopies, most / kCopies * kCopies));
+    return make_family(family, std::max(kCopies, most / kCopies * kCopies), 0, kStudySetSeed);
   }
-  return make_family(family, candidates);
+  return make_family(family, candidates, 0, kStudySetSeed);
 }
 
 InformationSet in_units(const InformationSet& set, double decades) {

@@ -3,12 +3,16 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "problems/information/information_set.hpp"
 
 namespace graybox::bench {
+
+// The seed of every set made here: of the families, and of the robot's nested subsets.
+inline constexpr std::uint64_t kStudySetSeed = 1;
 
 // rob, wis, flat, smo, smr6, r1g, cube3, dup and, of the smooth curves, legendre, splines and
 // exponentials: what the study runs besides the robot.

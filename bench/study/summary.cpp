@@ -185,6 +185,47 @@ std::string time_table(const std::vector<PointSummary>& points) {
   return text + "\n";
 }
 
+std::string own_set_list(const std::vector<RunRow>& runs) {
+  std::string text = "| set | Q | d | SHA-256 |\n|---|---|---|---|\n";
+  std::vector<std::string> seen;
+  for (const RunRow& run : runs) {
+    if (run.key.experiment != "own") continue;
+    if (std::ranges::find(seen, run.family) != seen.end()) continue;
+    seen.push_back(run.family);
+    text += fmt::format("| {} | {} | {} | {} |\n", run.family, run.candidates, run.dimension,
+                        run.key.problem);
+  }
+  return text;
+}
+
+// Solver against own set: the median time, or why there is none.
+std::string own_time_table(const std::vector<PointSummary>& points) {
+  std::vector<std::string> sets, solvers;
+  std::map<std::pair<std::string, std::string>, std::string> cells;
+  for (const PointSummary& p : points) {
+    if (p.experiment != "own") continue;
+    if (std::ranges::find(sets, p.family) == sets.end()) sets.push_back(p.family);
+    if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
+    cells[{p.solver, p.family}] = p.status == ReportStatus::kSolved
+                                      ? fmt::format("{:.3g}", p.seconds.median)
+                                      : std::string(to_string(p.status));
+  }
+  std::string text = "| solver |", line = "\n|---|";
+  for (const std::string& set : sets) {
+    text += fmt::format(" {} |", fs::path(set).filename().string());
+    line += "---|";
+  }
+  text += line;
+  for (const std::string& solver : solvers) {
+    text += fmt::format("\n| {} |", solver);
+    for (const std::string& set : sets) {
+      const auto cell = cells.find({solver, set});
+      text += fmt::format(" {} |", cell == cells.end() ? "" : cell->second);
+    }
+  }
+  return text + "\n";
+}
+
 std::string law_table(const std::vector<SolverLaw>& laws) {
   std::string text = "| solver | exponent | 95 % confidence | Q |\n|---|---|---|---|\n";
   for (const SolverLaw& law : laws) {
@@ -213,6 +254,10 @@ std::string agreement_text(const std::vector<Agreement>& agreements) {
       agreements.size(), spread);
 }
 
+bool has_points(const std::vector<PointSummary>& points, const std::string& experiment) {
+  return std::ranges::find(points, experiment, &PointSummary::experiment) != points.end();
+}
+
 std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>& points,
                          const std::vector<SolverLaw>& laws,
                          const std::vector<Agreement>& agreements,
@@ -220,14 +265,20 @@ std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>&
   std::string text =
       fmt::format("# Study\n\n{} runs: {}; {} points not run (tables/skipped.csv).\n",
                   rows.runs.size(), status_counts(rows.runs), rows.skips.size());
-  text += "\n## Headlines\n\n| | | |\n|---|---|---|\n";
+  if (!lines.empty()) text += "\n## Headlines\n\n| | | |\n|---|---|---|\n";
   for (const Headline& line : lines) {
     text += fmt::format("| {} | {} | {} |\n", line.name, line.value, line.note);
   }
   text += "\n## Agreement\n\n" + agreement_text(agreements);
-  text += "\n## Robot set: median seconds to the gap asked, against Q\n\n" + time_table(points);
-  text += fmt::format("\n## Fitted exponents of time against Q, Q >= {}\n\n", kFitFrom) +
-          law_table(laws);
+  if (has_points(points, "own")) {
+    text += "\n## Own sets: median seconds to the gap asked\n\n" + own_time_table(points) + "\n" +
+            own_set_list(rows.runs);
+  }
+  if (has_points(points, "scaling")) {
+    text += "\n## Robot set: median seconds to the gap asked, against Q\n\n" + time_table(points);
+    text += fmt::format("\n## Fitted exponents of time against Q, Q >= {}\n\n", kFitFrom) +
+            law_table(laws);
+  }
   text += "\n## Environment\n\n" + environment_text(rows);
   return text;
 }

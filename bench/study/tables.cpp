@@ -277,6 +277,7 @@ std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs) {
 
 std::vector<Headline> headlines(const std::vector<PointSummary>& points) {
   std::vector<Headline> lines;
+  if (std::ranges::find(points, "scaling", &PointSummary::experiment) == points.end()) return {};
   add_ratio(lines, points, "dual_interior_point_sparse", "dual_interior_point",
             "the paper reports about 4");
   add_crossover(lines, points, "primal_interior_point", "dual_interior_point");

@@ -71,6 +71,7 @@ struct Headline {
   std::string value;  // a number, or words where there is none
   std::string note;
 };
+// None without points of the scaling experiment.
 [[nodiscard]] std::vector<Headline> headlines(const std::vector<PointSummary>& points);
 
 // One time for each solver and instance: to a checked gap of kProfileGap, infinity if not reached.

@@ -5,9 +5,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "bench/study/environment.hpp"
+#include "bench/study/own_sets.hpp"
 #include "bench/study/progress.hpp"
 #include "bench/study/row_file.hpp"
 #include "bench/study/study.hpp"
@@ -17,6 +20,9 @@
 #include "bench/study/worker.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/process/interrupt.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/shortened.hpp"
+#include "solvers/external/external_solver.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -26,6 +32,8 @@ constexpr const char* kWorkerCommand = "study-run";
 struct StudyArguments {
   bench::StudyOptions options;
   std::string output = "results/latest";
+  std::string instances;           // a folder of sets
+  std::vector<std::string> named;  // LABEL=external:CMD
   double time_limit = 0.0;
   std::size_t memory_limit = 0;
   bool quick = false;
@@ -33,8 +41,44 @@ struct StudyArguments {
   bool json = false;
 };
 
+constexpr std::string_view kLabelCharacters =
+    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-.+";
+
+// "mine=external:./solve {npy}"
+bench::NamedProgram named_program(const std::string& text) {
+  const std::size_t end = text.find('=');
+  const std::string name = text.substr(0, end);
+  const bool is_label =
+      !name.empty() && name.find_first_not_of(kLabelCharacters) == std::string::npos;
+  const std::string solver = end == std::string::npos ? std::string() : text.substr(end + 1);
+  if (!is_label || !solver.starts_with(ExternalSolver::kPrefix)) {
+    throw InputError(
+        fmt::format("--solver-name '{}': expected LABEL=external:CMD, the label of letters, digits "
+                    "and _ - . +",
+                    shortened(text)));
+  }
+  return {name, solver.substr(ExternalSolver::kPrefix.size())};
+}
+
+void add_programs(const std::vector<bench::NamedProgram>& programs, SolverRegistry& registry) {
+  for (const bench::NamedProgram& program : programs) {
+    if (std::ranges::find(registry.entries(), program.name, &SolverRegistry::Entry::name) !=
+        registry.entries().end()) {
+      throw InputError(
+          fmt::format("--solver-name {}: is taken; choose another label", program.name));
+    }
+    registry.add(std::make_unique<ExternalSolver>(program.name, program.command));
+  }
+}
+
 bench::StudyOptions options_of(const StudyArguments& arguments) {
   bench::StudyOptions options = arguments.options;
+  for (const std::string& text : arguments.named) options.programs.push_back(named_program(text));
+  if (!arguments.instances.empty()) {
+    for (std::string& file : bench::instances_in(arguments.instances)) {
+      options.sets.push_back(std::move(file));
+    }
+  }
   options.output = arguments.output;
   if (arguments.quick) options.mode = bench::StudyMode::kQuick;
   if (arguments.full) options.mode = bench::StudyMode::kFull;
@@ -78,7 +122,8 @@ void print_json(const StudyArguments& arguments, const bench::StudyOutcome& outc
 
 int study(const StudyArguments& arguments) {
   const bench::StudyOptions options = options_of(arguments);
-  const SolverRegistry registry = make_registry();
+  SolverRegistry registry = make_registry();
+  add_programs(options.programs, registry);
   bench::Progress progress;
   catch_interrupts();
   const bench::StudyOutcome outcome = run_study(options, registry, setup(), progress);
@@ -132,10 +177,24 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")
       ->delimiter(',');
   command
+      ->add_option(
+          "--solver-name", arguments->named,
+          "LABEL=external:CMD: a program of your own beside the back-ends; may be repeated")
+      ->expected(1)
+      ->take_all();
+  auto* sets = command->add_option("--sets", options.sets,
+                                   "sets of your own (.h5, .npy, .csv, .mat), and nothing else");
+  auto* instances = command->add_option("--instances", arguments->instances,
+                                        "the same with all sets of a folder");
+  command
       ->add_option("--max-candidates", options.max_candidates,
                    "largest set: of 50, 100, 200, 500, 1000, 2000, 4000, 7920 those below")
-      ->capture_default_str();
-  command->add_option("--gap", options.duality_gap, "duality gap of the runs against Q")
+      ->capture_default_str()
+      ->excludes(sets)
+      ->excludes(instances);
+  command
+      ->add_option("--gap", options.duality_gap,
+                   "duality gap of the runs against Q, or on own sets")
       ->capture_default_str();
   command->add_option("--time-limit", arguments->time_limit,
                       "wall seconds a run (default: 10, quick 2, full 1800)");
@@ -145,7 +204,9 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       ->transform(CLI::AsSizeValue(true));
   command->add_option("--threads", options.threads, "threads a run")->capture_default_str();
   command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
-  command->add_flag("!--no-families", options.families, "the robot's subsets alone");
+  command->add_flag("!--no-families", options.families, "the robot's subsets alone")
+      ->excludes(sets)
+      ->excludes(instances);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Every run is a process of its own with hard limits; the checker's gap decides what counts\n"
@@ -154,6 +215,8 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       "  graybox study --quick -o results/quick\n"
       "  graybox study --solvers column_generation,dual_interior_point --max-candidates 2000\n"
       "  graybox study --full --resume -o results/reference\n"
+      "  graybox study --sets a.npy b.h5 --solver-name 'mine=external:./solve {npy}' -o "
+      "results/own\n"
       "Figures: scripts/figures results/quick");
   command->callback([arguments, &invocation] { invocation.exit_code = study(*arguments); });
 }

@@ -117,7 +117,10 @@ bool wait_for(ChildProcess& child, Tracer& tracer, double time_limit, bool obser
 }  // namespace
 
 ExternalSolver::ExternalSolver(std::string name)
-    : name_(std::move(name)), command_(name_.substr(kPrefix.size())) {
+    : ExternalSolver(name, name.substr(kPrefix.size())) {}
+
+ExternalSolver::ExternalSolver(std::string name, std::string command)
+    : name_(std::move(name)), command_(std::move(command)) {
   if (command_.find_first_not_of(" \t") == std::string::npos) {
     throw InputError("solver 'external:' names no program; write external:CMD");
   }

@@ -33,8 +33,10 @@ class ExternalSolver final : public Solver {
  public:
   static constexpr std::string_view kPrefix = "external:";
 
-  // `name` is "external:CMD". Throws InputError if CMD is blank.
+  // `name` is "external:CMD". Both throw InputError if CMD is blank.
   explicit ExternalSolver(std::string name);
+  // The same program under a name of the user's choice.
+  ExternalSolver(std::string name, std::string command);
 
   [[nodiscard]] std::string_view name() const override { return name_; }
   [[nodiscard]] std::string_view description() const override { return "an external program"; }

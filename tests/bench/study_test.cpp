@@ -91,7 +91,7 @@ class Study : public ::testing::Test {
 
 RunRow example_row() {
   RunRow row;
-  row.key = {"scaling", "abc", "honest", 1e-6, 2, 1, 7, 10.0, 1000, "binary"};
+  row.key = {"scaling", "abc", "honest", 1e-6, 2, 1, 7, 10.0, 1000, "binary", ""};
   row.family = "robot";
   row.candidates = 50;
   row.dimension = 12;

@@ -1,0 +1,171 @@
+// `graybox study` on sets and with solvers that a user brings.
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/support/command_runner.hpp"
+
+namespace graybox {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::Outcome;
+using testing::read_text;
+using testing::write_text;
+
+class StudyCommand : public testing::CommandRunner {
+ protected:
+  void SetUp() override {
+    make_set("rob", 60, 4, "a.h5");
+    make_set("wis", 70, 3, "b.npy");
+  }
+  [[nodiscard]] std::string file(const std::string& name) const { return folder_.file(name); }
+
+  void make_set(const std::string& family, int candidates, int dimension, const std::string& name) {
+    ASSERT_EQ(graybox("problem random --family " + family + " --candidates " +
+                      std::to_string(candidates) + " --dimension " + std::to_string(dimension) +
+                      " -o " + name)
+                  .exit_code,
+              0);
+  }
+
+  // The run rows of a study.
+  [[nodiscard]] std::vector<json> runs(const std::string& folder) const {
+    std::ifstream stream(file(folder + "/rows.jsonl"));
+    std::vector<json> rows;
+    for (std::string line; std::getline(stream, line);) {
+      json row = json::parse(line);
+      if (row["kind"] == "run") rows.push_back(std::move(row));
+    }
+    return rows;
+  }
+
+  const std::string study_ = "study --quick --solvers column_generation,cocktail ";
+};
+
+TEST_F(StudyCommand, RunsOnOwnSetsAlone) {
+  const Outcome outcome = graybox(study_ + "--sets a.h5 b.npy -o results");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  std::set<std::string> solvers, sets;
+  for (const json& row : runs("results")) {
+    EXPECT_EQ(row["experiment"], "own");
+    EXPECT_EQ(row["status"], "solved");
+    EXPECT_EQ(row["set"]["path"], fs::path(file(row["family"])).lexically_normal().string());
+    EXPECT_NE(outcome.out.find("| " + row["family"].get<std::string>() + " | " +
+                               row["candidates"].dump() + " | " + row["dimension"].dump() + " | " +
+                               row["problem"].get<std::string>() + " |"),
+              std::string::npos)
+        << outcome.out;
+    solvers.insert(row["solver"]);
+    sets.insert(row["family"]);
+  }
+  EXPECT_EQ(solvers, (std::set<std::string>{"cocktail", "column_generation"}));
+  EXPECT_EQ(sets, (std::set<std::string>{"a.h5", "b.npy"}));
+  const std::string profile = read_text(file("results/tables/profile_instances.csv"));
+  EXPECT_NE(profile.find("a.h5/60,cocktail,"), std::string::npos) << profile;
+  EXPECT_NE(profile.find("b.npy/70,column_generation,"), std::string::npos) << profile;
+}
+
+TEST_F(StudyCommand, TakesTheSetsOfAFolder) {
+  fs::create_directories(file("mine/deeper"));
+  fs::rename(file("a.h5"), file("mine/a.h5"));
+  fs::rename(file("b.npy"), file("mine/b.npy"));
+  write_text(file("mine/readme.txt"), "Two sets.\n");
+  ASSERT_EQ(graybox(study_ + "--instances mine -o results").exit_code, 0);
+  std::set<std::string> sets;
+  for (const json& row : runs("results")) sets.insert(row["family"]);
+  EXPECT_EQ(sets, (std::set<std::string>{"mine/a.h5", "mine/b.npy"}));
+}
+
+TEST_F(StudyCommand, RefusesSetsBeforeAnythingRuns) {
+  ASSERT_EQ(graybox("problem convert a.h5 -o copy.csv").exit_code, 0);
+  write_text(file("broken.npy"), "no array");
+  write_text(file("indefinite.csv"), "1,0,-1\n1,0,1\n");
+  fs::create_directory(file("empty"));
+  expect_refused(study_ + "--sets a.h5 b.npy a.h5 -o results", "a.h5: is given twice");
+  expect_refused(study_ + "--sets a.h5 b.npy copy.csv -o results",
+                 "copy.csv: holds the same set as a.h5");
+  expect_refused(study_ + "--sets a.h5 broken.npy -o results", "broken.npy");
+  expect_refused(study_ + "--sets a.h5 indefinite.csv -o results", "indefinite.csv");
+  expect_refused(study_ + "--sets a.h5 none.npy -o results", "none.npy");
+  expect_refused(study_ + "--instances empty -o results", "empty: holds no information set");
+  expect_refused(study_ + "--instances none -o results", "none: can't be read as a folder");
+  expect_refused(study_ + "--sets a.h5 --max-candidates 50 -o results", "--max-candidates");
+}
+
+// The program writes the uniform design, which is certain to have a finite gap on these sets.
+std::string uniform_program(int candidates) {
+  std::string support;
+  for (int i = 0; i < candidates; ++i) {
+    support += std::string(i == 0 ? "" : ", ") + "{\"index\": " + std::to_string(i) +
+               ", \"weight\": " + std::to_string(1.0 / candidates) + "}";
+  }
+  return "#!/bin/sh\n# arguments: WORDS, problem.h5, design.json, GAP, SECONDS\n"
+         "test \"$1\" = one,two || exit 3\ncat > \"$3\" << 'end'\n"
+         "{\"format\": \"graybox-design/1\", \"status\": \"iteration_limit\", \"support\": [" +
+         support + "]}\nend\n";
+}
+
+TEST_F(StudyCommand, NamesProgramsWhoseCommandsMayHoldCommas) {
+  make_set("rob", 50, 2, "c.npy");
+  write_text(file("uniform.sh"), uniform_program(50));
+  const std::string command = study_ + "--sets c.npy -o results --solver-name ";
+  const std::string mine = "'mine=external:sh uniform.sh one,two' ";
+  ASSERT_EQ(graybox(command + mine + "--solver-name 'other=external:sh uniform.sh one'").exit_code,
+            0);
+  std::map<std::string, json> of;
+  for (const json& row : runs("results")) of[row["solver"]] = row;
+  ASSERT_EQ(of.size(), 4U);
+  EXPECT_EQ(of["mine"]["status"], "iteration_limit") << of["mine"];
+  EXPECT_EQ(of["mine"]["command"], "sh uniform.sh one,two");
+  EXPECT_EQ(of["mine"]["support_size"], 50);
+  EXPECT_EQ(of["other"]["message"], "ended with exit code 3");
+  EXPECT_FALSE(of["cocktail"].contains("command"));
+}
+
+TEST_F(StudyCommand, ResumesWhatIsTheSameAndRunsAgainWhatIsNot) {
+  write_text(file("mine.sh"), uniform_program(60));
+  const std::string command = study_ + "--sets a.h5 b.npy -o results --json --solver-name ";
+  const json first = json::parse(graybox(command + "'mine=external:sh mine.sh one,two'").out);
+  const json again =
+      json::parse(graybox(command + "'mine=external:sh mine.sh one,two' --resume").out);
+  EXPECT_EQ(again["runs_made"], 0);
+  EXPECT_EQ(again["runs_found"], first["runs_made"]);
+
+  // Another command by the same name: its two points, and nothing else.
+  const json renamed =
+      json::parse(graybox(command + "'mine=external:sh mine.sh one,two more' --resume").out);
+  EXPECT_EQ(renamed["runs_made"], 2);
+  for (const json& row : runs("results")) {
+    EXPECT_TRUE(row["solver"] != "mine" || row["command"] == "sh mine.sh one,two more") << row;
+  }
+
+  // Another set by the same name.
+  make_set("wis", 90, 3, "b.npy");
+  ASSERT_EQ(graybox(command + "'mine=external:sh mine.sh one,two more' --resume").exit_code, 0);
+  std::set<std::string> hashes;
+  for (const json& row : runs("results")) {
+    if (row["family"] == "b.npy") hashes.insert(row["problem"]);
+    EXPECT_TRUE(row["family"] != "b.npy" || row["candidates"] == 90) << row;
+  }
+  EXPECT_EQ(hashes.size(), 1U);
+}
+
+TEST_F(StudyCommand, RefusesNamesThatAreNone) {
+  const std::string command = study_ + "--sets a.h5 -o results --solver-name ";
+  expect_refused(command + "mine", "--solver-name 'mine': expected LABEL=external:CMD");
+  expect_refused(command + "mine=cocktail", "expected LABEL=external:CMD");
+  expect_refused(command + "'my solver=external:true'", "expected LABEL=external:CMD");
+  expect_refused(command + "cocktail=external:true", "--solver-name cocktail: is taken");
+  expect_refused(command + "a=external:true --solver-name a=external:false",
+                 "--solver-name a: is taken");
+  expect_refused(command + "a=external:", "names no program");
+}
+
+}  // namespace
+}  // namespace graybox
