@@ -16,7 +16,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/shortened.hpp"
-#include "problems/formats/hdf5_file.hpp"
+#include "problems/formats/information_set_file.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
 #include "solvers/external/child_process.hpp"
@@ -50,7 +50,7 @@ class TemporaryFolder {
     std::error_code ignored;
     fs::remove_all(path_, ignored);
   }
-  [[nodiscard]] std::string file(const char* name) const { return (path_ / name).string(); }
+  [[nodiscard]] std::string file(const std::string& name) const { return (path_ / name).string(); }
 
  private:
   fs::path path_;
@@ -120,11 +120,7 @@ ExternalSolver::ExternalSolver(std::string name)
     : ExternalSolver(name, name.substr(kPrefix.size())) {}
 
 ExternalSolver::ExternalSolver(std::string name, std::string command)
-    : name_(std::move(name)), command_(std::move(command)) {
-  if (command_.find_first_not_of(" \t") == std::string::npos) {
-    throw InputError("solver 'external:' names no program; write external:CMD");
-  }
-}
+    : name_(std::move(name)), command_(std::move(command)) {}
 
 Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const {
@@ -137,21 +133,24 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
 
   tracer.pause();
   const TemporaryFolder folder;
-  const std::string problem = folder.file("problem.h5");
+  const std::string problem = folder.file("problem" + command_.set_ending());
   const std::string answer = folder.file("design.json");
   const std::string log = folder.file("output.txt");
-  write_hdf5(problem, set);
+  write_information_set(problem, set);
+  const std::vector<std::string> words = command_.words({.set_file = problem,
+                                                         .design_file = answer,
+                                                         .duality_gap = options.duality_gap,
+                                                         .seconds = options.time_limit,
+                                                         .seed = options.seed,
+                                                         .threads = options.threads});
   tracer.resume();
 
-  ChildProcess child(
-      {"/bin/sh", "-c", command_ + " \"$@\"", "external", problem, answer,
-       fmt::format("{}", options.duality_gap), fmt::format("{}", options.time_limit)},
-      log);
+  ChildProcess child(words, log);
   const bool ended = wait_for(child, tracer, options.time_limit, observer != nullptr);
   tracer.pause();
   if (ended && child.exit_code() != 0) {
     tracer.resume();
-    return finish(SolveStatus::kNumericalFailure, failure(command_, child.exit_code(), log));
+    return finish(SolveStatus::kNumericalFailure, failure(command_.text(), child.exit_code(), log));
   }
   if (!fs::exists(answer)) {
     tracer.resume();

@@ -3,16 +3,17 @@
 //   CMD problem.h5 design.json GAP SECONDS
 //
 // with the problem as HDF5 (problems/formats/hdf5_file.hpp) in a fresh temporary folder, the
-// duality gap asked for and the seconds it has ("inf" without limit). It writes design.json
-// (design_file.hpp: "format" and "support" with "index" and "weight" are enough) and exits with 0.
-// scripts/examples/external_solver.py is a complete one.
+// duality gap asked for and the seconds it has ("inf" without limit). Placeholders in CMD ask for
+// another format or another place of the arguments: "external:python3 my.py {npy}" (hand_over.hpp).
+// It writes design.json (design_file.hpp: "format" and "support" with "index" and "weight" are
+// enough) and exits with 0. The files scripts/examples/external_solver.* are complete ones.
 //
-// CMD is a line for /bin/sh: words, quotes and variables mean what they mean there, and the four
-// arguments are appended ("external:python3 my.py --fast"). Its outputs are kept out of ours; the
-// last line of them ends the message if it fails. The program and all it starts are killed when
-// this process ends and when the observer asks to stop. They are also killed when it has not
-// finished half a second and 2 % after its time. What it has left in design.json then still counts.
-// So a program may rewrite the file as it goes (write another one and rename it).
+// CMD is a line for /bin/sh: words, quotes and variables mean what they mean there. Its outputs are
+// kept out of ours; the last line of them ends the message if it fails. The program and all it
+// starts are killed when this process ends and when the observer asks to stop. They are also killed
+// when it has not finished half a second and 2 % after its time. What it has left in design.json
+// then still counts. So a program may rewrite the file as it goes (write another one and rename
+// it).
 //
 // The clock runs from start to end of the program; writing and reading the files are off it. The
 // trace has the gap at the end alone.
@@ -26,6 +27,7 @@
 #include <string>
 
 #include "solvers/core/solver.hpp"
+#include "solvers/external/hand_over.hpp"
 
 namespace graybox {
 
@@ -46,7 +48,7 @@ class ExternalSolver final : public Solver {
 
  private:
   std::string name_;
-  std::string command_;
+  ExternalCommand command_;
 };
 
 }  // namespace graybox

@@ -15,6 +15,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
+#include "problems/formats/information_set_file.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
 
@@ -23,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string kExample = GRAYBOX_SOURCE_DIR "/scripts/examples/external_solver.py";
+const std::string kExamples = GRAYBOX_SOURCE_DIR "/scripts/examples/";
 
 InformationSet scalars(const std::vector<double>& values) {
   AlignedArray information(values.size());
@@ -64,12 +65,22 @@ void expect_uniform(const Solution& solution, std::size_t count) {
   EXPECT_EQ(solution.design.weights, std::vector<double>(count, 1.0 / static_cast<double>(count)));
 }
 
-TEST(ExternalSolver, RunsTheExample) {
-  if (std::system("/usr/bin/python3 -c 'import h5py, numpy' 2> /dev/null") != 0) {
-    GTEST_SKIP() << "/usr/bin/python3 lacks h5py or numpy (python3-h5py, python3-numpy)";
+// An example in one language: whether it can run here, and its command.
+struct Example {
+  const char* language;
+  const char* check;
+  std::string command;
+};
+
+class ExternalExample : public ::testing::TestWithParam<Example> {};
+
+TEST_P(ExternalExample, SolvesWithinItsTime) {
+  const Example& example = GetParam();
+  if (std::system((std::string("(") + example.check + ") > /dev/null 2>&1").c_str()) != 0) {
+    GTEST_SKIP() << "not here: " << example.check;
   }
   const SolverRegistry registry = make_registry();
-  const Solver& solver = registry.at("external:/usr/bin/python3 '" + kExample + "'");
+  const Solver& solver = registry.at("external:" + example.command);
   const InformationSet set = random_set(60, 4);
   const Solution solution = solver.solve(set, {.duality_gap = 1e-3, .time_limit = 60.0});
   EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
@@ -80,6 +91,81 @@ TEST(ExternalSolver, RunsTheExample) {
   // make the answer depend on it.
   const Solution short_of_it = solver.solve(set, {.duality_gap = 1e-6, .time_limit = 1e-6});
   EXPECT_EQ(short_of_it.status, SolveStatus::kTimeLimit) << short_of_it.message;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Of, ExternalExample,
+    ::testing::Values(
+        Example{"Python", "/usr/bin/python3 -c 'import numpy'",
+                "/usr/bin/python3 '" + kExamples + "external_solver.py' {npy}"},
+        Example{"R", "Rscript --version", "Rscript '" + kExamples + "external_solver.R' {csv}"},
+        Example{"Julia", "julia --version", "julia '" + kExamples + "external_solver.jl' {csv}"},
+        Example{"Octave", "octave-cli --version",
+                "octave-cli --path '" + kExamples +
+                    "' --eval \"external_solver('{csv}', '{design}', {gap}, {seconds})\""}),
+    [](const auto& each) { return std::string(each.param.language); });
+
+// The example in C is compiled as its first lines say, with every warning an error.
+TEST(ExternalSolver, RunsTheExampleInC) {
+  if (std::system("cc --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "there is no cc";
+  const std::string program =
+      (fs::path(::testing::TempDir()) / ("graybox_external_c_" + std::to_string(getpid())))
+          .string();
+  ASSERT_EQ(std::system(("cc -std=c11 -O2 -Wall -Wextra -Wconversion -pedantic -Werror '" +
+                         kExamples + "external_solver.c' -lm -o '" + program + "'")
+                            .c_str()),
+            0);
+  const InformationSet set = random_set(300, 5);
+  const Solution solution = run("'" + program + "' {npy}", set, {.duality_gap = 1e-5});
+  EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+  EXPECT_LE(certify(set, solution.design).duality_gap, 1e-5 * (1.0 + 1e-9));
+  const Solution wrong = run("'" + program + "' {csv}", set);
+  EXPECT_EQ(wrong.message, "ended with exit code 1: the set is no .npy of version 1");
+  fs::remove(program);
+}
+
+// The program copies the set it is handed; it is the same whatever its format.
+TEST(ExternalSolver, HandsTheSetOverInTheFormatAskedFor) {
+  const InformationSet set = random_set(7, 3);
+  const std::string copy =
+      (fs::path(::testing::TempDir()) / ("graybox_handed_" + std::to_string(getpid()))).string();
+  for (const std::string format : {"h5", "npy", "csv", "mat"}) {
+    const std::string file = copy + "." + format;
+    static_cast<void>(run("cp {" + format + "} '" + file + "' && : ", set));
+    EXPECT_EQ(read_information_set(file).content_hash(), set.content_hash()) << format;
+    fs::remove(file);
+  }
+}
+
+std::string last_words(const std::string& command, SolveOptions options = {}) {
+  return run("f() { echo \"$@\"; exit 1; }; f " + command, scalars({1.0, 2.0}), options).message;
+}
+
+TEST(ExternalSolver, PutsArgumentsWhereTheCommandNamesThem) {
+  const SolveOptions options{.duality_gap = 1e-3, .time_limit = 7.5, .seed = 9, .threads = 2};
+  EXPECT_TRUE(last_words("a", options).ends_with("/design.json 0.001 7.5"));
+  EXPECT_NE(last_words("a", options).find(": a /"), std::string::npos);
+  EXPECT_TRUE(last_words("{csv} --fast", options).ends_with("/design.json 0.001 7.5"));
+  EXPECT_NE(last_words("{csv} --fast", options).find("/problem.csv --fast /"), std::string::npos);
+  EXPECT_TRUE(last_words("{seconds} x{gap}x '{seconds} {seed} {threads}' {h5} {design}", options)
+                  .ends_with("/design.json"));
+  EXPECT_NE(last_words("{seconds} x{gap}x '{seconds} {seed} {threads}' {h5} {design}", options)
+                .find(": 7.5 x0.001x 7.5 9 2 /"),
+            std::string::npos);
+  EXPECT_NE(last_words("${npy} {seconds}").find(": inf /"), std::string::npos);
+}
+
+TEST(ExternalSolver, RefusesTwoFormatsAndPathsThatAShellWouldTakeApart) {
+  EXPECT_THROW(ExternalSolver("external:a {npy} {csv}"), InputError);
+  const fs::path folder = fs::path(::testing::TempDir()) / "graybox external";
+  fs::create_directories(folder);
+  setenv("TMPDIR", folder.c_str(), 1);
+  EXPECT_THROW(static_cast<void>(run("true {npy}", scalars({1.0, 2.0}))), InputError);
+  // Without placeholders paths are arguments, which may hold anything.
+  EXPECT_EQ(run(writing(kBest), scalars({1.0, 2.0})).status, SolveStatus::kSolved);
+  unsetenv("TMPDIR");
+  EXPECT_TRUE(fs::is_empty(folder));
+  fs::remove_all(folder);
 }
 
 TEST(ExternalSolver, ComesFromTheRegistryByName) {
