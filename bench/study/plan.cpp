@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <span>
+#include <utility>
 
 #include "problems/base/error.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -70,6 +73,22 @@ std::vector<StudyPoint> plan_of_own_sets(const StudyOptions& options,
     }
   }
   return plan;
+}
+
+// Points whose solvers are shuffled together.
+bool same_block(const StudyPoint& a, const StudyPoint& b) {
+  if (a.experiment != b.experiment) return false;
+  return a.experiment == "families" || (a.family == b.family && a.candidates == b.candidates);
+}
+
+// The names of a block's solvers, in random order.
+std::vector<std::string> shuffled_solvers(std::span<const StudyPoint> block, Random& random) {
+  std::vector<std::string> names;
+  for (const StudyPoint& point : block) {
+    if (std::ranges::find(names, point.solver) == names.end()) names.push_back(point.solver);
+  }
+  for (std::size_t k = names.size(); k > 1; --k) std::swap(names[k - 1], names[random.below(k)]);
+  return names;
 }
 
 }  // namespace
@@ -147,6 +166,22 @@ std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegis
     }
   }
   return plan;
+}
+
+std::vector<std::size_t> visiting_order(const std::vector<StudyPoint>& plan, std::uint64_t seed,
+                                        int round) {
+  Random random(seed * 1'000'003 + static_cast<std::uint64_t>(round));
+  std::vector<std::size_t> order;
+  for (std::size_t from = 0, to = 0; from < plan.size(); from = to) {
+    while (to < plan.size() && same_block(plan[from], plan[to])) ++to;
+    const std::span block(plan.begin() + static_cast<std::ptrdiff_t>(from), to - from);
+    for (const std::string& solver : shuffled_solvers(block, random)) {
+      for (std::size_t k = from; k < to; ++k) {
+        if (plan[k].solver == solver) order.push_back(k);
+      }
+    }
+  }
+  return order;
 }
 
 }  // namespace graybox::bench

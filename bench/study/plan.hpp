@@ -92,4 +92,10 @@ struct OwnSetSize {
                                                 const std::vector<std::string>& families,
                                                 const std::vector<OwnSetSize>& own = {});
 
+// The order in which round `round` visits the points: that of the plan, with the solvers of each
+// set, or of all families together, shuffled by the seed and the round. So no solver always follows
+// the same other one, and sizes of one solver still ascend. A permutation of 0 .. plan.size() - 1.
+[[nodiscard]] std::vector<std::size_t> visiting_order(const std::vector<StudyPoint>& plan,
+                                                      std::uint64_t seed, int round);
+
 }  // namespace graybox::bench

@@ -46,6 +46,27 @@ SolveStatus solve_status(const std::string& text) {
   return SolveStatus::kNumericalFailure;
 }
 
+// "stated_seconds" and "stated_trace" of an answer or a row.
+OwnAccount own_account(const json& entry) {
+  OwnAccount account;
+  if (const auto seconds = entry.find("stated_seconds"); seconds != entry.end()) {
+    account.seconds = seconds->get<double>();
+  }
+  for (const json& pair : entry.value("stated_trace", json::array())) {
+    account.trace.push_back(
+        {pair.at(0).get<double>(), 0.0, number_or_infinity(pair.at(1)), std::int64_t{0}});
+  }
+  return account;
+}
+
+void add_account(const OwnAccount& account, json& out) {
+  if (account.seconds) out["stated_seconds"] = *account.seconds;
+  for (const TracePoint& point : account.trace) {
+    out["stated_trace"].push_back(
+        {rounded(point.seconds), finite_or_null(rounded(point.duality_gap))});
+  }
+}
+
 WorkerAnswer parse_answer(const json& entry, std::size_t candidate_count) {
   WorkerAnswer answer;
   const auto status = entry.at("status").get<std::string>();
@@ -55,6 +76,11 @@ WorkerAnswer parse_answer(const json& entry, std::size_t candidate_count) {
   answer.counters.passes = entry.value("passes", 0.0);
   answer.counters.seconds = entry.value("seconds", 0.0);
   answer.wall_seconds = entry.value("wall_seconds", 0.0);
+  answer.cpu_seconds = entry.value("cpu_seconds", 0.0);
+  answer.account = own_account(entry);
+  if (const auto repair = entry.find("repair"); repair != entry.end()) {
+    answer.repair = {repair->at(0).get<double>(), repair->at(1).get<double>()};
+  }
   answer.peak_memory_bytes = entry.value("peak_memory_bytes", std::size_t{0});
   answer.baseline_memory_bytes = entry.value("baseline_memory_bytes", std::size_t{0});
   answer.message = entry.value("message", std::string());
@@ -129,6 +155,7 @@ void to_json(json& out, const RunRow& row) {
          {"wall_seconds", row.wall_seconds},
          {"process_seconds", row.process_seconds},
          {"cpu_seconds", row.cpu_seconds},
+         {"solve_cpu_seconds", row.solve_cpu_seconds},
          {"duality_gap", finite_or_null(row.duality_gap)},
          {"rounding_bound", finite_or_null(row.rounding_bound)},
          {"log_det", finite_or_null(row.log_det)},
@@ -142,6 +169,10 @@ void to_json(json& out, const RunRow& row) {
          {"message", row.message}};
   if (!row.key.command.empty()) out["command"] = row.key.command;
   if (!row.origin.generator.empty() || !row.origin.path.empty()) out["set"] = to_json(row.origin);
+  add_account(row.account, out);
+  if (row.repair.any()) {
+    out["repair"] = {{"clipped", row.repair.clipped}, {"rescaled", row.repair.rescaled}};
+  }
   json reached = json::object();
   for (const auto& [level, at] : row.reached) {
     reached[level] = {rounded(at.seconds), rounded(at.passes)};
@@ -177,6 +208,11 @@ void from_json(const json& in, RunRow& row) {
   in.at("wall_seconds").get_to(row.wall_seconds);
   in.at("process_seconds").get_to(row.process_seconds);
   in.at("cpu_seconds").get_to(row.cpu_seconds);
+  row.solve_cpu_seconds = in.value("solve_cpu_seconds", 0.0);
+  row.account = own_account(in);
+  if (const auto repair = in.find("repair"); repair != in.end()) {
+    row.repair = {repair->at("clipped").get<double>(), repair->at("rescaled").get<double>()};
+  }
   row.duality_gap = number_or_infinity(in.at("duality_gap"));
   row.rounding_bound = number_or_infinity(in.at("rounding_bound"));
   row.log_det = in.at("log_det").is_null() ? -kInfinity : in.at("log_det").get<double>();
@@ -249,6 +285,7 @@ void judge(const InformationSet& set, const ProcessOutcome& outcome, const Worke
   row.seconds = row.wall_seconds = outcome.seconds;
   row.message = explain(outcome, output.answer);
   if (!output.trace.empty()) row.passes = output.trace.back().passes;
+  const std::size_t trace_points = row.key.repetition == 0 ? kTracePoints : 0;
   Certificate certificate;
   if (output.answer) {
     const WorkerAnswer& answer = *output.answer;
@@ -256,6 +293,10 @@ void judge(const InformationSet& set, const ProcessOutcome& outcome, const Worke
     row.claimed = answer.out_of_memory ? "out_of_memory" : to_string(answer.claimed);
     row.wall_seconds = answer.wall_seconds;
     row.seconds = std::min(answer.counters.seconds, answer.wall_seconds);
+    row.solve_cpu_seconds = answer.cpu_seconds;
+    row.account = answer.account;
+    row.account.trace = thinned(answer.account.trace, trace_points);
+    row.repair = answer.repair;
     row.passes = answer.counters.passes;
     row.iterations = answer.counters.iterations;
     row.peak_memory_bytes = std::max(answer.peak_memory_bytes, outcome.peak_memory_bytes);
@@ -268,7 +309,7 @@ void judge(const InformationSet& set, const ProcessOutcome& outcome, const Worke
   row.support_size = certified ? certificate.support_size : 0;
   row.status = classify(outcome, output.answer, certificate, row.key.duality_gap);
   row.reached = gaps_reached(output.trace, row.duality_gap, certified ? row.rounding_bound : 0.0);
-  row.trace = thinned(output.trace, row.key.repetition == 0 ? kTracePoints : 0);
+  row.trace = thinned(output.trace, trace_points);
 }
 
 std::map<std::string, GapReached> gaps_reached(const std::vector<TracePoint>& trace,

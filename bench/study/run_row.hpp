@@ -69,7 +69,9 @@ struct RunRow {
   double wall_seconds = 0.0;     // around solve(), traces included
   double process_seconds = 0.0;  // start of the program to its end, reading the set included
   double cpu_seconds = 0.0;      // of that process
-  double duality_gap = 0.0;      // by the checker; infinity without a design
+  double solve_cpu_seconds =
+      0.0;                   // of solve() alone, all its threads and programs, traces included
+  double duality_gap = 0.0;  // by the checker; infinity without a design
   double rounding_bound = 0.0;
   double log_det = 0.0;
   double passes = 0.0;
@@ -82,6 +84,8 @@ struct RunRow {
   std::string message;
   std::map<std::string, GapReached> reached;  // "1e-1" ... "1e-9"; absent where never reached
   std::vector<TracePoint> trace;              // thinned; of the first repetition only
+  OwnAccount account;                         // of an external program; its trace thinned likewise
+  WeightRepair repair;                        //   "
 };
 
 void to_json(nlohmann::json& json, const RunRow& row);
@@ -107,9 +111,12 @@ struct WorkerAnswer {
   Design design;
   SolveCounters counters;
   double wall_seconds = 0.0;
+  double cpu_seconds = 0.0;
   std::size_t peak_memory_bytes = 0;
   std::size_t baseline_memory_bytes = 0;
   std::string message;
+  OwnAccount account;
+  WeightRepair repair;
 };
 
 struct WorkerOutput {

@@ -127,9 +127,8 @@ class StudyRunner {
         limits_(limits_of(options)),
         own_(read_own_sets(options.sets)),
         sets_(setup, own_, options.output / "work") {
-    for (StudyPoint& point : make_plan(options, registry, setup.families, sizes_of(own_))) {
-      states_.push_back({std::move(point), {}, 1, false});
-    }
+    plan_ = make_plan(options, registry, setup.families, sizes_of(own_));
+    for (const StudyPoint& point : plan_) states_.push_back({point, {}, 1, false});
   }
 
   StudyOutcome run() {
@@ -191,7 +190,8 @@ class StudyRunner {
   }
 
   void run_round() {
-    for (PointState& state : states_) {
+    for (const std::size_t next : visiting_order(plan_, options_.seed, round_)) {
+      PointState& state = states_[next];
       if (setup_.interrupted && setup_.interrupted()) outcome_.interrupted = true;
       if (outcome_.interrupted) return;
       if (state.skipped || static_cast<int>(state.runs.size()) != round_ ||
@@ -374,7 +374,8 @@ class StudyRunner {
   std::vector<OwnSet> own_;
   std::optional<FolderLock> lock_;
   SetStore sets_;
-  std::vector<PointState> states_;
+  std::vector<StudyPoint> plan_;
+  std::vector<PointState> states_;  // of its points
   std::map<RunKey, RunRow> earlier_;
   std::map<std::tuple<std::string, std::string, std::string>, std::string> stopped_;
   RowFile* rows_ = nullptr;

@@ -14,7 +14,8 @@
 //                         used
 //
 // Order: every point once, then a second time, and so on, so that the repetitions of one point are
-// spread over the whole study and meet the same disturbances as everybody else's. How often a point
+// spread over the whole study and meet the same disturbances as everybody else's. Within a round the
+// solvers come in random order (visiting_order). How often a point
 // is repeated follows from its first run: as often as fits into limits.point_seconds, at most
 // limits.repetitions times, once if it was not solved. In the scaling and normalisation experiments
 // a solver that ran out of time or memory at some Q is not tried at a larger one; a skip row says

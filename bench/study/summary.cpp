@@ -46,17 +46,49 @@ class Csv {
 };
 
 void write_points(const std::vector<PointSummary>& points, const fs::path& folder) {
-  Csv csv({"experiment", "family", "candidates", "solver", "gap_asked", "status", "repetitions",
-           "median_seconds", "lower_quartile_seconds", "upper_quartile_seconds", "charged_seconds",
-           "checked_gap", "passes", "iterations", "support_size", "peak_memory_bytes",
-           "added_memory_bytes", "message"});
+  Csv csv({"experiment",
+           "family",
+           "candidates",
+           "solver",
+           "gap_asked",
+           "status",
+           "repetitions",
+           "median_seconds",
+           "lower_quartile_seconds",
+           "upper_quartile_seconds",
+           "charged_seconds",
+           "checked_gap",
+           "passes",
+           "iterations",
+           "support_size",
+           "peak_memory_bytes",
+           "added_memory_bytes",
+           "solve_cpu_seconds",
+           "stated_seconds",
+           "repaired",
+           "message"});
   for (const PointSummary& p : points) {
-    csv.add({p.experiment, p.family, std::to_string(p.candidates), p.solver, number(p.gap_asked),
-             std::string(to_string(p.status)), std::to_string(p.repetitions),
-             number(p.seconds.median), number(p.seconds.lower), number(p.seconds.upper),
-             number(p.charged_seconds), number(p.checked_gap), number(p.passes),
-             number(p.iterations), std::to_string(p.support_size), number(p.peak_memory_bytes),
-             number(p.added_memory_bytes), p.message});
+    csv.add({p.experiment,
+             p.family,
+             std::to_string(p.candidates),
+             p.solver,
+             number(p.gap_asked),
+             std::string(to_string(p.status)),
+             std::to_string(p.repetitions),
+             number(p.seconds.median),
+             number(p.seconds.lower),
+             number(p.seconds.upper),
+             number(p.charged_seconds),
+             number(p.checked_gap),
+             number(p.passes),
+             number(p.iterations),
+             std::to_string(p.support_size),
+             number(p.peak_memory_bytes),
+             number(p.added_memory_bytes),
+             number(p.cpu_seconds),
+             p.stated_seconds ? number(*p.stated_seconds) : "",
+             number(p.repaired),
+             p.message});
   }
   csv.write(folder / "points.csv");
 }
@@ -86,6 +118,17 @@ void write_time_to_gap(const std::vector<PointSummary>& points, const fs::path& 
     }
   }
   csv.write(folder / "time_to_gap.csv");
+}
+
+void write_own_clocks(const std::vector<PointSummary>& points, const fs::path& folder) {
+  Csv csv({"experiment", "family", "candidates", "solver", "gap_asked", "gap", "stated_seconds"});
+  for (const PointSummary& p : points) {
+    for (const auto& [level, seconds] : p.stated_reached) {
+      csv.add({p.experiment, p.family, std::to_string(p.candidates), p.solver, number(p.gap_asked),
+               level, number(seconds)});
+    }
+  }
+  csv.write(folder / "own_clock.csv");
 }
 
 void write_profiles(const std::vector<PointSummary>& points, const fs::path& folder) {
@@ -157,6 +200,15 @@ std::string status_counts(const std::vector<RunRow>& runs) {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
+// The median time, and that of an external program's own clock; or why there is none.
+std::string time_text(const PointSummary& point) {
+  if (point.status != ReportStatus::kSolved) return std::string(to_string(point.status));
+  const std::string measured = fmt::format("{:.3g}", point.seconds.median);
+  return point.stated_seconds
+             ? fmt::format("{} ({:.3g} by its own clock)", measured, *point.stated_seconds)
+             : measured;
+}
+
 // Solver against Q: the median time, or where and why it stopped.
 std::string time_table(const std::vector<PointSummary>& points) {
   std::vector<std::size_t> sizes;
@@ -166,9 +218,7 @@ std::string time_table(const std::vector<PointSummary>& points) {
     if (p.experiment != "scaling") continue;
     if (std::ranges::find(sizes, p.candidates) == sizes.end()) sizes.push_back(p.candidates);
     if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
-    cells[{p.solver, p.candidates}] = p.status == ReportStatus::kSolved
-                                          ? fmt::format("{:.3g}", p.seconds.median)
-                                          : std::string(to_string(p.status));
+    cells[{p.solver, p.candidates}] = time_text(p);
   }
   std::ranges::sort(sizes);
   std::string text = "| solver |";
@@ -206,9 +256,7 @@ std::string own_time_table(const std::vector<PointSummary>& points) {
     if (p.experiment != "own") continue;
     if (std::ranges::find(sets, p.family) == sets.end()) sets.push_back(p.family);
     if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
-    cells[{p.solver, p.family}] = p.status == ReportStatus::kSolved
-                                      ? fmt::format("{:.3g}", p.seconds.median)
-                                      : std::string(to_string(p.status));
+    cells[{p.solver, p.family}] = time_text(p);
   }
   std::string text = "| solver |", line = "\n|---|";
   for (const std::string& set : sets) {
@@ -295,6 +343,7 @@ std::string write_tables(const StudyRows& rows, const fs::path& folder) {
   write_points(points, tables);
   write_laws(laws, tables);
   write_time_to_gap(points, tables);
+  write_own_clocks(points, tables);
   write_profiles(points, tables);
   write_agreement(agreements, tables);
   write_headlines(lines, tables);

@@ -49,6 +49,23 @@ std::map<std::string, GapReached> median_reached(const RunGroup& group) {
   return medians;
 }
 
+// What an external program said, and what its weights needed.
+void add_account(const RunGroup& group, PointSummary& point) {
+  const RunRow& first = *group.front();
+  if (std::ranges::all_of(group,
+                          [](const RunRow* run) { return run->account.seconds.has_value(); })) {
+    point.stated_seconds = median_of(group, [](const RunRow& run) { return *run.account.seconds; });
+  }
+  for (const auto& [level, at] :
+       gaps_reached(first.account.trace, first.duality_gap, first.rounding_bound)) {
+    point.stated_reached[level] = at.seconds;
+  }
+  for (const RunRow* run : group) {
+    point.repaired =
+        std::max({point.repaired, run->repair.clipped, std::abs(run->repair.rescaled)});
+  }
+}
+
 PointSummary summarise(const RunGroup& group) {
   const RunRow& first = *group.front();
   PointSummary point;
@@ -80,6 +97,8 @@ PointSummary summarise(const RunGroup& group) {
     return static_cast<double>(run.peak_memory_bytes) -
            static_cast<double>(std::min(run.baseline_memory_bytes, run.peak_memory_bytes));
   });
+  point.cpu_seconds = median_of(group, [](const RunRow& run) { return run.solve_cpu_seconds; });
+  add_account(group, point);
   point.support_size = first.support_size;
   point.reached = median_reached(group);
   return point;

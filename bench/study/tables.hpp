@@ -31,6 +31,10 @@ struct PointSummary {
   double checked_gap = 0.0;      // the worst of the repetitions
   double passes = 0.0;           // medians
   double iterations = 0.0;
+  double cpu_seconds = 0.0;                      // of the solve, median
+  std::optional<double> stated_seconds;          // by an external program's own clock, median
+  std::map<std::string, double> stated_reached;  // its own seconds to gaps, of the first repetition
+  double repaired = 0.0;            // the largest change that its weights needed, in their sum
   std::size_t support_size = 0;     // of the first
   double peak_memory_bytes = 0.0;   // the largest
   double added_memory_bytes = 0.0;  // median of peak less baseline: what the solve itself took

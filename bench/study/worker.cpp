@@ -85,21 +85,50 @@ std::size_t peak_with_children() {
   return std::max(peak_resident_bytes(), static_cast<std::size_t>(children.ru_maxrss) * 1024);
 }
 
-json answer_of(const Solution& solution, double wall_seconds, std::size_t baseline) {
+double seconds_of(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
+
+// Of all threads of this process, and of programs that it has started and seen end.
+double cpu_seconds() {
+  double seconds = 0.0;
+  for (const int whose : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    getrusage(whose, &usage);
+    seconds += seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
+  }
+  return seconds;
+}
+
+// What only external programs have to say.
+void add_account(const Solution& solution, json& answer) {
+  if (solution.account.seconds) answer["stated_seconds"] = *solution.account.seconds;
+  for (const TracePoint& point : solution.account.trace) {
+    answer["stated_trace"].push_back({point.seconds, finite_or_null(point.duality_gap)});
+  }
+  if (solution.repair.any()) {
+    answer["repair"] = {solution.repair.clipped, solution.repair.rescaled};
+  }
+}
+
+json answer_of(const Solution& solution, double wall_seconds, double cpu, std::size_t baseline) {
   json support = json::array();
   for (std::size_t i = 0; i < solution.design.weights.size(); ++i) {
     const double weight = solution.design.weights[i];
     if (weight != 0.0) support.push_back({i, finite_or_null(weight)});
   }
-  return {{"status", to_string(solution.status)},
-          {"seconds", solution.counters.seconds},
-          {"wall_seconds", wall_seconds},
-          {"passes", solution.counters.passes},
-          {"iterations", solution.counters.iterations},
-          {"peak_memory_bytes", peak_with_children()},
-          {"baseline_memory_bytes", baseline},
-          {"message", solution.message},
-          {"support", std::move(support)}};
+  json answer{{"status", to_string(solution.status)},
+              {"seconds", solution.counters.seconds},
+              {"wall_seconds", wall_seconds},
+              {"cpu_seconds", cpu},
+              {"passes", solution.counters.passes},
+              {"iterations", solution.counters.iterations},
+              {"peak_memory_bytes", peak_with_children()},
+              {"baseline_memory_bytes", baseline},
+              {"message", solution.message},
+              {"support", std::move(support)}};
+  add_account(solution, answer);
+  return answer;
 }
 
 void solve_and_answer(const WorkerRequest& request, const SolverRegistry& registry,
@@ -114,13 +143,15 @@ void solve_and_answer(const WorkerRequest& request, const SolverRegistry& regist
   (void)set.content_hash();
   TraceWriter writer(stream);
   const std::size_t baseline = peak_resident_bytes();
+  const double cpu = cpu_seconds();
   const auto start = Clock::now();
   const Solution solution = solver.solve(set, options, &writer);
   const std::chrono::duration<double> wall = Clock::now() - start;
+  const double used = cpu_seconds() - cpu;
   if (!solution.trace.empty() && !writer.is_last(solution.trace.back())) {
     writer.write(solution.trace.back());
   }
-  stream.write_line({{"answer", answer_of(solution, wall.count(), baseline)}});
+  stream.write_line({{"answer", answer_of(solution, wall.count(), used, baseline)}});
 }
 
 double number(const std::string& name, const std::string& text) {

@@ -5,6 +5,9 @@
 //   {"trace":[seconds, passes, gap, iteration]}
 //   {"answer":{"status":"solved","seconds":...,"passes":...,"support":[[index, weight], ...], ...}}
 //
+// The answer of an external program may add "stated_seconds", "stated_trace": [[seconds, gap], ...]
+// and "repair": [clipped, rescaled].
+//
 // The gap in a trace is the solver's; infinity is null. The design is certified by the reader, in
 // another process. Solvers that print do so on standard error.
 #pragma once

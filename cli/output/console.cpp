@@ -81,6 +81,10 @@ std::string describe(const SolveReport& report) {
                       report.counters.iterations, report.counters.passes,
                       seconds_text(report.counters.seconds),
                       bytes_text(static_cast<double>(report.peak_memory_bytes)));
+  if (report.account.seconds) {
+    text += fmt::format("  stated        {} by the program's own clock\n",
+                        seconds_text(*report.account.seconds));
+  }
   return text;
 }
 

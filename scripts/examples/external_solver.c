@@ -102,12 +102,15 @@ static double sensitivities(size_t candidates, size_t d, const double *set, cons
   return largest;
 }
 
-static void write_design(const char *path, size_t candidates, const double *weights, int solved) {
+static void write_design(const char *path, size_t candidates, const double *weights, int solved,
+                         double seconds) {
   FILE *file = fopen(path, "w");
   const char *separator = "";
   if (file == NULL) fail("the design can't be written");
   fprintf(file, "{\"format\": \"graybox-design/1\", \"solver\": \"external_solver.c\",\n");
-  fprintf(file, " \"status\": \"%s\",\n \"support\": [", solved ? "solved" : "time_limit");
+  fprintf(file, " \"status\": \"%s\", \"seconds\": %g,\n", solved ? "solved" : "time_limit",
+          seconds);
+  fprintf(file, " \"support\": [");
   for (size_t q = 0; q < candidates; ++q) {
     if (weights[q] == 0.0) continue;
     fprintf(file, "%s\n  {\"index\": %zu, \"weight\": %.17g}", separator, q, weights[q]);
@@ -134,7 +137,7 @@ int main(int count, char **arguments) {
     for (size_t q = 0; q < candidates; ++q) sum += weights[q] *= sensitivity[q] / (double)d;
     for (size_t q = 0; q < candidates; ++q) weights[q] /= sum;
   }
-  write_design(arguments[2], candidates, weights, solved);
+  write_design(arguments[2], candidates, weights, solved, now() - start);
   free(set);
   free(weights);
   free(sensitivity);

@@ -20,6 +20,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,7 @@
 #include "problems/information/information_set.hpp"
 #include "solvers/core/criterion.hpp"
 #include "solvers/core/design.hpp"
+#include "solvers/core/weight_repair.hpp"
 
 namespace graybox {
 
@@ -65,12 +67,21 @@ struct SolveCounters {
   double seconds = 0.0;  // wall time of the solve, without the recording of traces
 };
 
+// What an external program says of its own run, by its own clock: kept and shown beside what is
+// measured, never in its place.
+struct OwnAccount {
+  std::optional<double> seconds = {};
+  std::vector<TracePoint> trace = {};  // seconds and gaps; no passes
+};
+
 struct Solution {
   Design design;
   SolveStatus status = SolveStatus::kNumericalFailure;
   std::vector<TracePoint> trace;
   SolveCounters counters;
-  std::string message;  // empty, or one line on why it stopped where it did
+  std::string message;       // empty, or one line on why it stopped where it did
+  OwnAccount account = {};   // external programs alone; likewise:
+  WeightRepair repair = {};  // what was done to the weights that it wrote
 };
 
 // Watches a run. Called with each new trace point; returning false stops the solver, which then

@@ -127,8 +127,15 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   Tracer tracer(set, options, observer);
   const double uniform = 1.0 / static_cast<double>(set.candidate_count());
   Design design{std::vector<double>(set.candidate_count(), uniform)};
+  DesignFile file;
   const auto finish = [&](SolveStatus status, std::string message = {}) {
-    return tracer.finish(std::move(design), status, 0, std::move(message));
+    const std::string repaired = describe(file.repair);
+    if (!repaired.empty()) message += (message.empty() ? "" : "; ") + repaired;
+    Solution solution =
+        tracer.finish(std::move(design), status, file.counters.iterations, std::move(message));
+    solution.account = std::move(file.account);
+    solution.repair = file.repair;
+    return solution;
   };
 
   tracer.pause();
@@ -158,7 +165,7 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
                  : finish(SolveStatus::kTimeLimit, "killed before it wrote a design.json");
   }
   try {
-    DesignFile file = read_design(answer, set);
+    file = read_design(answer, set, WeightCheck::kRepaired);
     design = std::move(file.design);
     const double gap = duality_gap(set, design.weights);
     tracer.resume();

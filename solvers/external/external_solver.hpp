@@ -16,7 +16,9 @@
 // it).
 //
 // The clock runs from start to end of the program; writing and reading the files are off it. The
-// trace has the gap at the end alone.
+// trace has the gap at the end alone. What the program says of its own seconds and trace is kept
+// beside it (OwnAccount). Weights that miss the simplex by up to 1e-6 are repaired, which the
+// message says (weight_repair.hpp).
 //
 // Status: what the field "status" of the design claims (a false claim stays one: the checker is
 // there to find it); without it, solved if the checked gap is met, else numerical_failure. An exit

@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <string_view>
 #include <type_traits>
 #include <vector>
@@ -21,6 +24,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kFormat = "graybox-design/1";
+constexpr double kSignTolerance = 1e-12;  // as certify() has them
+constexpr double kSumTolerance = 1e-9;
 
 Json support_entry(const InformationSet& set, std::size_t index, double weight) {
   Json entry{{"index", index}, {"weight", weight}};
@@ -63,7 +68,10 @@ class DesignReader {
     file.criterion = criterion();
     file.limits = limits();
     file.objective = text(object("objective"), "name");
-    file.design.weights = weights(check);
+    file.account = account();
+    file.design.weights = weights();
+    if (check == WeightCheck::kRepaired) repair(file);
+    if (check != WeightCheck::kForChecker) require_simplex(file.design.weights);
     file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
     return file;
   }
@@ -218,26 +226,68 @@ class DesignReader {
     }
   }
 
-  [[nodiscard]] std::vector<double> weights(WeightCheck check) const {
+  [[nodiscard]] OwnAccount account() const {
+    OwnAccount account;
+    account.seconds = number(root_, "", "seconds");
+    if (!account.seconds) account.seconds = number(object("counters"), "counters.", "seconds");
+    if (account.seconds && !(*account.seconds >= 0.0)) fail("seconds must not be negative");
+    const auto trace = root_.find("trace");
+    if (trace == root_.end() || trace->is_null()) return account;
+    if (!trace->is_array()) fail("trace must be an array of [seconds, gap]");
+    double last = 0.0;
+    for (std::size_t k = 0; k < trace->size(); ++k) {
+      account.trace.push_back(trace_point((*trace)[k], k));
+      if (account.trace.back().seconds < last) fail(fmt::format("trace[{}] goes back in time", k));
+      last = account.trace.back().seconds;
+    }
+    return account;
+  }
+
+  [[nodiscard]] TracePoint trace_point(const Json& entry, std::size_t k) const {
+    const bool pair = entry.is_array() && entry.size() == 2 && entry[0].is_number() &&
+                      (entry[1].is_number() || entry[1].is_null());
+    if (!pair) fail(fmt::format("trace[{}]: expected [seconds, gap]", k));
+    TracePoint point;
+    point.seconds = entry[0].get<double>();
+    point.duality_gap =
+        entry[1].is_null() ? std::numeric_limits<double>::infinity() : entry[1].get<double>();
+    return point;
+  }
+
+  // Weights that are a design as they are stay as they are.
+  static void repair(DesignFile& file) {
+    std::vector<double>& weights = file.design.weights;
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
+    if (std::abs(sum - 1.0) <= kSumTolerance && std::ranges::min(weights) >= -kSignTolerance) {
+      return;
+    }
+    file.repair = repair_weights(weights).value_or(WeightRepair());
+  }
+
+  void require_simplex(const std::vector<double>& weights) const {
+    const auto least = std::ranges::min_element(weights);
+    if (*least < -kSignTolerance) {
+      fail(fmt::format("support: weight {} is negative (index {})", *least,
+                       std::distance(weights.begin(), least)));
+    }
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
+    if (!(std::abs(sum - 1.0) <= kSumTolerance)) {
+      fail(fmt::format("support: the weights sum to {:.12g}, not 1", sum));
+    }
+  }
+
+  [[nodiscard]] std::vector<double> weights() const {
     const auto support = root_.find("support");
     if (support == root_.end() || !support->is_array() || support->empty()) {
       fail("support is missing or empty; expected [{\"index\": ..., \"weight\": ...}, ...]");
     }
     std::vector<double> all(set_.candidate_count(), 0.0);
     std::vector<bool> seen(set_.candidate_count(), false);
-    double sum = 0.0;
     for (std::size_t k = 0; k < support->size(); ++k) {
       const auto [index, weight] = support_point((*support)[k], k);
       if (seen[index]) fail(fmt::format("support[{}]: index {} stands there twice", k, index));
-      if (check == WeightCheck::kStrict && weight < -1e-12) {
-        fail(fmt::format("support[{}]: weight {} is negative", k, weight));
-      }
       seen[index] = true;
       all[index] = weight;
-      sum += weight;
-    }
-    if (check == WeightCheck::kStrict && !(std::abs(sum - 1.0) <= 1e-9)) {
-      fail(fmt::format("support: the weights sum to {:.12g}, not 1", sum));
     }
     return all;
   }

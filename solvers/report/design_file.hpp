@@ -24,7 +24,12 @@
 // listed; indices count from zero; "candidate" holds the coordinates where the set has some.
 // Numbers are written with as many digits as read back exactly (up to 17); infinite ones are null.
 // A program that writes designs for graybox needs "format" and "support" with "index" and "weight";
-// all else is optional on reading.
+// all else is optional on reading. It may add its own account of the run, by its own clock:
+//
+//   "seconds": 0.31, "trace": [[0.01, 0.5], [0.31, 1e-7]]
+//
+// that is, [seconds, gap] in order of time; null stands for a gap that is infinite. Where it has no
+// "seconds", those of "counters" stand for it.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -51,10 +56,13 @@ struct DesignFile {
   DesignLimits limits;
   std::string objective;  // name of the "objective", empty for a plain optimal design
   SolveCounters counters;
+  OwnAccount account;
+  WeightRepair repair;
 };
 
 enum class WeightCheck {
   kStrict,      // weights must form a design: each at least -1e-12, their sum within 1e-9 of 1
+  kRepaired,    // the same, but weights that miss it by up to 1e-6 are repaired (weight_repair.hpp)
   kForChecker,  // any finite weights: the caller hands them to certify()
 };
 

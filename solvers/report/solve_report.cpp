@@ -109,6 +109,8 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
   report.dimension = set.dimension();
   report.options = options;
   report.counters = solution.counters;
+  report.account = solution.account;
+  report.repair = solution.repair;
   report.peak_memory_bytes = peak_memory_bytes();
   if (solution.status == SolveStatus::kUnsupported) {
     report.certificate.duality_gap = std::numeric_limits<double>::infinity();
@@ -125,28 +127,33 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
 
 nlohmann::ordered_json to_json(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
-  return {{"solver", report.solver},
-          {"status", to_string(report.status)},
-          {"criterion", to_string(report.options.criterion.kind())},
-          {"criterion_value", certificate.criterion_value},
-          {"duality_gap", certificate.duality_gap},
-          {"rounding_bound", certificate.rounding_bound},
-          {"log_det", certificate.log_det},
-          {"log_det_gap", certificate.log_det_gap},
-          {"efficiency", certificate.efficiency},
-          {"seconds", report.counters.seconds},
-          {"passes", report.counters.passes},
-          {"iterations", report.counters.iterations},
-          {"support_size", certificate.support_size},
-          {"peak_memory_bytes", report.peak_memory_bytes},
-          {"problem", report.problem},
-          {"problem_hash", report.problem_hash},
-          {"candidates", report.candidates},
-          {"dimension", report.dimension},
-          {"asked_gap", report.options.duality_gap},
-          {"threads", report.options.threads},
-          {"seed", report.options.seed},
-          {"message", report.message}};
+  nlohmann::ordered_json line{{"solver", report.solver},
+                              {"status", to_string(report.status)},
+                              {"criterion", to_string(report.options.criterion.kind())},
+                              {"criterion_value", certificate.criterion_value},
+                              {"duality_gap", certificate.duality_gap},
+                              {"rounding_bound", certificate.rounding_bound},
+                              {"log_det", certificate.log_det},
+                              {"log_det_gap", certificate.log_det_gap},
+                              {"efficiency", certificate.efficiency},
+                              {"seconds", report.counters.seconds},
+                              {"passes", report.counters.passes},
+                              {"iterations", report.counters.iterations},
+                              {"support_size", certificate.support_size},
+                              {"peak_memory_bytes", report.peak_memory_bytes},
+                              {"problem", report.problem},
+                              {"problem_hash", report.problem_hash},
+                              {"candidates", report.candidates},
+                              {"dimension", report.dimension},
+                              {"asked_gap", report.options.duality_gap},
+                              {"threads", report.options.threads},
+                              {"seed", report.options.seed},
+                              {"message", report.message}};
+  if (report.account.seconds) line["stated_seconds"] = *report.account.seconds;
+  if (report.repair.any()) {
+    line["repair"] = {{"clipped", report.repair.clipped}, {"rescaled", report.repair.rescaled}};
+  }
+  return line;
 }
 
 std::uint64_t peak_memory_bytes() {

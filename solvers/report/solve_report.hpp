@@ -47,6 +47,8 @@ struct SolveReport {
   Certificate certificate;  // of an unsupported problem: infinite gap
   SolveCounters counters;
   std::uint64_t peak_memory_bytes = 0;  // of this process so far; it never falls
+  OwnAccount account = {};              // of an external program
+  WeightRepair repair = {};             //   "
 };
 
 // The verdict on a claim: the rule behind ReportStatus.
@@ -60,7 +62,8 @@ struct SolveReport {
 // Keys: solver, status, criterion, criterion_value, duality_gap, rounding_bound, log_det,
 // log_det_gap, efficiency, seconds, passes, iterations, support_size, peak_memory_bytes, problem,
 // problem_hash, candidates, dimension, asked_gap, threads, seed, message. Infinite numbers (a
-// singular design's gap) and those that a criterion does not have are null.
+// singular design's gap) and those that a criterion does not have are null. Of an external program
+// also stated_seconds, and "repair" with "clipped" and "rescaled", where there is such a thing.
 [[nodiscard]] nlohmann::ordered_json to_json(const SolveReport& report);
 
 // Peak resident memory of this process so far.

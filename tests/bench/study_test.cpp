@@ -11,7 +11,9 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/study/process.hpp"
@@ -105,6 +107,10 @@ RunRow example_row() {
   row.reached["1e-1"] = {0.01, 1.0};
   row.trace = {{0.0, 1.0, kInfinity, 1}, {0.1, 4.5, 1e-7, 9}};
   row.message = "fine, \"quoted\"";
+  row.solve_cpu_seconds = 0.25;
+  row.account.seconds = 0.0625;
+  row.account.trace = {{0.0, 0.0, kInfinity, 0}, {0.0625, 0.0, 1e-7, 0}};
+  row.repair = {1e-8, -2e-8};
   return row;
 }
 
@@ -117,6 +123,12 @@ TEST_F(Study, RowsSurviveTheirFile) {
   EXPECT_EQ(back.log_det, row.log_det);
   EXPECT_EQ(back.message, row.message);
   EXPECT_EQ(back.reached.at("1e-1").passes, 1.0);
+  EXPECT_EQ(back.solve_cpu_seconds, 0.25);
+  EXPECT_EQ(back.account.seconds, 0.0625);
+  ASSERT_EQ(back.account.trace.size(), 2U);
+  EXPECT_TRUE(std::isinf(back.account.trace[0].duality_gap));
+  EXPECT_EQ(back.account.trace[1].duality_gap, 1e-7);
+  EXPECT_EQ(back.repair, row.repair);
   ASSERT_EQ(back.trace.size(), 2U);
   EXPECT_TRUE(std::isinf(back.trace[0].duality_gap));
   EXPECT_EQ(back.trace[1].iteration, 9);
@@ -252,6 +264,8 @@ TEST_F(Study, EveryWayToFailGetsItsName) {
   EXPECT_GE(first.at("honest").trace.size(), 2U);
   EXPECT_GT(first.at("honest").passes, 1.0);
   EXPECT_LE(first.at("honest").seconds, first.at("honest").wall_seconds);
+  EXPECT_GT(first.at("honest").solve_cpu_seconds, 0.0);
+  EXPECT_LT(first.at("honest").solve_cpu_seconds, first.at("honest").cpu_seconds);
   EXPECT_GE(first.at("honest").peak_memory_bytes, first.at("honest").baseline_memory_bytes);
   // A killed run leaves the trace it had written.
   ASSERT_EQ(first.at("sleeper").trace.size(), 1U);
@@ -542,6 +556,57 @@ TEST(Agreement, HonestAnswersAgreeAndALieIsCaught) {
   EXPECT_FALSE(caught[0].agrees());
   EXPECT_NE(caught[0].worst_pair.find("liar"), std::string::npos);
   EXPECT_NEAR(caught[0].worst_excess, 1e-3 - d * 1e-8, 1e-9);
+}
+
+TEST(Plan, SolversAreShuffledWithinASetAndSizesAscend) {
+  const SolverRegistry registry = testing::study_registry({"honest", "liar", "quitter", "crasher"});
+  const auto plan = make_plan(StudyOptions(), registry, {"wis", "smo"});
+  const auto order = visiting_order(plan, 1, 0);
+  EXPECT_EQ(order, visiting_order(plan, 1, 0));
+  std::vector<std::size_t> sorted = order;
+  std::ranges::sort(sorted);
+  for (std::size_t k = 0; k < plan.size(); ++k) EXPECT_EQ(sorted[k], k);
+  std::size_t size = 0, set_changes = 0;
+  std::set<std::vector<std::string>> orders;
+  std::vector<std::string> names;
+  for (const std::size_t k : order) {
+    if (plan[k].experiment != "scaling") continue;
+    EXPECT_GE(plan[k].candidates, size);
+    if (plan[k].candidates != size) ++set_changes;
+    size = plan[k].candidates;
+    names.push_back(plan[k].solver);
+    if (names.size() == 4) orders.insert(std::exchange(names, {}));
+  }
+  EXPECT_EQ(set_changes, study_sizes(kFullSize).size());
+  EXPECT_GT(orders.size(), 1U);  // not the same order at every size
+  // All families of one solver before those of the next.
+  std::size_t solver_changes = 0;
+  std::string last;
+  for (const std::size_t k : order) {
+    if (plan[k].experiment != "families") continue;
+    if (plan[k].solver != last) ++solver_changes;
+    last = plan[k].solver;
+  }
+  EXPECT_EQ(solver_changes, 4U);
+  EXPECT_NE(order, visiting_order(plan, 1, 1));
+  EXPECT_NE(order, visiting_order(plan, 2, 0));
+}
+
+// Every order of three solvers comes about equally often over many rounds.
+TEST(Plan, EveryOrderOfSolversIsAsLikely) {
+  const SolverRegistry registry = testing::study_registry({"honest", "liar", "quitter"});
+  StudyOptions options;
+  options.families = false;
+  options.max_candidates = 50;
+  const auto plan = make_plan(options, registry, {});
+  std::map<std::vector<std::size_t>, int> counts;
+  constexpr int kRounds = 6000;
+  for (int round = 0; round < kRounds; ++round) ++counts[visiting_order(plan, 7, round)];
+  ASSERT_EQ(counts.size(), 6U);
+  // Five standard deviations of a binomial count.
+  for (const auto& [order, count] : counts) {
+    EXPECT_NEAR(count, kRounds / 6.0, 5 * std::sqrt(kRounds * 5.0 / 36.0));
+  }
 }
 
 TEST(Plan, SizesLimitsAndExperiments) {

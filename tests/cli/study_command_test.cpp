@@ -128,6 +128,41 @@ TEST_F(StudyCommand, NamesProgramsWhoseCommandsMayHoldCommas) {
   EXPECT_FALSE(of["cocktail"].contains("command"));
 }
 
+// The program states a second of its own, reaches a gap early by its own word, and misses the
+// simplex by a millionth.
+TEST_F(StudyCommand, ShowsWhatAProgramSaysOfItsRunBesideWhatWasMeasured) {
+  write_text(file("two.csv"), "1,0,0\n0,0,1\n");
+  write_text(
+      file("mine.sh"),
+      "echo '{\"format\": \"graybox-design/1\", \"seconds\": 0.000001, \"trace\": [[1e-7, 0.05], "
+      "[1e-6, 1e-7]], \"support\": [{\"index\": 0, \"weight\": 0.5}, {\"index\": 1, "
+      "\"weight\": 0.5000002}]}' > \"$2\"\n");
+  const Outcome outcome =
+      graybox(study_ + "--sets two.csv -o results --solver-name 'mine=external:sh mine.sh'");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("(1e-06 by its own clock)"), std::string::npos) << outcome.out;
+  for (const json& row : runs("results")) {
+    if (row["solver"] != "mine") {
+      EXPECT_FALSE(row.contains("stated_seconds"));
+      continue;
+    }
+    EXPECT_EQ(row["status"], "solved");
+    EXPECT_EQ(row["stated_seconds"], 1e-6);
+    EXPECT_GT(row["seconds"], 1e-4);  // a shell was started
+    EXPECT_NEAR(row["repair"]["rescaled"].get<double>(), 2e-7, 1e-15);
+    EXPECT_LT(row["duality_gap"], 3e-7);
+    EXPECT_GT(row["reached"]["1e-6"][0], 1e-4);  // measured, too
+    EXPECT_EQ(row.contains("stated_trace"), row["repetition"] == 0);
+  }
+  const std::string own = read_text(file("results/tables/own_clock.csv"));
+  EXPECT_NE(own.find("own,two.csv,2,mine,1e-06,1e-1,1e-07\n"), std::string::npos) << own;
+  EXPECT_NE(own.find("own,two.csv,2,mine,1e-06,1e-6,1e-06\n"), std::string::npos) << own;
+  const Outcome solved = graybox("solve two.csv --solver 'external:sh mine.sh' --json");
+  const json line = json::parse(solved.out);
+  EXPECT_EQ(line["stated_seconds"], 1e-6);
+  EXPECT_NEAR(line["repair"]["rescaled"].get<double>(), 2e-7, 1e-15);
+}
+
 TEST_F(StudyCommand, ResumesWhatIsTheSameAndRunsAgainWhatIsNot) {
   write_text(file("mine.sh"), uniform_program(60));
   const std::string command = study_ + "--sets a.h5 b.npy -o results --json --solver-name ";

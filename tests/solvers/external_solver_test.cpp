@@ -6,10 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "problems/base/error.hpp"
@@ -245,6 +247,74 @@ TEST(ExternalSolver, RefusesWhatIsNoDesign) {
     EXPECT_EQ(solution.status, SolveStatus::kNumericalFailure) << json;
     EXPECT_NE(solution.message.find("design.json"), std::string::npos) << solution.message;
     expect_uniform(solution, 2);
+  }
+}
+
+// Uniform weights on one parameter's candidates of equal worth are optimal, repaired or not.
+TEST(ExternalSolver, RepairsWeightsThatMissTheSimplexByRounding) {
+  const InformationSet set = scalars({1.0, 1.0, 1.0});
+  const Solution solution = run(writing(R"({"format": "graybox-design/1", "support":
+      [{"index": 0, "weight": 0.5}, {"index": 1, "weight": 0.5000005},
+       {"index": 2, "weight": -2e-7}]})"),
+                                set, {.duality_gap = 1e-9});
+  EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+  EXPECT_DOUBLE_EQ(solution.repair.clipped, 2e-7);
+  EXPECT_NEAR(solution.repair.rescaled, 5e-7, 1e-15);
+  EXPECT_EQ(solution.message,
+            "weights repaired: 2e-07 below zero clipped, a sum of 1 + 5e-07 put right");
+  const std::vector<double>& weights = solution.design.weights;
+  EXPECT_EQ(weights[2], 0.0);
+  EXPECT_NEAR(weights[0] + weights[1], 1.0, 1e-15);
+  EXPECT_DOUBLE_EQ(weights[1] / weights[0], 0.5000005 / 0.5);
+  EXPECT_EQ(certify(set, solution.design).status, CertificateStatus::kCertified);
+}
+
+TEST(ExternalSolver, RepairsNothingThatIsADesignAndNothingThatIsFarFromOne) {
+  const InformationSet set = scalars({1.0, 1.0});
+  const auto answer = [&](const std::string& first, const std::string& second) {
+    return run(writing(R"({"format": "graybox-design/1", "support": [{"index": 0, "weight": )" +
+                       first + R"(}, {"index": 1, "weight": )" + second + "}]}"),
+               set);
+  };
+  const Solution whole = answer("0.3", "0.7000000000001");
+  EXPECT_FALSE(whole.repair.any());
+  EXPECT_EQ(whole.design.weights, (std::vector<double>{0.3, 0.7000000000001}));
+  for (const auto& [first, second] :
+       {std::pair{"0.3", "0.700002"}, std::pair{"0.3", "0.699998"}, std::pair{"1.000002", "-2e-6"},
+        std::pair{"-0.9999995", "2"}}) {
+    const Solution refused = answer(first, second);
+    EXPECT_EQ(refused.status, SolveStatus::kNumericalFailure) << first << ", " << second;
+    EXPECT_NE(refused.message.find("design.json: support"), std::string::npos) << refused.message;
+    EXPECT_FALSE(refused.repair.any());
+    expect_uniform(refused, 2);
+  }
+}
+
+TEST(ExternalSolver, KeepsTheProgramsOwnAccountBesideWhatIsMeasured) {
+  const InformationSet set = scalars({1.0, 2.0});
+  const auto answer = [&](const std::string& account) {
+    return run(writing(R"({"format": "graybox-design/1", )" + account +
+                       R"("support": [{"index": 1, "weight": 1}]})"),
+               set);
+  };
+  const Solution told =
+      answer(R"("seconds": 1e-9, "trace": [[0, null], [1e-10, 0.5], [2e-10, 0]],)");
+  EXPECT_EQ(told.account.seconds, 1e-9);
+  EXPECT_GT(told.counters.seconds, 1e-6);  // of starting a shell
+  ASSERT_EQ(told.account.trace.size(), 3U);
+  EXPECT_TRUE(std::isinf(told.account.trace[0].duality_gap));
+  EXPECT_EQ(told.account.trace[1].duality_gap, 0.5);
+  EXPECT_EQ(told.account.trace[2].seconds, 2e-10);
+  ASSERT_EQ(told.trace.size(), 1U);  // measured: the end alone
+  EXPECT_EQ(answer(R"("counters": {"seconds": 7, "iterations": 3},)").account.seconds, 7.0);
+  EXPECT_EQ(answer(R"("counters": {"seconds": 7, "iterations": 3},)").counters.iterations, 3);
+  EXPECT_FALSE(answer("").account.seconds.has_value());
+  for (const std::string broken :
+       {R"("seconds": -1,)", R"("seconds": "1 s",)", R"("trace": [0.1],)", R"("trace": [[0.1]],)",
+        R"("trace": [[0.2, 1], [0.1, 0.5]],)", R"("trace": {},)"}) {
+    const Solution refused = answer(broken);
+    EXPECT_EQ(refused.status, SolveStatus::kNumericalFailure) << broken;
+    EXPECT_NE(refused.message.find("design.json: "), std::string::npos) << refused.message;
   }
 }
 
