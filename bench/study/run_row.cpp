@@ -39,13 +39,6 @@ TracePoint trace_point(const json& entry) {
           entry.at(3).get<std::int64_t>()};
 }
 
-SolveStatus solve_status(const std::string& text) {
-  for (const SolveStatus status : kSolveStatuses) {
-    if (to_string(status) == text) return status;
-  }
-  return SolveStatus::kNumericalFailure;
-}
-
 // "stated_seconds" and "stated_trace" of an answer or a row.
 OwnAccount own_account(const json& entry) {
   OwnAccount account;
@@ -169,6 +162,7 @@ void to_json(json& out, const RunRow& row) {
          {"message", row.message}};
   if (!row.key.command.empty()) out["command"] = row.key.command;
   if (!row.origin.generator.empty() || !row.origin.path.empty()) out["set"] = to_json(row.origin);
+  if (row.design.any()) out["design"] = row.design;
   add_account(row.account, out);
   if (row.repair.any()) {
     out["repair"] = {{"clipped", row.repair.clipped}, {"rescaled", row.repair.rescaled}};
@@ -210,6 +204,7 @@ void from_json(const json& in, RunRow& row) {
   in.at("cpu_seconds").get_to(row.cpu_seconds);
   row.solve_cpu_seconds = in.value("solve_cpu_seconds", 0.0);
   row.account = own_account(in);
+  row.design = in.value("design", StoredDesign());
   if (const auto repair = in.find("repair"); repair != in.end()) {
     row.repair = {repair->at("clipped").get<double>(), repair->at("rescaled").get<double>()};
   }
@@ -241,6 +236,13 @@ void to_json(json& out, const SkipRow& row) {
 void from_json(const json& in, SkipRow& row) {
   row = {in.at("experiment"), in.at("family"), in.at("candidates"),
          in.at("solver"),     in.at("gap"),    in.at("reason")};
+}
+
+SolveStatus solve_status(std::string_view name) {
+  for (const SolveStatus status : kSolveStatuses) {
+    if (to_string(status) == name) return status;
+  }
+  return SolveStatus::kNumericalFailure;
 }
 
 WorkerOutput parse_worker_output(std::string_view output, std::size_t candidate_count) {

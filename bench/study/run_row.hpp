@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "bench/study/process.hpp"
+#include "bench/study/stored_design.hpp"
 #include "problems/information/information_set.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/core/solver.hpp"
@@ -86,6 +87,7 @@ struct RunRow {
   std::vector<TracePoint> trace;              // thinned; of the first repetition only
   OwnAccount account;                         // of an external program; its trace thinned likewise
   WeightRepair repair;                        //   "
+  StoredDesign design;  // what was certified; rows of earlier releases have none
 };
 
 void to_json(nlohmann::json& json, const RunRow& row);
@@ -131,6 +133,9 @@ struct WorkerOutput {
 // Fills everything the process and its output tell about a run; `row` comes with its key set.
 void judge(const InformationSet& set, const ProcessOutcome& outcome, const WorkerOutput& output,
            RunRow& row);
+
+// The status of that name; numerical_failure for one that there is not.
+[[nodiscard]] SolveStatus solve_status(std::string_view name);
 
 // The fence first, then the checker.
 [[nodiscard]] ReportStatus classify(const ProcessOutcome& outcome,

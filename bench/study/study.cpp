@@ -288,7 +288,9 @@ class StudyRunner {
       outcome_.interrupted = true;
       return false;
     }
-    judge(set.set, outcome, parse_worker_output(outcome.output, set.set.candidate_count()), row);
+    const WorkerOutput output = parse_worker_output(outcome.output, set.set.candidate_count());
+    judge(set.set, outcome, output, row);
+    if (output.answer) row.design = store_design(output.answer->design, options_.output);
     rows_->append(row);
     ++outcome_.runs_made;
     return true;

@@ -8,18 +8,18 @@
 //   rows.jsonl            raw rows: environment, run and skip rows (row_file.hpp)
 //   tables/*.csv          derived tables (tables.hpp)
 //   summary.md            the same in short, with the environment
+//   designs/*.npy         designs with many weights, which rows name (stored_design.hpp)
 //   work/*.h5             the sets the runs read; can be deleted
 //   rows_of_other_builds.jsonl   what a resumed study found of another build of graybox, of an own
 //                         set that has changed since, or of another command by the same name; not
 //                         used
 //
 // Order: every point once, then a second time, and so on, so that the repetitions of one point are
-// spread over the whole study and meet the same disturbances as everybody else's. Within a round the
-// solvers come in random order (visiting_order). How often a point
-// is repeated follows from its first run: as often as fits into limits.point_seconds, at most
-// limits.repetitions times, once if it was not solved. In the scaling and normalisation experiments
-// a solver that ran out of time or memory at some Q is not tried at a larger one; a skip row says
-// so.
+// spread over the whole study and meet the same disturbances as everybody else's. Within a round
+// the solvers come in random order (visiting_order). How often a point is repeated follows from its
+// first run: as often as fits into limits.point_seconds, at most limits.repetitions times, once if
+// it was not solved. In the scaling and normalisation experiments a solver that ran out of time or
+// memory at some Q is not tried at a larger one; a skip row says so.
 #pragma once
 
 #include <cstddef>

@@ -209,15 +209,30 @@ std::string time_text(const PointSummary& point) {
              : measured;
 }
 
+// The solvers of an experiment: first those that solved most points, then the fastest in all.
+std::vector<std::string> best_first(const std::vector<PointSummary>& points,
+                                    const std::string& experiment) {
+  std::map<std::string, std::pair<int, double>> scores;  // minus points solved, seconds charged
+  for (const PointSummary& p : points) {
+    if (p.experiment != experiment) continue;
+    auto& [unsolved, seconds] = scores[p.solver];
+    unsolved -= p.status == ReportStatus::kSolved ? 1 : 0;
+    seconds += p.charged_seconds;
+  }
+  std::vector<std::string> names;
+  for (const auto& [name, score] : scores) names.push_back(name);
+  std::ranges::stable_sort(names, {}, [&](const std::string& name) { return scores.at(name); });
+  return names;
+}
+
 // Solver against Q: the median time, or where and why it stopped.
 std::string time_table(const std::vector<PointSummary>& points) {
   std::vector<std::size_t> sizes;
-  std::vector<std::string> solvers;
+  const std::vector<std::string> solvers = best_first(points, "scaling");
   std::map<std::pair<std::string, std::size_t>, std::string> cells;
   for (const PointSummary& p : points) {
     if (p.experiment != "scaling") continue;
     if (std::ranges::find(sizes, p.candidates) == sizes.end()) sizes.push_back(p.candidates);
-    if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
     cells[{p.solver, p.candidates}] = time_text(p);
   }
   std::ranges::sort(sizes);
@@ -250,12 +265,12 @@ std::string own_set_list(const std::vector<RunRow>& runs) {
 
 // Solver against own set: the median time, or why there is none.
 std::string own_time_table(const std::vector<PointSummary>& points) {
-  std::vector<std::string> sets, solvers;
+  std::vector<std::string> sets;
+  const std::vector<std::string> solvers = best_first(points, "own");
   std::map<std::pair<std::string, std::string>, std::string> cells;
   for (const PointSummary& p : points) {
     if (p.experiment != "own") continue;
     if (std::ranges::find(sets, p.family) == sets.end()) sets.push_back(p.family);
-    if (std::ranges::find(solvers, p.solver) == solvers.end()) solvers.push_back(p.solver);
     cells[{p.solver, p.family}] = time_text(p);
   }
   std::string text = "| solver |", line = "\n|---|";

@@ -4,7 +4,7 @@
 //                                   checked gap, passes, iterations, memory
 //   tables/fitted_exponents.csv     time = factor Q^exponent over Q >= 500, with 95 % confidence
 //   tables/time_to_gap.csv          median time and passes to gaps 1e-1 ... 1e-9
-//   tables/own_clock.csv            the same by the own clock of external programs that keep a trace
+//   tables/own_clock.csv            the same by external programs' own clocks, where they keep one
 //   tables/performance_profile.csv  Dolan and More profiles over instances, at kProfileGap
 //   tables/profile_instances.csv    the times they are made of (for pairwise comparison)
 //   tables/agreement.csv            do the certified answers agree within their bounds?

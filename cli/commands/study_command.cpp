@@ -17,6 +17,7 @@
 #include "bench/study/study_sets.hpp"
 #include "bench/study/summary.hpp"
 #include "bench/study/tables.hpp"
+#include "bench/study/verify.hpp"
 #include "bench/study/worker.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/process/interrupt.hpp"
@@ -158,6 +159,48 @@ void add_worker_command(CLI::App& app, Invocation& invocation) {
   });
 }
 
+struct VerifyArguments {
+  std::string rows;
+  bool json = false;
+};
+
+int verify(const VerifyArguments& arguments) {
+  std::filesystem::path file = arguments.rows;
+  if (std::filesystem::is_directory(file)) file /= "rows.jsonl";
+  catch_interrupts();
+  const bench::RowVerification found = bench::verify_rows(file, bench::make_study_set, interrupted);
+  if (arguments.json) {
+    const nlohmann::ordered_json out{{"verified", found.verified},
+                                     {"false", found.false_rows},
+                                     {"without_set", found.without_set},
+                                     {"without_design", found.without_design},
+                                     {"without_answer", found.without_answer},
+                                     {"unreadable", found.unreadable},
+                                     {"interrupted", interrupted()},
+                                     {"lines", found.lines}};
+    fmt::print("{}\n", out.dump());
+  } else {
+    for (const std::string& line : found.lines) fmt::print("{}\n", line);
+    fmt::print("{}{}\n", interrupted() ? "interrupted; so far " : "", describe(found));
+  }
+  return found.holds() && !interrupted() ? kDone : kShort;
+}
+
+void add_verify_command(CLI::App& study, Invocation& invocation) {
+  auto* command = study.add_subcommand(
+      "verify", "Make the sets of a study again and certify every design in its rows");
+  auto arguments = std::make_shared<VerifyArguments>();
+  command->add_option("rows", arguments->rows, "rows.jsonl, or the folder with it")->required();
+  command->add_flag("--json", arguments->json, "print one machine-readable line");
+  command->footer(
+      "No solver runs. Prints a line for each false row and for each set that can't be made "
+      "again,\n"
+      "and a total. Exit code 0 only if every row that holds a design is true.\n"
+      "Example:\n"
+      "  graybox study verify results/quick/rows.jsonl");
+  command->callback([arguments, &invocation] { invocation.exit_code = verify(*arguments); });
+}
+
 }  // namespace
 
 void add_study_command(CLI::App& app, Invocation& invocation) {
@@ -218,7 +261,10 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       "  graybox study --sets a.npy b.h5 --solver-name 'mine=external:./solve {npy}' -o "
       "results/own\n"
       "Figures: scripts/figures results/quick");
-  command->callback([arguments, &invocation] { invocation.exit_code = study(*arguments); });
+  add_verify_command(*command, invocation);
+  command->callback([command, arguments, &invocation] {
+    if (command->get_subcommands().empty()) invocation.exit_code = study(*arguments);
+  });
 }
 
 }  // namespace graybox::cli

@@ -1,6 +1,6 @@
-// Weights that miss the simplex by no more than another program's rounding, put back on it: negative
-// ones become zero, and then all are divided by their sum. What was done is kept, to be stated; the
-// design that is certified is the repaired one.
+// Weights that miss the simplex by no more than another program's rounding, put back on it.
+// Negative ones become zero, and then all are divided by their sum. What was done is kept, to be
+// stated; the design that is certified is the repaired one.
 //
 //   std::vector<double> weights{0.5, 0.5000001, -1e-8};
 //   const WeightRepair repair = repair_weights(weights).value();

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -22,6 +23,7 @@
 #include "bench/study/statistics.hpp"
 #include "bench/study/summary.hpp"
 #include "bench/study/tables.hpp"
+#include "bench/study/verify.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
@@ -391,6 +393,128 @@ TEST_F(Study, WritesItsTablesAndSummary) {
   EXPECT_NE(summary.find("claimed_but_wrong"), std::string::npos);
   EXPECT_NE(summary.find("processor"), std::string::npos);
   EXPECT_EQ(text(options_.output / "summary.md"), summary);
+}
+
+// ---- rows that can be verified -----------------------------------------------------------------
+
+// Changes the first run row of a solver and verifies all.
+class Verify : public Study {
+ protected:
+  RowVerification after(const std::string& solver,
+                        const std::function<void(nlohmann::json&)>& change) {
+    std::ifstream stream(options_.output / "rows.jsonl");
+    std::string lines;
+    bool changed = false;
+    for (std::string line; std::getline(stream, line);) {
+      nlohmann::json row = nlohmann::json::parse(line);
+      if (!changed && row["kind"] == "run" && row["solver"] == solver) {
+        change(row);
+        changed = true;
+      }
+      lines += row.dump() + "\n";
+    }
+    EXPECT_TRUE(changed);
+    std::ofstream(options_.output / "changed.jsonl") << lines;
+    return verify_rows(options_.output / "changed.jsonl", small_set);
+  }
+  static void keep(nlohmann::json&) {}
+  // [index, weight]. The multiplicative algorithm leaves most weights near zero.
+  static nlohmann::json& heaviest(nlohmann::json& row) {
+    return *std::ranges::max_element(row["design"]["support"], {}, [](const nlohmann::json& pair) {
+      return pair[1].is_null() ? 0.0 : double(pair[1]);
+    });
+  }
+};
+
+TEST_F(Verify, TrueRowsAreFoundTrueWhateverTheSolverClaimed) {
+  run({"honest", "liar", "quitter", "crasher"});
+  const RowVerification found = after("honest", keep);
+  EXPECT_TRUE(found.holds()) << describe(found) << found.lines.front();
+  std::size_t answered = 0, crashed = 0;
+  for (const RunRow& row : rows().runs) ++(row.key.solver == "crasher" ? crashed : answered);
+  EXPECT_EQ(found.verified, answered);
+  EXPECT_EQ(found.without_answer, crashed);
+  EXPECT_EQ(found.without_design, 0U);
+}
+
+TEST_F(Verify, EveryFalseStatementIsFound) {
+  run({"honest", "liar"});
+  using Change = std::function<void(nlohmann::json&)>;
+  const std::vector<std::pair<Change, std::string>> changes{
+      {[](auto& row) { heaviest(row)[1] = 0.9 * double(heaviest(row)[1]); }, "states a gap"},
+      {[](auto& row) { heaviest(row)[1] = nullptr; }, "states a gap"},
+      {[](auto& row) { std::swap(heaviest(row)[0], row["design"]["support"].back()[0]); },
+       "states a gap"},
+      {[](auto& row) { row["design"]["support"][0][0] = 100; }, "candidate 100"},
+      {[](auto& row) { row["duality_gap"] = 0.5 * double(row["duality_gap"]); }, "states a gap"},
+      {[](auto& row) { row["duality_gap"] = 1e-12, row["rounding_bound"] = 1.0; }, "states a gap"},
+      {[](auto& row) { row["duality_gap"] = nullptr; }, "states a gap"},
+      {[](auto& row) { row["log_det"] = 1e-9 + double(row["log_det"]); }, "states log det M"},
+      {[](auto& row) { row["support_size"] = 3; }, "states a support of 3"},
+      {[](auto& row) { row["status"] = "inaccurate"; }, "is called inaccurate, but is solved"},
+  };
+  for (const auto& [change, words] : changes) {
+    const RowVerification found = after("honest", change);
+    EXPECT_FALSE(found.holds());
+    EXPECT_EQ(found.false_rows, 1U) << words;
+    ASSERT_EQ(found.lines.size(), 1U) << words;
+    EXPECT_NE(found.lines[0].find("robot Q = 50, honest, gap 1e-03, run 1: "), std::string::npos);
+    EXPECT_NE(found.lines[0].find(words), std::string::npos) << found.lines[0];
+  }
+  const RowVerification lie = after("liar", [](auto& row) { row["status"] = "solved"; });
+  EXPECT_EQ(lie.false_rows, 1U);
+  EXPECT_NE(lie.lines.at(0).find("is called solved, but is claimed_but_wrong"), std::string::npos);
+}
+
+TEST_F(Verify, WhatCanNotBeVerifiedIsSaid) {
+  options_.max_candidates = 50;
+  run({"honest"});
+  const std::size_t count = rows().runs.size();
+  const RowVerification old = after("honest", [](auto& row) { row.erase("design"); });
+  EXPECT_EQ(old.without_design, 1U);
+  EXPECT_EQ(old.false_rows, 0U);
+  EXPECT_EQ(old.verified, count - 1);
+  // Another set under the same name, and a generator of another seed.
+  const auto other = verify_rows(options_.output / "rows.jsonl",
+                                 [](const auto&, std::size_t q) { return small_set("other", q); });
+  EXPECT_EQ(other.without_set, count);
+  EXPECT_FALSE(other.holds());
+  ASSERT_EQ(other.lines.size(), 1U);
+  EXPECT_NE(other.lines[0].find("is now another set"), std::string::npos) << other.lines[0];
+  const auto seed = after("honest", [](auto& row) { row["set"]["seed"] = 5; });
+  EXPECT_EQ(seed.without_set, count);
+  EXPECT_THROW((void)verify_rows(folder_ / "none.jsonl", small_set), InputError);
+  std::ofstream(folder_ / "rows.jsonl") << "{}\n";
+  EXPECT_FALSE(verify_rows(folder_ / "rows.jsonl", small_set).holds());
+}
+
+TEST_F(Verify, ManyWeightsStandInASideFileThatIsGuardedByItsHash) {
+  Design design;
+  for (std::size_t i = 0; i <= kLongestSupport; ++i)
+    design.weights.push_back(1.0 / (1.0 + double(i)));
+  design.weights.push_back(0.0);
+  const StoredDesign stored = store_design(design, folder_);
+  EXPECT_TRUE(stored.support.empty());
+  EXPECT_EQ(store_design(design, folder_).file, stored.file);
+  const StoredDesign back =
+      nlohmann::json::parse(nlohmann::json(stored).dump()).get<StoredDesign>();
+  EXPECT_EQ(stored_design(back, design.weights.size(), folder_).weights, design.weights);
+  EXPECT_THROW((void)stored_design(back, 5, folder_), InputError);
+  const fs::path file = folder_ / stored.file;
+  std::string bytes = text(file);
+  bytes[bytes.size() - 20] = static_cast<char>(bytes[bytes.size() - 20] ^ 1);
+  std::ofstream(file, std::ios::binary) << bytes;
+  EXPECT_THROW((void)stored_design(back, design.weights.size(), folder_), InputError);
+  fs::remove(file);
+  EXPECT_THROW((void)stored_design(back, design.weights.size(), folder_), InputError);
+  // One weight less stands in the row, exactly.
+  design.weights[0] = 0.0;
+  const StoredDesign few = store_design(design, folder_);
+  EXPECT_EQ(few.support.size(), kLongestSupport);
+  EXPECT_EQ(stored_design(nlohmann::json::parse(nlohmann::json(few).dump()).get<StoredDesign>(),
+                          design.weights.size(), folder_)
+                .weights,
+            design.weights);
 }
 
 TEST(Statistics, QuartilesInterpolateBetweenOrderStatistics) {

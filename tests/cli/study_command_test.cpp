@@ -191,6 +191,71 @@ TEST_F(StudyCommand, ResumesWhatIsTheSameAndRunsAgainWhatIsNot) {
   EXPECT_EQ(hashes.size(), 1U);
 }
 
+// Every generator of the study makes its set again; multiplicative leaves many weights.
+TEST_F(StudyCommand, VerifiesTheRowsOfAStudy) {
+  ASSERT_EQ(graybox("study --quick --max-candidates 50 --solvers column_generation,multiplicative "
+                    "-o results")
+                .exit_code,
+            0);
+  const Outcome outcome = graybox("study verify results/rows.jsonl");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  const std::size_t count = runs("results").size();
+  EXPECT_EQ(outcome.out, std::to_string(count) + " rows verified, 0 false\n");
+  EXPECT_EQ(json::parse(graybox("study verify results --json").out)["verified"], count);
+  expect_refused("study verify none.jsonl", "none.jsonl");
+}
+
+TEST_F(StudyCommand, FindsADamagedWeightASideFileAndAChangedSet) {
+  make_set("flat", 200, 3, "b.npy");  // nearly equal candidates keep nearly equal weights
+  ASSERT_EQ(
+      graybox("study --quick --solvers multiplicative,column_generation --gap 0.01 --sets a.h5 "
+              "b.npy -o results")
+          .exit_code,
+      0);
+  ASSERT_EQ(graybox("study verify results").exit_code, 0);
+  ASSERT_TRUE(fs::exists(file("results/designs")));
+
+  const std::string rows = read_text(file("results/rows.jsonl"));
+  const std::size_t at = rows.find("\"support\":[[");
+  const std::size_t weight = rows.find(',', at) + 1;
+  write_text(file("results/damaged.jsonl"),
+             rows.substr(0, weight) + "0.01" + rows.substr(rows.find(']', weight)));
+  const Outcome damaged = graybox("study verify results/damaged.jsonl");
+  EXPECT_EQ(damaged.exit_code, 1);
+  EXPECT_NE(damaged.out.find(": states a gap of "), std::string::npos) << damaged.out;
+  EXPECT_NE(damaged.out.find(", 1 false\n"), std::string::npos) << damaged.out;
+
+  const std::string side = fs::directory_iterator(file("results/designs"))->path().string();
+  const std::string bytes = read_text(side);
+  write_text(side, bytes.substr(0, bytes.size() - 1) + "@");
+  const Outcome changed = graybox("study verify results");
+  EXPECT_EQ(changed.exit_code, 1);
+  EXPECT_NE(changed.out.find("does not have the hash"), std::string::npos) << changed.out;
+  write_text(side, bytes);
+  ASSERT_EQ(graybox("study verify results").exit_code, 0);
+
+  make_set("flat", 200, 3, "b.npy");
+  ASSERT_EQ(graybox("study verify results").exit_code, 0);  // the same set again
+  make_set("rob", 200, 3, "b.npy");
+  const Outcome moved = graybox("study verify results");
+  EXPECT_EQ(moved.exit_code, 1);
+  EXPECT_NE(moved.out.find("b.npy Q = 200: is now another set"), std::string::npos) << moved.out;
+}
+
+TEST_F(StudyCommand, SaysThatRowsOfEarlierReleasesCanNotBeVerified) {
+  ASSERT_EQ(graybox(study_ + "--sets a.h5 -o results").exit_code, 0);
+  std::string old;
+  for (json row : runs("results")) {
+    row.erase("design");
+    old += row.dump() + "\n";
+  }
+  write_text(file("old.jsonl"), old);
+  const Outcome outcome = graybox("study verify old.jsonl");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_EQ(outcome.out, "0 rows verified, 0 false; " + std::to_string(runs("results").size()) +
+                             " not verifiable: rows of an earlier release hold no designs\n");
+}
+
 TEST_F(StudyCommand, RefusesNamesThatAreNone) {
   const std::string command = study_ + "--sets a.h5 -o results --solver-name ";
   expect_refused(command + "mine", "--solver-name 'mine': expected LABEL=external:CMD");
