@@ -54,14 +54,23 @@ GROUPS = [
 ]
 STYLES = {name: style for _, group in GROUPS for name, style in group.items()}
 STYLES["column_generation"] = (BLACK, "*", "-")
+BROUGHT_NAMES = set()
+
+
+# Solvers that the reader brings, in the order in which they are first drawn.
+BROUGHT = [(VERMILION, "p", ":"), (BLUE, "h", ":"), (GREEN, "<", ":"), (PURPLE, ">", ":"),
+           (ORANGE, "d", ":"), (SKY, "8", ":")]
 
 
 def style_of(solver):
-    return STYLES.get(solver, (GREY, "o", ":"))
+    if solver not in STYLES:
+        STYLES[solver] = BROUGHT[sum(name in BROUGHT_NAMES for name in STYLES) % len(BROUGHT)]
+        BROUGHT_NAMES.add(solver)
+    return STYLES[solver]
 
 
 def readable(solver):
-    return solver.replace("_", " ")
+    return solver if solver in BROUGHT_NAMES else solver.replace("_", " ")
 
 
 # ---- data -------------------------------------------------------------------------------------
@@ -513,6 +522,58 @@ def pairwise_profile(study):
     save(study.folder, figure, "pairwise_profile")
 
 
+def short_seconds(value):
+    for factor, unit in ((1e6, "µs"), (1e3, "ms")):
+        if value * factor < 999.5:
+            return f"{value * factor:.3g} {unit}"
+    return f"{value:.3g} s"
+
+
+def own_sets(study):
+    """Every solver on every set that the reader brought: times, or why there is none."""
+    points = {(row["solver"], row["family"]): row for row in study.points_of("own")}
+    sets = list(dict.fromkeys(family for _, family in points))
+    if not sets:
+        return
+
+    def score(solver):
+        rows = [row for (name, _), row in points.items() if name == solver]
+        return (-sum(row["status"] == "solved" for row in rows),
+                sum(float(row["charged_seconds"]) for row in rows))
+
+    solvers = sorted({solver for solver, _ in points}, key=score)
+    grid = np.full((len(solvers), len(sets)), np.nan)
+    figure, axes = plt.subplots(figsize=(1.25 * len(sets) + 3.4, 0.36 * len(solvers) + 2.0),
+                                layout="constrained")
+    known = [float(row["median_seconds"]) for row in points.values() if row["status"] == "solved"]
+    norm = LogNorm(min(known, default=1e-6), max(max(known, default=1.0), 2 * min(known, default=1e-6)))
+    for i, solver in enumerate(solvers):
+        for j, family in enumerate(sets):
+            row = points.get((solver, family))
+            if row is None:
+                continue
+            seconds = float(row["median_seconds"])
+            solved = row["status"] == "solved"
+            if solved:
+                grid[i, j] = seconds
+            text = short_seconds(seconds) if solved else row["status"].replace("_", " ")
+            if solved and row.get("stated_seconds"):
+                text += f"\n({short_seconds(float(row['stated_seconds']))})"
+            axes.text(j, i, text, ha="center", va="center", fontsize=6.5,
+                      color="white" if solved and norm(seconds) > 0.6 else "#222222")
+    axes.imshow(grid, norm=norm, cmap="cividis_r", aspect="auto")
+    axes.grid(False)
+    axes.set_xticks(range(len(sets)), [pathlib.Path(name).name for name in sets], rotation=40, ha="right",
+                    fontsize=8)
+    axes.set_yticks(range(len(solvers)), [readable(name) for name in solvers], fontsize=8)
+    axes.tick_params(length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.set_title(f"{readable(solvers[0])} solves most sets in the least time, to a checked gap of "
+                   f"{scientific(study.gap('own'))}\n(in brackets: by the program's own clock)", fontsize=9)
+    save(study.folder, figure, "own_sets")
+
+
 def normalisation(study):
     points = study.points_of("normalisation")
     families = list(dict.fromkeys(row["family"] for row in points))
@@ -560,5 +621,5 @@ def draw(folder):
     study = Study(folder)
     for figure in (figure_3, figure_3_peers, gap_against_candidates, gap_against_time,
                    memory_against_candidates, passes_per_family, performance_profile,
-                   pairwise_profile, normalisation):
+                   pairwise_profile, own_sets, normalisation):
         figure(study)

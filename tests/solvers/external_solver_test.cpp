@@ -17,6 +17,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
+#include "problems/families/families.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/registry.hpp"
@@ -27,6 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::string kExamples = GRAYBOX_SOURCE_DIR "/scripts/examples/";
+const std::string kRivals = GRAYBOX_SOURCE_DIR "/scripts/rivals/";
 
 InformationSet scalars(const std::vector<double>& values) {
   AlignedArray information(values.size());
@@ -104,8 +106,61 @@ INSTANTIATE_TEST_SUITE_P(
         Example{"Julia", "julia --version", "julia '" + kExamples + "external_solver.jl' {csv}"},
         Example{"Octave", "octave-cli --version",
                 "octave-cli --path '" + kExamples +
-                    "' --eval \"external_solver('{csv}', '{design}', {gap}, {seconds})\""}),
+                    "' --eval \"external_solver('{csv}', '{design}', {gap}, {seconds})\""},
+        Example{"CVXOPT", "/usr/bin/python3 -c 'import cvxopt, numpy'",
+                "/usr/bin/python3 '" + kRivals + "cvxopt_solver.py' {npy}"}),
     [](const auto& each) { return std::string(each.param.language); });
+
+// To a gap that first-order methods don't reach, on candidates that differ by orders of magnitude.
+TEST(ExternalSolver, CvxoptIsARivalWorthTheName) {
+  if (std::system("/usr/bin/python3 -c 'import cvxopt, numpy' > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "not here: python3-cvxopt";
+  }
+  const std::string command = "/usr/bin/python3 '" + kRivals + "cvxopt_solver.py' {npy}";
+  for (const char* family : {"rob", "r1g"}) {
+    const InformationSet set = make_family(family, 400, 6);
+    const Solution solution = run(command, set, {.duality_gap = 1e-8});
+    EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+    EXPECT_LE(certify(set, solution.design).duality_gap, 1e-8) << family;
+    EXPECT_GT(solution.account.seconds, 0.0);
+    EXPECT_FALSE(solution.account.trace.empty());
+  }
+}
+
+// The problem as conic solvers read it, solved as what it says: weights and value are right.
+TEST(ExternalSolver, TheConicProblemHasTheSameSolution) {
+  if (std::system("/usr/bin/python3 -c 'import cvxopt, numpy' > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "not here: python3-cvxopt";
+  }
+  const std::string command = "/usr/bin/python3 '" + kExamples + "conic_solver.py' {cbf}";
+  for (const char* family : {"wis", "r1g"}) {
+    const InformationSet set = make_family(family, 40, 4);
+    const Solution solution = run(command, set, {.duality_gap = 1e-5});
+    EXPECT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+    const Certificate certificate = certify(set, solution.design);
+    EXPECT_LE(certificate.duality_gap, 1e-5) << family;
+    const std::string label = "the optimal value is ";
+    ASSERT_EQ(solution.message.find(label), 0U) << solution.message;
+    EXPECT_NEAR(std::stod(solution.message.substr(label.size())), certificate.log_det, 1e-5);
+  }
+}
+
+TEST(ExternalSolver, ARivalThatIsNotThereSaysSoInOneLine) {
+  if (std::system("/usr/bin/python3 -c 'import numpy' > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "not here: python3-numpy";
+  }
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("graybox_absent_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  std::ofstream(folder / "cvxopt.py") << "raise ImportError\n";
+  const Solution solution = run("PYTHONPATH='" + folder.string() + "' /usr/bin/python3 '" +
+                                    kRivals + "cvxopt_solver.py' {npy}",
+                                scalars({1.0, 2.0}));
+  EXPECT_EQ(solution.status, SolveStatus::kNumericalFailure);
+  EXPECT_EQ(solution.message,
+            "ended with exit code 1: CVXOPT is not here: apt-get install python3-cvxopt");
+  fs::remove_all(folder);
+}
 
 // The example in C is compiled as its first lines say, with every warning an error.
 TEST(ExternalSolver, RunsTheExampleInC) {
