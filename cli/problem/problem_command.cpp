@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -15,6 +16,7 @@
 #include "problems/formats/information_set_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
+#include "solvers/external/cbf_file.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -230,11 +232,19 @@ void add_convert(CLI::App& problem) {
   auto* command = problem.add_subcommand("convert", "Rewrite a set in another format");
   add_set_options(*command, arguments->set);
   add_output(*command, arguments->output);
-  command->footer("Example:\n  graybox problem convert covdata.mat -o covdata.h5");
+  command->footer(
+      "To .cbf it writes the design problem itself, as conic solvers read it.\n"
+      "Examples:\n"
+      "  graybox problem convert covdata.mat -o covdata.h5\n"
+      "  graybox problem convert set.h5 -o problem.cbf");
   command->callback([arguments] {
     const ProjectedSet read = read_set(arguments->set);
     fmt::print("{}", change_note(read.changed));
-    write_information_set(arguments->output, read.set);
+    if (std::filesystem::path(arguments->output).extension() == ".cbf") {
+      write_cbf(arguments->output, read.set);
+    } else {
+      write_information_set(arguments->output, read.set);
+    }
     report_written(arguments->output, read.set);
   });
 }

@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,6 +12,7 @@
 #endif
 
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <cstring>
 
@@ -56,9 +59,20 @@ ChildProcess::ChildProcess(const std::vector<std::string>& arguments, const std:
     throw InputError(fmt::format("{}: can't be started: {}", arguments[0], std::strerror(error)));
   }
   setpgid(process_, process_);  // whoever of the two comes first
+#ifdef SYS_pidfd_open
+  end_ = static_cast<int>(syscall(SYS_pidfd_open, process_, 0));
+#endif
 }
 
-ChildProcess::~ChildProcess() { kill(); }
+ChildProcess::~ChildProcess() {
+  kill();
+  if (end_ >= 0) close(end_);
+}
+
+void ChildProcess::wait(double seconds) const {
+  pollfd end{.fd = end_, .events = POLLIN, .revents = 0};  // poll() passes over a negative one
+  poll(&end, 1, static_cast<int>(std::ceil(1000.0 * seconds)));
+}
 
 bool ChildProcess::running() {
   if (ended_) return false;

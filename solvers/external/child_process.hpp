@@ -1,7 +1,7 @@
 // ChildProcess: a program run beside this one, in its own process group, that never outlives it.
 //
 //   ChildProcess child({"sh", "-c", "exit 3"}, "log.txt");
-//   while (child.running()) sleep or child.kill();
+//   while (child.running()) child.wait(0.02);  // or child.kill()
 //   child.exit_code();   // 3
 #pragma once
 
@@ -23,6 +23,9 @@ class ChildProcess {
   ~ChildProcess();  // kills what is left of the group
 
   [[nodiscard]] bool running();
+  // Returns as soon as the program ends, but after so many seconds at the latest. Where the system
+  // can't tell of the end, it always takes that long.
+  void wait(double seconds) const;
   void kill();  // the whole group, and waits for its leader
 
   // Once it has ended: the exit code, or minus the number of the signal that ended it.
@@ -32,6 +35,7 @@ class ChildProcess {
   void take_status(int status);
 
   pid_t process_ = -1;
+  int end_ = -1;  // readable once the program has ended; -1 where there is no such thing
   bool ended_ = false;
   int exit_code_ = 0;
 };

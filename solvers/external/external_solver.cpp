@@ -2,15 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -19,6 +15,7 @@
 #include "problems/formats/information_set_file.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/external/cbf_file.hpp"
 #include "solvers/external/child_process.hpp"
 #include "solvers/report/design_file.hpp"
 
@@ -94,7 +91,6 @@ SolveStatus claimed_status(const DesignFile& file, double gap, double asked_gap)
 
 // True if the program ended by itself, false if it had to be killed.
 bool wait_for(ChildProcess& child, Tracer& tracer, double time_limit, bool observed) {
-  double pause = 0.0005;
   double next_report = kObserverInterval;
   while (child.running()) {
     const bool out_of_time = tracer.out_of_time();
@@ -108,8 +104,7 @@ bool wait_for(ChildProcess& child, Tracer& tracer, double time_limit, bool obser
       child.kill();
       return false;
     }
-    std::this_thread::sleep_for(std::chrono::duration<double>(pause));
-    pause = std::min(1.2 * pause, kLongestWait);
+    child.wait(kLongestWait);
   }
   return true;
 }
@@ -143,7 +138,11 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   const std::string problem = folder.file("problem" + command_.set_ending());
   const std::string answer = folder.file("design.json");
   const std::string log = folder.file("output.txt");
-  write_information_set(problem, set);
+  if (command_.set_ending() == ".cbf") {
+    write_cbf(problem, set);
+  } else {
+    write_information_set(problem, set);
+  }
   const std::vector<std::string> words = command_.words({.set_file = problem,
                                                          .design_file = answer,
                                                          .duality_gap = options.duality_gap,

@@ -11,7 +11,7 @@
 namespace graybox {
 namespace {
 
-constexpr std::array kFormats{"h5", "npy", "csv", "mat"};
+constexpr std::array kFormats{"h5", "npy", "csv", "mat", "cbf"};
 constexpr const char* kPlainCharacters =
     "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-.+/,:@%";
 

@@ -2,7 +2,8 @@
 //
 // CMD is a line for /bin/sh. Placeholders in it stand for
 //
-//   {h5} {npy} {csv} {mat}   the file with the set, in the format named; one of them at most
+//   {h5} {npy} {csv} {mat}   the file with the set, in the format named; one of them at most, or
+//   {cbf}                    the problem itself, for conic solvers (cbf_file.hpp)
 //   {design}                 the file to write
 //   {gap} {seconds}          the duality gap asked for and the time there is ("inf": no limit)
 //   {seed} {threads}         of the run

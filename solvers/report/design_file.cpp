@@ -17,6 +17,7 @@
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/input_file.hpp"
+#include "solvers/core/sensitivity.hpp"
 
 namespace graybox {
 namespace {
@@ -314,6 +315,22 @@ class DesignReader {
   Json root_;
 };
 
+// W = M^-1 d / max_i tr(M^-1 H_i), packed; empty where double precision can't invert M.
+std::vector<double> dual_point(const InformationSet& set, const std::vector<double>& weights) {
+  std::vector<double> packed(set.packed_size()), sensitivity(set.candidate_count());
+  information_matrix(set, weights, packed);
+  InverseFactor factor;
+  if (!invert(packed, set.dimension(), factor)) return {};
+  sensitivities(set, factor.trace_dual, sensitivity);
+  const double scale = static_cast<double>(set.dimension()) / std::ranges::max(sensitivity);
+  for (std::size_t i = 0, k = 0; i < set.dimension(); ++i) {
+    for (std::size_t j = 0; j <= i; ++j, ++k) {
+      packed[k] = factor.trace_dual[k] * (i == j ? scale : 0.5 * scale);  // there doubled
+    }
+  }
+  return packed;
+}
+
 }  // namespace
 
 Json design_json(const InformationSet& set, const Design& design, const SolveReport& report,
@@ -363,7 +380,13 @@ Json design_json(const InformationSet& set, const Design& design, const SolveRep
 
 void write_design(const std::string& path, const InformationSet& set, const Design& design,
                   const SolveReport& report, const DesignLimits& limits) {
-  write_text_file(path, design_json(set, design, report, limits).dump(1) + "\n");
+  Json root = design_json(set, design, report, limits);
+  if (report.options.criterion.kind() == CriterionKind::kD && !limits.any() &&
+      report.certificate.status == CertificateStatus::kCertified) {
+    const std::vector<double> point = dual_point(set, design.weights);
+    if (!point.empty()) root["dual_point"] = point;
+  }
+  write_text_file(path, root.dump(1) + "\n");
 }
 
 DesignFile read_design(const std::string& path, const InformationSet& set, WeightCheck check) {

@@ -12,7 +12,8 @@
 //     "certificate": {"status": "certified", "duality_gap": ..., "rounding_bound": ...,
 //                     "log_det": ..., "log_det_gap": ..., "efficiency": ..., "worst_candidate":
 //                     ..., "clipped": ..., "renormalised": ...},
-//     "log_det": ..., "counters": {"iterations": ..., "passes": ..., "seconds": ...}
+//     "log_det": ..., "counters": {"iterations": ..., "passes": ..., "seconds": ...},
+//     "dual_point": [...]
 //   }
 //
 // "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
@@ -22,7 +23,11 @@
 // "worst_case", "concentration_limit") and what else its maker reports. The entry "limits" states
 // those that the checker holds it to (design_limits.hpp). Only candidates of non-zero weight are
 // listed; indices count from zero; "candidate" holds the coordinates where the set has some.
-// Numbers are written with as many digits as read back exactly (up to 17); infinite ones are null.
+// The "dual_point" of a D-optimal design is W = M^-1 d / max_i tr(M^-1 H_i), a packed lower
+// triangle. It obeys the constraints tr(W H_i) <= d of the paper's dual (10). So anybody can check
+// with a few lines that no design has a log det M above -log det W, up to the rounding of W in
+// double precision. Numbers are written with as many digits as read back exactly (up to 17);
+// infinite ones are null.
 // A program that writes designs for graybox needs "format" and "support" with "index" and "weight";
 // all else is optional on reading. It may add its own account of the run, by its own clock:
 //

@@ -95,6 +95,29 @@ TEST_F(Listings, OfAPlanAreWhatTheProgramPrints) {
   expect_quoted(page, plan.out, "plan_set.h5: ");
 }
 
+// The lines of docs/formats.md that prove a design without graybox.
+TEST_F(Listings, OfAProofWithoutGrayboxProveTheDesign) {
+  if (std::system("/usr/bin/python3 -c 'import numpy' > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "not here: python3-numpy";
+  }
+  const std::string page = source_file("docs/formats.md");
+  const std::size_t from = page.find("import json\nimport numpy as np\n");
+  ASSERT_NE(from, std::string::npos);
+  testing::write_text(folder_.file("proof.py"), page.substr(from, page.find("```", from) - from));
+  ASSERT_EQ(
+      graybox("problem random --family wis --candidates 300 --dimension 5 -o set.npy").exit_code,
+      0);
+  ASSERT_EQ(graybox("solve set.npy --gap 1e-6 -o design.json").exit_code, 0);
+  const testing::Outcome proof = graybox("--version && /usr/bin/python3 proof.py");
+  const std::string first = "log det M = ", second = ", of no design above ";
+  const std::size_t at = proof.out.find(first), then = proof.out.find(second);
+  ASSERT_NE(then, std::string::npos) << proof.out << proof.err;
+  const double log_det = std::stod(proof.out.substr(at + first.size()));
+  const double bound = std::stod(proof.out.substr(then + second.size()));
+  EXPECT_GE(bound, log_det - 1e-10);
+  EXPECT_LE(bound, log_det + 5.0 * std::log1p(1e-6) + 1e-10);
+}
+
 // The thermometer of docs/own_model.md, as its Python makes it.
 TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
   const double final = 60.0, tau = 8.0;

@@ -2,14 +2,18 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
 #include "problems/families/regression.hpp"
@@ -154,6 +158,33 @@ TEST_F(DesignFileTest, RefusesBrokenAndMissingFiles) {
   expect_error("empty");
   std::filesystem::remove(path_);
   expect_error("can't be opened");
+}
+
+// Weak duality by hand: W obeys tr(W H_i) <= d, and -log det W is above log det M by the gap.
+TEST_F(DesignFileTest, HoldsAPointOfTheDualThatProvesTheDesign) {
+  const std::vector<double> weights{0.3, 0.1, 0.3, 0.0, 0.3};
+  write(claim(weights, SolveStatus::kSolved));
+  const std::vector<double> point = Json::parse(read_text(path_))["dual_point"];
+  ASSERT_EQ(point.size(), set_.packed_size());
+  const std::size_t d = set_.dimension();
+  const auto symmetric = [&](std::span<const double> packed) {
+    Eigen::MatrixXd full(static_cast<Eigen::Index>(d), static_cast<Eigen::Index>(d));
+    unpack(packed.data(), d, full.data());
+    return full;
+  };
+  const Eigen::MatrixXd W = symmetric(point);
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(W.rows(), W.cols());
+  double most = 0.0;
+  for (std::size_t i = 0; i < set_.candidate_count(); ++i) {
+    const Eigen::MatrixXd H = symmetric(set_.information(i));
+    most = std::max(most, (W * H).trace());
+    M += weights[i] * H;
+  }
+  const double dimension = static_cast<double>(d);
+  EXPECT_NEAR(most, dimension, 1e-12);
+  const double above = -std::log(W.determinant()) - std::log(M.determinant());
+  EXPECT_NEAR(above, dimension * std::log1p(certify(set_, {weights}).duality_gap), 1e-12);
+  EXPECT_GT(above, 1e-3);
 }
 
 TEST_F(DesignFileTest, LeavesWeightsToTheCheckerIfAsked) {
