@@ -8,13 +8,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <optional>
+#include <system_error>
 
 #include "problems/base/error.hpp"
 
@@ -114,6 +117,31 @@ std::size_t status_bytes(const std::string& process, std::string_view field) {
   return 0;
 }
 
+// Of a process and all that it has started.
+struct Memory {
+  std::size_t now = 0;           // resident sets, summed; of the root the largest it ever had
+  std::size_t largest_peak = 0;  // of one of them
+};
+
+Memory memory_of(pid_t root) {
+  const std::size_t peak = peak_resident_bytes(std::to_string(root));
+  Memory memory{peak, peak};
+  for (const int process : descendants(root)) {
+    const std::string name = std::to_string(process);
+    memory.now += status_bytes(name, "VmRSS:");
+    memory.largest_peak = std::max(memory.largest_peak, peak_resident_bytes(name));
+  }
+  return memory;
+}
+
+// A program of the user's leads a group of its own, and what a shell has started need not end with
+// it.
+void kill_all(pid_t root) {
+  const std::vector<int> started = descendants(root);
+  kill(-root, SIGKILL);
+  for (const int process : started) kill(process, SIGKILL);
+}
+
 void keep_tail(std::string& text) {
   if (text.size() > kErrorTail) text.erase(0, text.size() - kErrorTail);
 }
@@ -126,6 +154,24 @@ void set_nonblocking(int descriptor) {
 
 std::size_t peak_resident_bytes(const std::string& process) {
   return status_bytes(process, "VmHWM:");
+}
+
+std::vector<int> descendants(int process) {
+  std::vector<int> found;
+  std::vector<int> open{process};
+  while (!open.empty()) {
+    const std::string tasks = fmt::format("/proc/{}/task", open.back());
+    open.pop_back();
+    std::error_code gone;  // processes and threads may end at any moment
+    for (const auto& task : std::filesystem::directory_iterator(tasks, gone)) {
+      std::ifstream children(task.path() / "children");
+      for (int child = 0; children >> child;) {
+        found.push_back(child);
+        open.push_back(child);
+      }
+    }
+  }
+  return found;
 }
 
 ProcessOutcome run_process(const ProcessRequest& request) {
@@ -155,17 +201,17 @@ ProcessOutcome run_process(const ProcessRequest& request) {
     output.drain(outcome.output);
     errors.drain(outcome.error_tail);
     keep_tail(outcome.error_tail);
-    const std::size_t peak = peak_resident_bytes(std::to_string(child));
-    outcome.peak_memory_bytes = std::max(outcome.peak_memory_bytes, peak);
+    const Memory memory = memory_of(child);
+    outcome.peak_memory_bytes = std::max(outcome.peak_memory_bytes, memory.largest_peak);
     if (killed) continue;
     if (elapsed() > request.time_limit) {
       killed = ProcessEnding::kTimeLimit;
-    } else if (request.memory_limit > 0 && peak > request.memory_limit) {
+    } else if (request.memory_limit > 0 && memory.now > request.memory_limit) {
       killed = ProcessEnding::kMemoryLimit;
     } else if (request.interrupted && request.interrupted()) {
       killed = ProcessEnding::kInterrupted;
     }
-    if (killed) kill(-child, SIGKILL);
+    if (killed) kill_all(child);
   }
   outcome.seconds = elapsed();
   kill(-child, SIGKILL);  // whatever the child has left behind

@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "bench/study/plan.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/families/families.hpp"
 #include "problems/mechanisms/robot_model.hpp"
@@ -31,6 +32,13 @@ const std::vector<std::string>& study_families() {
                                               "smr6",     "r1g",     "cube3",       "dup",
                                               "legendre", "splines", "exponentials"};
   return names;
+}
+
+bool is_study_set(const std::string& family, std::size_t candidates) {
+  const std::vector<std::string>& names = study_families();
+  const bool known = family == "robot" || family == "robot_units" ||
+                     std::ranges::find(names, family) != names.end();
+  return known && candidates <= kFullSize;
 }
 
 InformationSet make_study_set(const std::string& family, std::size_t candidates) {

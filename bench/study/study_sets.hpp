@@ -26,6 +26,9 @@ inline constexpr std::uint64_t kStudySetSeed = 1;
 // problem to a mathematician, and to the checker.
 [[nodiscard]] InformationSet make_study_set(const std::string& family, std::size_t candidates);
 
+// Whether the study runs on such a set: what make_study_set() may make on the word of a file.
+[[nodiscard]] bool is_study_set(const std::string& family, std::size_t candidates);
+
 // The same set with parameter j in units of 10^(decades (j/(d-1) - 1/2)): H_jk times both units.
 [[nodiscard]] InformationSet in_units(const InformationSet& set, double decades);
 

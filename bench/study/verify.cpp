@@ -36,6 +36,9 @@ std::string file_of(const RunRow& row) {
 // Throws InputError where the set can't be made again.
 InformationSet set_of(const RunRow& row, const SetMaker& make_set) {
   const SetOrigin& origin = row.origin;
+  if (origin.path.empty() && !is_study_set(origin.generator, row.candidates)) {
+    throw InputError(fmt::format("{} Q = {}: is no set of the study", row.family, row.candidates));
+  }
   if (origin.path.empty() && origin.seed != kStudySetSeed) {
     throw InputError(fmt::format("{}: this build makes it with the seed {} alone, not {}",
                                  row.family, kStudySetSeed, origin.seed));

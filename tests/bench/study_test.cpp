@@ -1,6 +1,7 @@
 #include "bench/study/study.hpp"
 
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -190,6 +191,30 @@ TEST(Process, KillsTheWholeGroupAtTheTimeLimit) {
   EXPECT_EQ(outcome.ending, ProcessEnding::kTimeLimit);
   EXPECT_EQ(outcome.output, "started\n");
   EXPECT_LT(outcome.seconds, 30.0);
+}
+
+// `tail` keeps the one line that it is given, all 300 MB, in a process that a shell has started.
+TEST(Process, LimitsTheMemoryOfWhatTheChildHasStarted) {
+  const ProcessOutcome outcome =
+      run_process({.command = {"sh", "-c", "head -c 300000000 /dev/zero | tail -n 1 | wc -c; true"},
+                   .time_limit = 60.0,
+                   .memory_limit = std::size_t{100} << 20});
+  EXPECT_EQ(outcome.ending, ProcessEnding::kMemoryLimit);
+  EXPECT_GT(outcome.peak_memory_bytes, std::size_t{50} << 20);
+}
+
+// The program in a session of its own inherits the writing end of a pipe: that ends with it.
+TEST(Process, KillsWhatHasLeftTheGroup) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  const ProcessOutcome outcome =
+      run_process({.command = {"sh", "-c", "setsid sleep 60 & wait"}, .time_limit = 0.3});
+  EXPECT_EQ(outcome.ending, ProcessEnding::kTimeLimit);
+  close(ends[1]);
+  pollfd reading{.fd = ends[0], .events = POLLIN, .revents = 0};
+  EXPECT_EQ(poll(&reading, 1, 20000), 1);
+  EXPECT_TRUE(reading.revents & POLLHUP);
+  close(ends[0]);
 }
 
 TEST(Process, StopsWhenInterrupted) {
@@ -481,6 +506,12 @@ TEST_F(Verify, WhatCanNotBeVerifiedIsSaid) {
   EXPECT_FALSE(other.holds());
   ASSERT_EQ(other.lines.size(), 1U);
   EXPECT_NE(other.lines[0].find("is now another set"), std::string::npos) << other.lines[0];
+  // A row can't have a set made that no study has.
+  const auto huge = after("honest", [](auto& row) { row["candidates"] = 1'000'000'000'000; });
+  EXPECT_EQ(huge.without_set, count);
+  EXPECT_NE(huge.lines.at(0).find("no set of the study"), std::string::npos) << huge.lines[0];
+  const auto unknown = after("honest", [](auto& row) { row["set"]["generator"] = "wis_90000"; });
+  EXPECT_EQ(unknown.without_set, count);
   const auto seed = after("honest", [](auto& row) { row["set"]["seed"] = 5; });
   EXPECT_EQ(seed.without_set, count);
   EXPECT_THROW((void)verify_rows(folder_ / "none.jsonl", small_set), InputError);

@@ -70,8 +70,10 @@ const InformationSet& design_set() {
 }
 
 void read_design_file(const fs::path& file) {
-  (void)read_design(file.string(), design_set());
+  // The most lenient first: what it refuses, the others refuse.
   (void)read_design(file.string(), design_set(), WeightCheck::kForChecker);
+  (void)read_design(file.string(), design_set(), WeightCheck::kRepaired);
+  (void)read_design(file.string(), design_set());
 }
 
 void read_table(const fs::path& file) { (void)read_number_table(file.string()); }
