@@ -16,6 +16,8 @@
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "problems/base/program_version.hpp"
@@ -110,6 +112,24 @@ std::string program_hash() {
   Sha256 hash;
   hash.update(bytes);
   return hash.hexadecimal().substr(0, 12);
+}
+
+std::string files_hash(const std::string& command) {
+  constexpr std::string_view kSeparators = " \t\n'\"()";
+  Sha256 hash;
+  bool any = false;
+  for (std::size_t at = 0;
+       (at = command.find_first_not_of(kSeparators, at)) != std::string::npos;) {
+    const std::size_t end = std::min(command.find_first_of(kSeparators, at), command.size());
+    const fs::path word = command.substr(at, end - at);
+    at = end;
+    std::error_code error;
+    if (!fs::is_regular_file(word, error)) continue;
+    std::ifstream stream(word, std::ios::binary);
+    hash.update(std::string(std::istreambuf_iterator<char>(stream), {}));
+    any = true;
+  }
+  return any ? hash.hexadecimal().substr(0, 12) : std::string();
 }
 
 json describe_environment() {

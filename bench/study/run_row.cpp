@@ -161,6 +161,7 @@ void to_json(json& out, const RunRow& row) {
          {"date", row.date},
          {"message", row.message}};
   if (!row.key.command.empty()) out["command"] = row.key.command;
+  if (!row.key.program.empty()) out["program"] = row.key.program;
   if (!row.origin.generator.empty() || !row.origin.path.empty()) out["set"] = to_json(row.origin);
   if (row.design.any()) out["design"] = row.design;
   add_account(row.account, out);
@@ -191,7 +192,8 @@ void from_json(const json& in, RunRow& row) {
              in.at("time_limit"),
              in.at("memory_limit"),
              in.at("binary"),
-             in.value("command", std::string())};
+             in.value("command", std::string()),
+             in.value("program", std::string())};
   row.origin = set_origin(in);
   in.at("family").get_to(row.family);
   in.at("candidates").get_to(row.candidates);

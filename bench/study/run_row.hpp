@@ -37,8 +37,9 @@ struct RunKey {
   std::uint64_t seed = 1;
   double time_limit = 0.0;
   std::size_t memory_limit = 0;
-  std::string binary;   // hash of the program that ran
-  std::string command;  // of an external program with a name of the user's; else empty
+  std::string binary;        // hash of the program that ran
+  std::string command;       // of an external program with a name of the user's; else empty
+  std::string program = {};  // files_hash() of the command of an external program
 
   auto operator<=>(const RunKey&) const = default;
 };

@@ -26,6 +26,7 @@
 #include "problems/files/folder_lock.hpp"
 #include "problems/files/temporary_name.hpp"
 #include "problems/formats/information_set_file.hpp"
+#include "solvers/external/external_solver.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -79,6 +80,12 @@ class SetStore {
   std::map<std::pair<std::string, std::size_t>, std::unique_ptr<StudySet>> sets_;
 };
 
+struct ExternalProgram {
+  std::string label_command;  // of a program with a label; empty where the name says it
+  std::string command;
+  std::string files;  // files_hash()
+};
+
 // A point of the plan and how far it has come.
 struct PointState {
   StudyPoint point;
@@ -129,6 +136,7 @@ class StudyRunner {
         sets_(setup, own_, options.output / "work") {
     plan_ = make_plan(options, registry, setup.families, sizes_of(own_));
     for (const StudyPoint& point : plan_) states_.push_back({point, {}, 1, false});
+    find_programs();
   }
 
   StudyOutcome run() {
@@ -165,10 +173,11 @@ class StudyRunner {
     if (row.contains("binary") && row["binary"] != setup_.binary) return false;
     const auto own = std::ranges::find(own_, row.value("family", std::string()), &OwnSet::path);
     if (own != own_.end() && row.value("problem", own->hash) != own->hash) return false;
-    const std::string solver = row.value("solver", std::string());
-    const auto program = std::ranges::find(options_.programs, solver, &NamedProgram::name);
-    return program == options_.programs.end() || !row.contains("status") ||
-           row.value("command", std::string()) == program->command;
+    if (!row.contains("status")) return true;
+    const auto program = programs_.find(row.value("solver", std::string()));
+    return program == programs_.end() ||
+           (row.value("command", std::string()) == program->second.label_command &&
+            row.value("program", std::string()) == program->second.files);
   }
 
   // Rows are hours of work, and other files are not ours.
@@ -253,26 +262,29 @@ class StudyRunner {
   RunRow new_row(const PointState& state, const StudySet& set) const {
     const StudyPoint& point = state.point;
     RunRow row;
-    row.key = {point.experiment,
-               set.hash,
-               point.solver,
-               point.duality_gap,
-               round_,
-               options_.threads,
-               options_.seed,
-               point.time_limit,
-               limits_.memory_bytes,
-               setup_.binary,
-               command_of(point.solver)};
+    row.key = {point.experiment,  set.hash,         point.solver,
+               point.duality_gap, round_,           options_.threads,
+               options_.seed,     point.time_limit, limits_.memory_bytes,
+               setup_.binary,     std::string(),    std::string()};
+    if (const auto program = programs_.find(point.solver); program != programs_.end()) {
+      row.key.command = program->second.label_command;
+      row.key.program = program->second.files;
+    }
     row.family = point.family;
     row.origin = set.origin;
     return row;
   }
 
-  // Empty for a solver that no program of the user's stands behind.
-  [[nodiscard]] std::string command_of(const std::string& solver) const {
-    const auto program = std::ranges::find(options_.programs, solver, &NamedProgram::name);
-    return program == options_.programs.end() ? std::string() : program->command;
+  // What stands behind every external solver of the plan.
+  void find_programs() {
+    for (const NamedProgram& program : options_.programs) {
+      programs_[program.name] = {program.command, program.command, files_hash(program.command)};
+    }
+    for (const StudyPoint& point : plan_) {
+      if (!point.solver.starts_with(ExternalSolver::kPrefix)) continue;
+      const std::string command = point.solver.substr(ExternalSolver::kPrefix.size());
+      programs_.try_emplace(point.solver, ExternalProgram{"", command, files_hash(command)});
+    }
   }
 
   // False if the run was interrupted; it then leaves no row.
@@ -299,13 +311,15 @@ class StudyRunner {
   ProcessRequest request_for(const StudyPoint& point, const StudySet& set) const {
     ProcessRequest request;
     request.command = setup_.worker;
-    const std::string command = command_of(point.solver);
-    for (std::string& argument : worker_arguments({.set_file = set.file,
-                                 .solver = command.empty() ? point.solver : "external:" + command,
-                                 .duality_gap = point.duality_gap,
-                                 .time_limit = point.time_limit,
-                                 .seed = options_.seed,
-                                 .threads = options_.threads})) {
+    const auto program = programs_.find(point.solver);
+    const WorkerRequest run{
+        .set_file = set.file,
+        .solver = program == programs_.end() ? point.solver : "external:" + program->second.command,
+        .duality_gap = point.duality_gap,
+        .time_limit = point.time_limit,
+        .seed = options_.seed,
+        .threads = options_.threads};
+    for (std::string& argument : worker_arguments(run)) {
       request.command.push_back(std::move(argument));
     }
     const std::string threads = std::to_string(options_.threads);
@@ -376,6 +390,7 @@ class StudyRunner {
   std::vector<OwnSet> own_;
   std::optional<FolderLock> lock_;
   SetStore sets_;
+  std::map<std::string, ExternalProgram> programs_;  // by the solver's name
   std::vector<StudyPoint> plan_;
   std::vector<PointState> states_;  // of its points
   std::map<RunKey, RunRow> earlier_;

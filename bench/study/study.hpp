@@ -11,8 +11,8 @@
 //   designs/*.npy         designs with many weights, which rows name (stored_design.hpp)
 //   work/*.h5             the sets the runs read; can be deleted
 //   rows_of_other_builds.jsonl   what a resumed study found of another build of graybox, of an own
-//                         set that has changed since, or of another command by the same name; not
-//                         used
+//                         set or a program that has changed since, or of another command by the
+//                         same name; not used
 //
 // Order: every point once, then a second time, and so on, so that the repetitions of one point are
 // spread over the whole study and meet the same disturbances as everybody else's. Within a round

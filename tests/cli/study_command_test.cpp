@@ -180,6 +180,13 @@ TEST_F(StudyCommand, ResumesWhatIsTheSameAndRunsAgainWhatIsNot) {
     EXPECT_TRUE(row["solver"] != "mine" || row["command"] == "sh mine.sh one,two more") << row;
   }
 
+  // The same command, after an edit of the program that it names.
+  write_text(file("mine.sh"), uniform_program(60) + "# changed\n");
+  const json edited =
+      json::parse(graybox(command + "'mine=external:sh mine.sh one,two more' --resume").out);
+  EXPECT_EQ(edited["runs_made"], 2);
+  EXPECT_EQ(edited["runs"], first["runs_made"]);
+
   // Another set by the same name.
   make_set("wis", 90, 3, "b.npy");
   ASSERT_EQ(graybox(command + "'mine=external:sh mine.sh one,two more' --resume").exit_code, 0);
