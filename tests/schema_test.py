@@ -46,6 +46,7 @@ CASES = [
     ("verdict", f"diagnose {DRIVE}/motor.yaml {DRIVE} --time-limit 0.02 --json", None),
     ("verdict", f"diagnose {EXAMPLES}/diagnose/rotor.yaml rotor --json --time-limit 6 -o r", None),
     ("criteria", "design criteria set.h5 --json", None),
+    ("plan", "design plan set.h5 --target sd(all)<=0.3 --json -o {file}", "plan"),
     ("report", "design robust set.h5 --largest-share 0.5 --of-positions 0.1 --json -o {file}",
      "design"),
     ("report", "design robust --grid 40 --samples 3 --json", None),
@@ -61,6 +62,7 @@ CASES = [
     ("responses", "responses rotor --json", None),
     ("study", "study --quick --solvers column_generation --max-candidates 50 --no-families "
      "-o rows --json", None),
+    ("study_verify", "study verify rows --json", None),
     ("challenge", "challenge make --cases 1 --family one_mass --seed 1 -o cases --truth truth "
      "--json", None),
     ("challenge", "challenge run cases -o answers --time-limit 2 --json", None),

@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 
@@ -77,12 +78,14 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   if (!found_.fit.usable) return;
   weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
   found_ = judged(found_.fit.model, kIterations);
+  if (is_thinned()) climb_again();
   fit_beside_disturbance();
   fit_where_laws_are_told();
   as_given_ = judged(findings.as_given, kIterations);
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   take_plainer_laws();
+  add_short_ripples();
   do {
     found_.deviations =
         with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
@@ -203,6 +206,16 @@ ExtendedLumpedModel FinalFit::climbed(ExtendedLumpedModel model) const {
     model = std::move(best.model);
   }
   return model;
+}
+
+// Whether the search saw fewer samples than were recorded.
+bool FinalFit::is_thinned() const { return findings_->sample_time > 1.5 * data_->sample_time(); }
+
+// Thinned inputs lead a little beside the optimum, and from there long runs over dry friction find
+// no way. So the model is fitted to all samples over short windows first, too.
+void FinalFit::climb_again() {
+  JudgedModel again = judged(climbed(found_.fit.model), kIterations);
+  if (again.fit.usable && again.fit.cost < found_.fit.cost) found_ = std::move(again);
 }
 
 // Without a law a model may leave its valley: where it does worse than the model as given, which it
@@ -420,10 +433,10 @@ bool FinalFit::drop_undetermined_law() {
 }
 
 // What few machines have must predict, too.
-bool FinalFit::raises_held_out(const PlacedFinding& law, JudgedModel without) const {
+bool FinalFit::raises_held_out(const PlacedFinding& law, JudgedModel without,
+                               JudgedModel with) const {
   constexpr double kRaised = 1.05;
   if (hypotheses_->is_plain(law.hypothesis)) return false;
-  JudgedModel with = found_;
   judge_held_out(with);
   judge_held_out(without);
   if (!with.held_out_error || !without.held_out_error) return false;
@@ -481,7 +494,7 @@ void FinalFit::drop_idle_laws() {
       JudgedModel poorer = refitted_without(law);
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
-                              !is_told(found_.fit, law) || raises_held_out(law, poorer);
+                              !is_told(found_.fit, law) || raises_held_out(law, poorer, found_);
       const double z = is_nothing ? -kMissed : z_over(poorer);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
@@ -558,6 +571,55 @@ bool FinalFit::take_plainer_law(std::size_t law) {
     return true;
   }
   return false;
+}
+
+// Waves that the thinned recordings of the search are too coarse for, in the force that the whole
+// ones leave. They are weighed over short windows, where a wave costs most.
+void FinalFit::add_short_ripples() {
+  constexpr int kMostRipples = 2;
+  if (!is_thinned() || findings_->stopped || !found_.fit.usable) return;
+  for (int k = 0; k < kMostRipples; ++k) {
+    const auto force = likeliest_force(*data_, found_.fit.model, findings_->intensity, threads_);
+    if (!force) return;
+    std::optional<ExtendedLumpedModel> with = with_ripple(*force);
+    if (!with) return;
+    JudgedModel richer = judged(*with, kIterations);
+    if (!richer.fit.usable || raises_held_out(richer.fit.model.laws.back(), found_, richer)) return;
+    found_ = std::move(richer);
+  }
+}
+
+// The model found with the best wave in this force; none where it does not predict better.
+std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& force) const {
+  constexpr double kLeastForce = 0.01;  // amplitude over the forces that act
+  constexpr double kLeastShare = 0.1, kErrors = 3.0;
+  std::vector<RippleTrial> trials = ripple_trials(force);
+  std::erase_if(trials, [&](const RippleTrial& trial) {
+    return trial.share < kLeastShare ||
+           std::sqrt(2.0 * trial.share) * force.rms() < kLeastForce * data_->force_scale();
+  });
+  if (trials.empty()) return {};
+  const PredictionTask task = data_->windows(kFirstHorizon);
+  const PredictionFitter near(*data_, task, findings_->intensity, threads_, disturbance_);
+  const VectorXd& scale = data_->output_scale();
+  const PredictionFit present = near.fit(found_.fit.model, scale, {}, 0);
+  if (!present.usable) return {};
+  const VectorXd weights = near.errors(present, scale).cwiseMax(1e-9 * scale);
+  const PredictionFit poorer = near.fit(found_.fit.model, weights, {}, kIterations);
+  PredictionFit best;
+  for (const LawExtension& start :
+       hypotheses_->extensions(poorer.model, near.motion(poorer), trials)) {
+    if (start.law != "ripple" || start.location.kind != LocationKind::kElement) continue;
+    const double amplitude = std::sqrt(2.0 * trials.front().share) * force.rms();
+    for (const double sign : {1.0, -1.0}) {
+      PredictionFit fit = near.fit(extended(poorer.model, start, sign * amplitude), weights,
+                                   poorer.initials, kIterations);
+      if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
+    }
+  }
+  if (!poorer.usable || !best.usable || !(z_between(poorer, best) > kErrors)) return {};
+  if (is_idle(poorer, best)) return {};
+  return best.model;
 }
 
 // The best of its starts.

@@ -82,6 +82,8 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
+  [[nodiscard]] bool is_thinned() const;
+  void climb_again();
   void fit_beside_disturbance();
   // A fit whose filter follows a disturbance.
   struct Beside {
@@ -104,7 +106,8 @@ class FinalFit {
   [[nodiscard]] bool has_loose_frequency(const PlacedFinding& law) const;
   // Whether a law went whose sizes, or whose frequency, the recordings do not tell.
   [[nodiscard]] bool drop_undetermined_law();
-  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without) const;
+  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without,
+                                     JudgedModel with) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();
   // z of a law on the rung where it was accepted, beside the others found.
@@ -112,6 +115,8 @@ class FinalFit {
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
   bool take_better_places();
   void take_plainer_laws();
+  void add_short_ripples();
+  [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;
   [[nodiscard]] bool take_plainer_law(std::size_t law);
   void judge_held_out(JudgedModel& model) const;
   [[nodiscard]] ExtendedLumpedModel climbed(ExtendedLumpedModel model) const;
