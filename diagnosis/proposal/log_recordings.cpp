@@ -182,9 +182,29 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
                                recording.files.front().string(), names));
 }
 
+// A drive may be constant in each log and another in the next: steps from rest.
+void mark_differences(std::vector<LogRecording>& recordings) {
+  const auto is_steady = [](const LogColumn& column) {
+    return column.values.size() > 0 && column.values.allFinite() && !column.moves();
+  };
+  for (LogRecording& recording : recordings) {
+    for (LogColumn& column : recording.columns) {
+      if (!is_steady(column)) continue;
+      for (const LogRecording& other : recordings) {
+        const auto same = std::ranges::find_if(other.columns, [&](const LogColumn& each) {
+          return each.file == column.file && each.name == column.name;
+        });
+        if (same == other.columns.end() || same->values.size() == 0) continue;
+        column.differs_between_logs |= same->values(0) != column.values(0);
+      }
+    }
+  }
+}
+
 }  // namespace
 
 bool LogColumn::moves() const {
+  if (differs_between_logs) return true;
   double lowest = INFINITY, highest = -INFINITY;
   for (const double value : values) {
     if (!std::isfinite(value)) continue;
@@ -274,6 +294,7 @@ std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& fi
   for (LogRecording& recording : recordings) {
     for (const ColumnAnswer& answer : answers) apply(answer, recording);
   }
+  mark_differences(recordings);
   return recordings;
 }
 

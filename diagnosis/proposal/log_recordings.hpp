@@ -26,11 +26,12 @@ struct LogColumn {
   std::string stated_unit;
   ColumnWords words;
   Eigen::VectorXd values;
-  bool answered = false;      // what it is was said by the user
-  std::string joint;          // said by the user: a joint's name, motor or load; else empty
-  std::string evidence = {};  // what the data said of it, where its title says nothing
+  bool answered = false;              // what it is was said by the user
+  std::string joint;                  // said by the user: a joint's name, motor or load; else empty
+  std::string evidence = {};          // what the data said of it, where its title says nothing
+  bool differs_between_logs = false;  // one value in each log, not the same in all
 
-  [[nodiscard]] bool moves() const;     // finite values are not all the same
+  [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
 };
 

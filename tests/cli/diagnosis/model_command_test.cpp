@@ -1,4 +1,5 @@
 // `graybox model`: from logs to files that `graybox diagnose` takes, or to open questions.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -56,6 +57,24 @@ class Model : public testing::CommandRunner {
 
   bool is_there(const std::string& file) { return std::filesystem::exists(folder_.file(file)); }
 };
+
+// Steps from rest: in each log the voltage is one value.
+TEST_F(Model, ADriveThatIsConstantInEachLogIsADrive) {
+  for (const double voltage : {6.0, 9.0, -6.0}) {
+    std::string text = "time [s],voltage [V],speed [rad/s]\n";
+    for (int k = 0; k < 200; ++k) {
+      const double t = 0.01 * k;
+      text += fmt::format("{:.2f},{},{:.6g}\n", t, voltage,
+                          10.0 * voltage * (1.0 - std::exp(-t / 0.2)));
+    }
+    write_text(folder_.file(fmt::format("step_{}.csv", voltage)), text);
+  }
+  const Outcome outcome = graybox("model step_6.csv step_9.csv step_-6.csv -o axis --gain 1");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  EXPECT_EQ(outcome.out.find("never changes"), std::string::npos) << outcome.out;
+  const std::string campaign = read_text(folder_.file("axis/campaign.yaml"));
+  EXPECT_NE(campaign.find("column: \"voltage"), std::string::npos) << campaign;
+}
 
 TEST_F(Model, AMotorsLogGoesStraightToTheSameLaws) {
   write_runs("time,current,speed");
