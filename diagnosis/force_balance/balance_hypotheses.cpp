@@ -18,7 +18,8 @@ int rank_of(std::string_view law, const CandidatePlace& place) {
   const bool is_friction = law == "viscous" || law == "coulomb";
   if (is_friction) return place.is_compound ? 2 : 0;
   if (law == "payload" || law == "inertia" || law == "gravity") return 1;
-  return law == "offset" ? 2 : kRareRank;
+  if (law == "offset") return place.location.load.empty() ? 2 : 1;
+  return kRareRank;
 }
 
 // None for a payload, which all joints carry.

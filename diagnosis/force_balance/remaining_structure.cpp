@@ -3,6 +3,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <map>
+#include <string>
 #include <vector>
 
 namespace graybox {
@@ -42,17 +44,31 @@ struct StepColumns {
   }
 };
 
-// Steps at the samples that count.
-StepColumns step_columns(const ForceBalanceRows& rows, Eigen::Index joint) {
+// Samples of one load that count, and how a joint moves there.
+struct CountingSamples {
+  std::vector<Eigen::Index> rows;
   std::vector<double> position, velocity;
+};
+
+// Those of each load: what depends on the motion with one load and against it with another would
+// add up to nothing.
+std::map<std::string, CountingSamples> counting_samples(const ForceBalanceRows& rows,
+                                                        Eigen::Index joint) {
+  std::map<std::string, CountingSamples> by_load;
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
+    CountingSamples& samples = by_load[piece.load];
     for (Eigen::Index t = 0; t < piece.samples(); ++t, ++row) {
       if (rows.counts.size() > 0 && rows.counts(row, joint) == 0.0) continue;
-      position.push_back(piece.position(t, joint));
-      velocity.push_back(piece.velocity(t, joint));
+      samples.rows.push_back(row);
+      samples.position.push_back(piece.position(t, joint));
+      samples.velocity.push_back(piece.velocity(t, joint));
     }
   }
+  return by_load;
+}
+
+StepColumns step_columns(const std::vector<double>& position, const std::vector<double>& velocity) {
   StepColumns columns{bins_of(position), bins_of(velocity), {}};
   for (const double value : velocity) columns.forward.push_back(value > 0.0);
   return columns;
@@ -105,15 +121,11 @@ Eigen::VectorXd prediction_errors(const StepColumns& columns, const Eigen::Vecto
 Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
   Eigen::MatrixXd rest = residuals;
   for (Eigen::Index joint = 0; joint < rest.cols(); ++joint) {
-    std::vector<Eigen::Index> counting;
-    for (Eigen::Index t = 0; t < rest.rows(); ++t) {
-      if (rows.counts.size() == 0 || rows.counts(t, joint) > 0.0) counting.push_back(t);
-    }
-    if (counting.empty()) continue;
-    const Eigen::VectorXd own = residuals.col(joint)(counting);
-    const Eigen::VectorXd errors = prediction_errors(step_columns(rows, joint), own);
-    for (std::size_t k = 0; k < counting.size(); ++k) {
-      rest(counting[k], joint) = errors(static_cast<Eigen::Index>(k));
+    for (const auto& [load, samples] : counting_samples(rows, joint)) {
+      if (samples.rows.empty()) continue;
+      const Eigen::VectorXd own = residuals.col(joint)(samples.rows);
+      rest.col(joint)(samples.rows) =
+          prediction_errors(step_columns(samples.position, samples.velocity), own);
     }
   }
   return rest;

@@ -230,35 +230,73 @@ void add_neighbours(const RigidRobotModel& robot, std::vector<CandidatePlace>& p
   }
 }
 
-// A load has any name: what YAML would misread is quoted.
-std::string flange_yaml(const std::string& load) {
+// The names of a joint and of a load may be any: what YAML would misread is quoted.
+std::string loaded_yaml(const std::string& joint, const std::string& load) {
   YAML::Emitter emitter;
   emitter << YAML::Flow << YAML::BeginMap << YAML::Key << "kind" << YAML::Value << "element";
-  emitter << YAML::Key << "axis" << YAML::Value << "flange";
+  if (!joint.empty()) emitter << YAML::Key << "joint" << YAML::Value << joint;
+  emitter << YAML::Key << "axis" << YAML::Value << (joint.empty() ? "flange" : "arm");
   if (!load.empty()) emitter << YAML::Key << "load" << YAML::Value << load;
   emitter << YAML::EndMap;
   return emitter.c_str();
 }
 
-// A payload may be there in all recordings, or in those of one load where only some carry it. On
-// one axis it is an inertia. Where drive gains are unknown, it acts on those joints whose gain is
-// told.
-void add_flanges(ForceBalanceData& data) {
-  if (data.robot.size() == 1) return;
-  if (data.robot.channels.unknown_drive_gains && data.gain_parameters.empty()) return;
-  std::vector<std::string> loads{""};
+// The loads that some recordings of the fit carry, and not all: each tells what it adds.
+std::vector<std::string> loads_of_some(const ForceBalanceData& data) {
+  std::vector<std::string> loads;
   for (const Motion& piece : data.estimation.pieces) {
     const auto carried = std::ranges::count(data.estimation.pieces, piece.load, &Motion::load);
     const bool is_carried_by_all =
         static_cast<std::size_t>(carried) == data.estimation.pieces.size();
-    if (is_carried_by_all || std::ranges::find(loads, piece.load) != loads.end()) continue;
-    loads.push_back(piece.load);
+    const bool is_listed = std::ranges::find(loads, piece.load) != loads.end();
+    if (!piece.load.empty() && !is_carried_by_all && !is_listed) loads.push_back(piece.load);
   }
+  return loads;
+}
+
+// A payload may be there in all recordings, or in those of one load where only some carry it.
+// Where drive gains are unknown, it acts on those joints whose gain is told.
+void add_flanges(ForceBalanceData& data) {
+  if (data.robot.channels.unknown_drive_gains && data.gain_parameters.empty()) {
+    data.remarks.emplace_back(
+        "no payload is sought: the drives' gains are unknown, and the model states no body or "
+        "rotor that tells one");
+    return;
+  }
+  std::vector<std::string> loads = loads_of_some(data);
+  loads.insert(loads.begin(), "");
   for (const std::string& load : loads) {
     CandidatePlace place;
     place.location = flange_location(load);
-    place.yaml = flange_yaml(load);
+    place.yaml = loaded_yaml("", load);
     data.places.push_back(std::move(place));
+  }
+}
+
+// On one axis a load is a weight and an inertia, each with an amplitude of its own: mass and lever
+// can't be told from one another.
+void add_loads_of_joint(ForceBalanceData& data) {
+  const CandidatePlace unloaded = data.places.front();
+  for (const std::string& load : loads_of_some(data)) {
+    CandidatePlace place = unloaded;
+    place.location.load = load;
+    place.location.name += " with load " + load;
+    place.yaml = loaded_yaml(data.robot.joints.front().name, load);
+    data.places.push_back(std::move(place));
+  }
+}
+
+// Loads of recordings that are kept out alone change them, and the fit never saw them.
+void remark_unseen_loads(ForceBalanceData& data) {
+  std::vector<std::string> seen;
+  for (const Motion& piece : data.estimation.pieces) seen.push_back(piece.load);
+  for (const Motion& piece : data.validation.pieces) {
+    if (std::ranges::find(seen, piece.load) != seen.end()) continue;
+    seen.push_back(piece.load);
+    data.remarks.push_back(fmt::format(
+        "{} in recordings kept out alone: what it changes was not fitted. Put one such recording "
+        "into the fit (role: estimation)",
+        piece.load.empty() ? "no load is" : fmt::format("load {} is", piece.load)));
   }
 }
 
@@ -283,6 +321,23 @@ void refuse_shared_places(const std::filesystem::path& file,
         fmt::format("{}: place {} acts on two joints, whose drives report torques in "
                     "units of their own (drive_gains: unknown); state the gains",
                     file.string(), place.location.name));
+  }
+}
+
+// What a fit leaves as it is although a recording could tell it, so that nobody takes it for found.
+void remark_what_is_kept(ForceBalanceData& data) {
+  const RigidRobotModel& robot = data.robot;
+  if (robot.size() == 1 && robot.joints.front().body && !robot.channels.unknown_drive_gains) {
+    data.remarks.push_back(
+        fmt::format("the body of joint {} is kept as the model states it; with body: unknown it is "
+                    "estimated",
+                    robot.joints.front().name));
+  }
+  for (const Element& element : robot.elements) {
+    if (element.use != LawUse::kPayload) continue;
+    data.remarks.push_back(fmt::format(
+        "payload {0} stays at the place that the model states; graybox fit --refine {0}.x moves it",
+        element.name));
   }
 }
 
@@ -502,7 +557,13 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   } else {  // else a force on two joints is two parameters
     add_neighbours(robot, data.places);
   }
-  add_flanges(data);
+  if (robot.size() > 1) {
+    add_flanges(data);
+  } else {
+    add_loads_of_joint(data);
+  }
+  remark_unseen_loads(data);
+  remark_what_is_kept(data);
   for (const std::filesystem::path& file : place_files) {
     add_places(file, *rigid_robot_places(robot), data.places);
     if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
@@ -515,6 +576,8 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
 
 void name_as_lumped(ForceBalanceData& data) {
   const std::string& mass = data.robot.joints.front().name;
+  std::erase_if(data.places,
+                [](const CandidatePlace& place) { return !place.location.load.empty(); });
   for (CandidatePlace& place : data.places) {
     place.location.name = mass;
     place.yaml = fmt::format("{{kind: element, mass: {}}}", mass);

@@ -27,7 +27,9 @@ void clear_other_loads(const std::string& load, const ForceBalanceRows& rows,
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
     if (piece.load != load) {
-      for (Eigen::MatrixXd& block : columns.in) block.middleRows(row, piece.samples()).setZero();
+      for (Eigen::MatrixXd& block : columns.in) {
+        if (block.size() > 0) block.middleRows(row, piece.samples()).setZero();
+      }
     }
     row += piece.samples();
   }
@@ -44,13 +46,11 @@ BalanceColumns payload_columns(const PlacedLaw& law, std::span<const double> par
     const double gain = has_gains ? law.inverse_gains(static_cast<Eigen::Index>(j)) : 1.0;
     columns.in.emplace_back(rows.flange_body.in[j] * (gain * body));
   }
-  const std::string& load = law.place->location.load;
-  if (!load.empty()) clear_other_loads(load, rows, columns);
   return columns;
 }
 
-BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
-                          const ForceBalanceData& data, const ForceBalanceRows& rows) {
+BalanceColumns force_of_any_load(const PlacedLaw& law, std::span<const double> parameters,
+                                 const ForceBalanceData& data, const ForceBalanceRows& rows) {
   if (law.entry->use == LawUse::kPayload) return payload_columns(law, parameters, data, rows);
   const auto samples = rows.laws->get(
       {law.place, law.entry, {parameters.begin(), parameters.end()}}, [&]() -> Eigen::VectorXd {
@@ -61,6 +61,14 @@ BalanceColumns one_column(const PlacedLaw& law, std::span<const double> paramete
       });
   BalanceColumns columns = along(law.place->location.output, *samples);
   rows.leave_out_standing(columns);
+  return columns;
+}
+
+BalanceColumns one_column(const PlacedLaw& law, std::span<const double> parameters,
+                          const ForceBalanceData& data, const ForceBalanceRows& rows) {
+  BalanceColumns columns = force_of_any_load(law, parameters, data, rows);
+  const std::string& load = law.place->location.load;
+  if (!load.empty()) clear_other_loads(load, rows, columns);
   return columns;
 }
 
@@ -189,6 +197,11 @@ bool may_be_shared(const LawEntry& entry) {
   return std::ranges::find(kShared, entry.name) != kShared.end();
 }
 
+// What a load adds at a joint: its weight, along a line a constant force, and its inertia.
+bool may_be_a_load(const LawEntry& entry, const CandidatePlace& place) {
+  return entry.name == "inertia" || entry.name == (place.turns ? "gravity" : "offset");
+}
+
 bool needs_position(const LawEntry& entry) {
   if (entry.use != LawUse::kForce) return false;
   std::vector<double> parameters(entry.parameters.size());
@@ -212,6 +225,7 @@ std::vector<const LawEntry*> force_balance_laws(const CandidatePlace& place,
     // A hidden mass on a spring needs its own motion, which a force balance does not follow.
     if (entry.name == "mode") continue;
     if (place.is_compound && !may_be_shared(entry)) continue;
+    if (!place.location.load.empty() && !may_be_a_load(entry, place)) continue;
     if (entry.name == "balancer" && !place.turns) continue;
     if (entry.name == "gravity" && !place.may_lift) continue;
     if (!position_is_recorded && needs_position(entry)) continue;
@@ -225,6 +239,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   for (const Motion& piece : rows.pieces) {
+    if (!place.location.load.empty() && piece.load != place.location.load) continue;
     const RecordedPlaceMotion motion = motion_at(place, piece);
     const double mean = motion.deflection.mean();
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {

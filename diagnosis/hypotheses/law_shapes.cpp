@@ -314,9 +314,10 @@ LawShape single_amplitude(std::vector<double> unit, std::size_t index, bool posi
 }
 
 // At the flange, and anywhere: masses there and a little off along each axis have its mass and its
-// first moments.
+// first moments. Where unknown gains take up most of a mass, these alone may lead to none that can
+// be: so also at some places off the flange.
 std::vector<LawShape> payload() {
-  constexpr double kOff = 0.1, kFarthest = 0.5;  // m
+  constexpr double kOff = 0.1, kFarthest = 1.0;  // m
   LawShape anywhere;
   anywhere.basis = {
       {1.0, 0.0, 0.0, 0.0}, {1.0, kOff, 0.0, 0.0}, {1.0, 0.0, kOff, 0.0}, {1.0, 0.0, 0.0, kOff}};
@@ -326,13 +327,22 @@ std::vector<LawShape> payload() {
     if (!(mass > 0.0) || !is_near) return std::vector<double>();
     return std::vector<double>{mass, kOff * a(1) / mass, kOff * a(2) / mass, kOff * a(3) / mass};
   };
-  return {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true), std::move(anywhere)};
+  std::vector<LawShape> shapes = {single_amplitude({1.0, 0.0, 0.0, 0.0}, 0, true),
+                                  std::move(anywhere)};
+  for (std::size_t axis = 1; axis <= 3; ++axis) {
+    for (const double place : {-0.5, -0.2, 0.2, 0.5}) {  // m
+      std::vector<double> unit{1.0, 0.0, 0.0, 0.0};
+      unit[axis] = place;
+      shapes.push_back(single_amplitude(std::move(unit), 0, true));
+    }
+  }
+  return shapes;
 }
 
-// Over less than a radian it is a spring and a constant force.
-std::vector<LawShape> gravity(const MotionScale& scale) {
+// Over less than a radian it is a spring and a constant force, but for what a load adds.
+std::vector<LawShape> gravity(const CandidatePlace& place, const MotionScale& scale) {
   constexpr double kTurned = 1.0;  // rad
-  if (scale.range < kTurned) return {};
+  if (scale.range < kTurned && place.location.load.empty()) return {};
   LawShape shape;
   shape.basis = {{1.0, 0.0}, {0.0, 1.0}};
   shape.parameters = [](const VectorXd& a) { return std::vector<double>{a(0), a(1)}; };
@@ -379,7 +389,7 @@ std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& pl
   if (name == "bouc_wen") return bouc_wen(scale);
   if (name == "play_and_slip") return play_and_slip(scale);
   if (name == "balancer") return balancer_shapes({0.15, 0.3, 0.6}, {0.0, 0.4, 0.8}, 12);
-  if (name == "gravity") return gravity(scale);
+  if (name == "gravity") return gravity(place, scale);
   if (name == "asymmetric_viscous") return {asymmetric_viscous()};
   if (name == "sublinear_friction") return sublinear_friction(scale);
   if (name == "payload") return payload();

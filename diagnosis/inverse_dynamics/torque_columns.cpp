@@ -134,8 +134,11 @@ void TorqueColumns::add_gains(const RigidRobotModel& robot) {
 void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index) {
   const Element& element = robot.elements[index];
   const auto& parameters = entry_of(element).parameters;
+  const std::string& load = element.location.load;
+  add_load(load);
   if (element.law && element.law->state_count() > 0) {
-    with_memory_.push_back({element.location.input, element.location.output, element.law});
+    with_memory_.push_back(
+        {element.location.input, element.location.output, element.law, 1.0, -1, load});
     return;
   }
   for (std::size_t p = 0; p < parameters.size(); ++p) {
@@ -149,7 +152,7 @@ void TorqueColumns::add_element(const RigidRobotModel& robot, std::size_t index)
       add_payload(robot, element, column);
       continue;
     }
-    Force force{element.location.input, element.location.output, nullptr, factor, column};
+    Force force{element.location.input, element.location.output, nullptr, factor, column, load};
     if (element.use == LawUse::kForce) force.law = unit_law(element, p);
     forces_.push_back(std::move(force));
   }
@@ -163,6 +166,9 @@ void TorqueColumns::add_payload(const RigidRobotModel& robot, const Element& ele
   const double mass = column < 0 ? values[0] : 1.0;
   const std::string& load = element.location.load;
   bodies_.push_back({robot.size() - 1, mass * point_mass(robot.flange * offset), column, load});
+}
+
+void TorqueColumns::add_load(const std::string& load) {
   if (!load.empty() && std::ranges::find(loads_, load) == loads_.end()) loads_.push_back(load);
 }
 
@@ -177,11 +183,12 @@ Eigen::VectorXd TorqueColumns::change_by_filters(const Force& force, const Motio
 Eigen::MatrixXd TorqueColumns::remembered(const Motion& piece) const {
   Eigen::MatrixXd torque = Eigen::MatrixXd::Zero(piece.samples(), piece.position.cols());
   for (const Force& force : with_memory_) {
+    if (!force.acts_with(piece.load)) continue;
     torque += FilteredMotion(piece).force(*force.law, force.input) * force.output.transpose();
   }
   if (piece.filters.empty()) return torque;
   for (const Force& force : forces_) {
-    if (force.law && force.column < 0) {
+    if (force.law && force.column < 0 && force.acts_with(piece.load)) {
       torque += change_by_filters(force, piece) * force.output.transpose();
     }
   }
@@ -193,7 +200,7 @@ std::vector<TorqueColumns::FilteredColumn> TorqueColumns::filtered_columns(
   std::vector<FilteredColumn> columns;
   if (piece.filters.empty()) return columns;
   for (const Force& force : forces_) {
-    if (!force.law || force.column < 0) continue;
+    if (!force.law || force.column < 0 || !force.acts_with(piece.load)) continue;
     columns.push_back({force.column, force.output, change_by_filters(force, piece)});
   }
   return columns;
@@ -212,6 +219,7 @@ void TorqueColumns::evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
     matrix_(row, gains_[j]) = std::exchange(known_(row), 0.0);
   }
   for (const Force& force : forces_) {
+    if (!force.acts_with(load_)) continue;
     add(force, force.law ? force.law->force(force.input.dot(q), force.input.dot(velocity), {})
                          : force.input.dot(acceleration));
   }

@@ -44,9 +44,9 @@ class TorqueColumns {
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
   [[nodiscard]] const std::vector<std::string>& units() const { return units_; }
 
-  // The load of the motion that follows. Payloads with a load of their own act in that one alone.
+  // The load of the motion that follows. Elements with a load of their own act in that one alone.
   void carry(const std::string& load) { load_ = load; }
-  [[nodiscard]] const std::vector<std::string>& loads() const { return loads_; }  // of payloads
+  [[nodiscard]] const std::vector<std::string>& loads() const { return loads_; }  // of elements
 
   void evaluate(const Eigen::Ref<const Eigen::VectorXd>& q,
                 const Eigen::Ref<const Eigen::VectorXd>& velocity,
@@ -71,6 +71,10 @@ class TorqueColumns {
     std::shared_ptr<const Law> law;  // null: inertia
     double factor = 1.0;
     Eigen::Index column = -1;  // -1: known
+    std::string load = {};     // that it needs, if any
+    [[nodiscard]] bool acts_with(const std::string& other) const {
+      return load.empty() || load == other;
+    }
   };
   // A body's torque per unit of a parameter: Y of its link times `direction`.
   struct Body {
@@ -96,6 +100,7 @@ class TorqueColumns {
   void evaluate_links(const Eigen::MatrixXd& bodies);
   void add(const Force& force, double value);
   void add_element(const RigidRobotModel& robot, std::size_t index);
+  void add_load(const std::string& load);
 
   RigidBodyRegressor regressor_;
   bool unknown_gains_;

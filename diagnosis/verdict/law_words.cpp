@@ -101,13 +101,31 @@ std::string payload_words(const FittedLaw& law) {
   return fmt::format("carries a payload of {:.3g} kg{}", mass->value, off);
 }
 
+constexpr std::string_view kWithLoad = " with load ";
+
+bool is_with_load(const std::string& place) { return place.find(kWithLoad) != std::string::npos; }
+
 // "lifts a weight, 9.8 N m at most, at 1.57 rad": where f = s sin z + c cos z is largest.
-std::string gravity_words(const FittedLaw& law) {
+std::string gravity_words(const Hypothesis& hypothesis, const FittedLaw& law) {
   const LawParameterEstimate *sine = parameter(law, "sine"), *cosine = parameter(law, "cosine");
   if (sine == nullptr || cosine == nullptr) return "";
-  return fmt::format("lifts a weight: {:.3g} {} at most, where it stands at {:.3g} rad",
-                     std::hypot(sine->value, cosine->value), sine->unit,
-                     std::atan2(sine->value, cosine->value));
+  const double most = std::hypot(sine->value, cosine->value);
+  const std::string words = fmt::format("{:.3g} {} at most, where it stands at {:.3g} rad", most,
+                                        sine->unit, std::atan2(sine->value, cosine->value));
+  if (!is_with_load(hypothesis.place)) return "lifts a weight: " + words;
+  constexpr double kGravity = 9.81;
+  return fmt::format(
+      "lifts the load: {}; about a level axis that is {:.3g} kg m, of which one joint can't tell "
+      "mass and lever",
+      words, most / kGravity);
+}
+
+// "carries the load: 1.74 kg m^2".
+std::string inertia_words(const Hypothesis& hypothesis, const FittedLaw& law) {
+  if (!is_with_load(hypothesis.place) || law.parameters.empty()) return "";
+  const LawParameterEstimate& inertia = law.parameters.front();
+  if (inertia.value < 0.0) return "";
+  return fmt::format("carries the load's inertia: {:.3g} {}", inertia.value, inertia.unit);
 }
 
 // What the numbers say in place of the law's usual words; empty: those.
@@ -121,7 +139,8 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
                        course.empty() ? "" : ",", course);
   }
   if (hypothesis.law == "payload") return payload_words(law);
-  if (hypothesis.law == "gravity") return gravity_words(law);
+  if (hypothesis.law == "gravity") return gravity_words(hypothesis, law);
+  if (hypothesis.law == "inertia") return inertia_words(hypothesis, law);
   if (hypothesis.law == "sublinear_friction") {
     const LawParameterEstimate* exponent = parameter(law, "exponent");
     if (exponent != nullptr && compared(*exponent, {"", "", 1.0, 0.0}) == 0) {
@@ -147,6 +166,9 @@ bool is_signal(const std::string& place) {
 
 std::string place_words(const std::string& place) {
   if (is_signal(place) || place.starts_with("flange")) return "the " + place;
+  if (const std::size_t load = place.find(kWithLoad); load != std::string::npos) {
+    return place_words(place.substr(0, load)) + place.substr(load);
+  }
   const std::size_t dot = place.find('.');
   // Couplings and places of lumped models have names that say it all.
   if (dot == std::string::npos || place.find(' ') != std::string::npos ||

@@ -43,6 +43,20 @@ std::string part_words(const Diagnosis& diagnosis) {
       is_kept_out ? " of recordings kept out" : "");
 }
 
+// The headline where what was found fits and yet is not all: what the tests that failed say.
+std::string ambiguity_words(const Diagnosis& diagnosis) {
+  if (!diagnosis.predicts) {
+    return "Physics is missing; what was found fits, but recordings kept out of the fit are not "
+           "predicted to the noise.";
+  }
+  const bool has_rivals = std::ranges::any_of(diagnosis.effects, [](const FoundEffect& effect) {
+    return !effect.rivals.empty() || !effect.same_at.empty();
+  });
+  return has_rivals ? "Physics is missing; the recordings can't tell all explanations apart."
+                    : "Physics is missing, and what was found explains it; the recordings do not "
+                      "determine every parameter.";
+}
+
 std::string headline(const Diagnosis& diagnosis) {
   switch (diagnosis.verdict) {
     case Verdict::kNone:
@@ -50,10 +64,7 @@ std::string headline(const Diagnosis& diagnosis) {
     case Verdict::kExplained:
       return "Physics is missing, and it is explained.";
     case Verdict::kAmbiguous:
-      return diagnosis.predicts
-                 ? "Physics is missing; the recordings can't tell all explanations apart."
-                 : "Physics is missing; what was found fits, but recordings kept out of the fit "
-                   "are not predicted to the noise.";
+      return ambiguity_words(diagnosis);
     case Verdict::kUnknown:
       break;
   }
@@ -69,6 +80,11 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   if (diagnosis.time_variation) {
     return "Something changes while it is recorded, and more is missing than what was found.";
+  }
+  if (diagnosis.effects.empty() && diagnosis.late_channels.empty() && diagnosis.verified) {
+    return "The model as it is predicts about as well as it fits; it leaves a little that no law "
+           "of "
+           "the catalogue explains.";
   }
   if (diagnosis.effects.empty() && diagnosis.late_channels.empty())
     return diagnosis.may_be_disturbed

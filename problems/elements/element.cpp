@@ -144,9 +144,9 @@ Location flange_location(const std::string& load) {
 }
 
 bool are_one_place(const Location& a, const Location& b) {
-  if (a.kind != b.kind || a.is_flange != b.is_flange) return false;
+  if (a.kind != b.kind || a.is_flange != b.is_flange || a.load != b.load) return false;
   if (a.kind != LocationKind::kElement) return a.channel == b.channel;
-  if (a.is_flange) return a.load == b.load;
+  if (a.is_flange) return true;
   if (a.driver != b.driver) return false;
   return (a.output == b.output && a.input == b.input) ||
          (a.output == -b.output && a.input == -b.input);

@@ -205,7 +205,7 @@ class RigidRobotPlaces : public Places {
       location.allow_keys({"kind", "axis", "load"});
       return flange_location(location.has("load") ? location.at("load").text() : "");
     }
-    location.allow_keys({"kind", "joint", "axis", "deflection", "driven_by"});
+    location.allow_keys({"kind", "joint", "axis", "deflection", "driven_by", "load"});
     result.takes_inertia = true;
     result.output = result.input = deflection(location, result);
     if (location.has("driven_by")) {
@@ -219,6 +219,10 @@ class RigidRobotPlaces : public Places {
         driver.fail(fmt::format("moves in {}, the element in {}: they must be of one kind",
                                 driving.units.deflection, result.units.deflection));
       }
+    }
+    if (location.has("load")) {
+      result.load = location.at("load").text();
+      result.name += " with load " + result.load;
     }
     return result;
   }
