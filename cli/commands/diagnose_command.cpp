@@ -333,7 +333,8 @@ int execute(Arguments& arguments) {
       })) {
     files.warnings.push_back(
         "load: models of masses know no loads, so all recordings were taken for one machine: "
-        "diagnose those with a load by themselves");
+        "state it as a robot of one joint (graybox-rigid-robot/1), or diagnose those with a load "
+        "by themselves");
   }
   if (answer.problem) {
     std::ranges::copy(answer.problem->remarks(), std::back_inserter(files.warnings));

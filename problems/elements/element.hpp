@@ -52,7 +52,7 @@ struct Location {
   Eigen::Index driver = -1;    // of a lumped model: the input that drives the law, if any
   bool takes_inertia = false;  // motors, arm axes, masses: inertia against the inertial frame
   bool is_flange = false;      // takes payloads alone
-  std::string load;            // of a flange: only in recordings with this load; empty: in all
+  std::string load;            // of a rigid robot: only in recordings with it; empty: in all
   PlaceUnits units;
 };
 
