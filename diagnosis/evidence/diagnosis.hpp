@@ -129,7 +129,7 @@ struct Diagnosis {
   bool noise_is_known = false;
   bool may_be_disturbed = false;  // no law, and nothing that is left depends on the motion
   bool interrupted = false;
-  std::string trouble;  // why no fit, if there is none
+  std::string trouble;                   // why no fit, if there is none
   std::vector<std::string> assumptions;  // what was held to be so, in sentences
   std::vector<ChannelFault> channel_faults;
   bool channels_checked = true;  // false: there was no time to, or not for all
@@ -153,6 +153,7 @@ struct Diagnosis {
   // Where the noise is known: recordings kept out are predicted to the noise floor, not only within
   // what the errors of the fitted parameters do there.
   bool predicts = true;
+  bool rest_was_tested = true;  // false: there was no time to, and the two p-values say nothing
   double rest_p_value = 1.0;
   double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
   bool rivals_weighed = true;  // false: as many laws as may be leave more than noise

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kSignal = 100.0;  // %, of an error as large as what is measured
 
-constexpr const char* kNoTime = "no time was left for it";
+constexpr const char* kNoTime = "there was no time";
 constexpr const char* kNoneKeptOut = "no recordings were kept out of the fit";
 
 VerdictReason at_most(std::string test, double value, double limit, std::string next,
@@ -116,6 +116,18 @@ std::string why_not(const Diagnosis& diagnosis, const char* otherwise) {
   return diagnosis.interrupted ? kNoTime : otherwise;
 }
 
+// Of tests that need recordings kept out of the fit. A search that was stopped may have some that
+// it did not come to, and those that its first fit was compared with are there.
+std::string why_not_kept_out(const Diagnosis& diagnosis) {
+  const bool are_there = diagnosis.validation_before || !diagnosis.before.usable;
+  return diagnosis.interrupted && are_there ? kNoTime : kNoneKeptOut;
+}
+
+// A search that was stopped before it compared the laws that it had with others.
+bool has_weighed(const Diagnosis& diagnosis) {
+  return !diagnosis.interrupted || !diagnosis.effects.empty();
+}
+
 std::vector<VerdictReason> shape_reasons(const Diagnosis& diagnosis) {
   const char* const test = "places where the laws found only resemble what is there";
   std::vector<VerdictReason> reasons;
@@ -126,9 +138,11 @@ std::vector<VerdictReason> shape_reasons(const Diagnosis& diagnosis) {
     reasons.push_back(
         not_asked(test, 0.0, why_not(diagnosis, "other laws to compare with could not be tested")));
   }
-  reasons.push_back(at_most("places where several laws describe one spring or friction",
-                            static_cast<double>(diagnosis.shared_characteristics.size()), 0.0,
-                            "try one law of your own for them (--laws)"));
+  const char* const shared = "places where several laws describe one spring or friction";
+  const auto count = static_cast<double>(diagnosis.shared_characteristics.size());
+  reasons.push_back(has_weighed(diagnosis)
+                        ? at_most(shared, count, 0.0, "try one law of your own for them (--laws)")
+                        : not_asked(shared, 0.0, kNoTime));
   return reasons;
 }
 
@@ -148,11 +162,13 @@ VerdictReason change_reason(const Diagnosis& diagnosis, const SearchOptions& opt
 }
 
 VerdictReason rivals_reason(const Diagnosis& diagnosis) {
+  const char* const test = "other explanations that are not excluded";
+  if (!has_weighed(diagnosis)) return not_asked(test, 0.0, kNoTime);
   std::size_t rivals = 0;
   for (const FoundEffect& effect : diagnosis.effects) {
     rivals += effect.rivals.size() + effect.same_at.size();
   }
-  return at_most("other explanations that are not excluded", static_cast<double>(rivals), 0.0,
+  return at_most(test, static_cast<double>(rivals), 0.0,
                  "make the experiment that tells them apart, where one is named, or add a sensor",
                  Verdict::kAmbiguous);
 }
@@ -160,11 +176,15 @@ VerdictReason rivals_reason(const Diagnosis& diagnosis) {
 std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
   std::vector<VerdictReason> reasons;
   const bool has_late_channels = !diagnosis.late_channels.empty();
-  reasons.push_back(at_least(
-      has_late_channels ? "laws and late channels found" : "laws found",
-      static_cast<double>(diagnosis.effects.size() + diagnosis.late_channels.size()), 1.0,
-      "try laws and places of your own (--laws, --places), and check units, signs and the motion "
-      "that was recorded"));
+  const char* const found = has_late_channels ? "laws and late channels found" : "laws found";
+  reasons.push_back(
+      has_weighed(diagnosis)
+          ? at_least(
+                found,
+                static_cast<double>(diagnosis.effects.size() + diagnosis.late_channels.size()), 1.0,
+                "try laws and places of your own (--laws, --places), and check units, signs and "
+                "the motion that was recorded")
+          : not_asked(found, 1.0, kNoTime));
   const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
     return effect.held_out && effect.held_out->misleads;
   });
@@ -174,7 +194,8 @@ std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
     reasons.push_back(at_most("error kept out, % of the signal", diagnosis.validation_after->nrmse,
                               kSignal, "check the units and signs of the channels"));
   } else {
-    reasons.push_back(not_asked("laws found that raise the error kept out", 0.0, kNoneKeptOut));
+    reasons.push_back(
+        not_asked("laws found that raise the error kept out", 0.0, why_not_kept_out(diagnosis)));
   }
   return reasons;
 }
@@ -195,8 +216,10 @@ std::optional<VerdictReason> trouble_reason(const Diagnosis& diagnosis) {
 }
 
 VerdictReason determination_reason(const Diagnosis& diagnosis) {
+  const char* const test = "parameters that are not determined";
+  if (!diagnosis.plausibility_judged) return not_asked(test, 0.0, kNoTime);
   const std::size_t count = diagnosis.implausible.size() - excluding(diagnosis.implausible);
-  return at_most("parameters that are not determined", static_cast<double>(count), 0.0,
+  return at_most(test, static_cast<double>(count), 0.0,
                  count > 0 ? diagnosis.implausible.back().remedy : "", Verdict::kAmbiguous);
 }
 
@@ -225,12 +248,16 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
            reasons);
     return reasons;
   }
-  return {at_least(diagnosis.validation_within_errors
-                       ? "p-value of the rest on recordings kept out being noise"
-                       : "p-value of the rest being noise",
-                   diagnosis.rest_p_value, options.verification_level, look),
-          at_least("p-value of the rest on the fit's recordings being noise", diagnosis.fit_p_value,
-                   options.verification_level, look)};
+  const char* const kept_out = diagnosis.validation_within_errors
+                                   ? "p-value of the rest on recordings kept out being noise"
+                                   : "p-value of the rest being noise";
+  const char* const of_fit = "p-value of the rest on the fit's recordings being noise";
+  if (!diagnosis.rest_was_tested) {
+    return {not_asked(kept_out, options.verification_level, kNoTime),
+            not_asked(of_fit, options.verification_level, kNoTime)};
+  }
+  return {at_least(kept_out, diagnosis.rest_p_value, options.verification_level, look),
+          at_least(of_fit, diagnosis.fit_p_value, options.verification_level, look)};
 }
 
 std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
@@ -247,6 +274,10 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     reasons.push_back(not_asked("wires, signs and units that look wrong", 0.0, kNoTime));
   }
   reasons.push_back(plausibility_reason(diagnosis));
+  if (!diagnosis.detection.detected && diagnosis.interrupted) {
+    reasons.push_back(not_asked("something is missing", 0.0, kNoTime));
+    return reasons;
+  }
   if (!diagnosis.detection.detected) {
     reasons.push_back(failed("something is missing",
                              "nothing: the model as it is will do for motion like the recorded one",

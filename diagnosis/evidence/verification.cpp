@@ -34,6 +34,7 @@ void verify_without_noise(SearchState& state) {
 }  // namespace
 
 void verify_rest(SearchState& state) {
+  state.result.rest_was_tested = !state.problem->noise_is_known();  // else further down
   state.result.validation_after = state.problem->validate(state.result.after);
   state.result.mismatch_after = state.problem->mismatch(state.result.after);
   state.result.channels_after = state.problem->channel_rests(state.result.after);
@@ -52,6 +53,7 @@ void verify_rest(SearchState& state) {
 }
 
 bool rest_passes(SearchState& state) {
+  state.result.rest_was_tested = false;  // until it was: a stop may come between
   if (const auto prediction = state.problem->predict_held_out(state.result.after)) {
     state.result.validation_within_errors = prediction->within_errors;
   }
@@ -60,6 +62,7 @@ bool rest_passes(SearchState& state) {
       state.options.tolerance);
   state.result.fit_p_value = practical_size_p_value(state.result.after.estimation,
                                                     kFitTolerance * state.options.tolerance);
+  state.result.rest_was_tested = true;
   return none_failed(state);
 }
 

@@ -14,6 +14,10 @@ namespace {
 
 constexpr double kShareOfFree = 0.1;  // that laws may make of the free motion
 
+// Of the forces that act at its place: a change that makes less of a difference is small, as a law
+// is that explains less than a thousandth beside others.
+constexpr double kSmallChange = 1e-3;
+
 std::string coefficient_name(Coefficient coefficient) {
   switch (coefficient) {
     case Coefficient::kStiffness:
@@ -69,6 +73,7 @@ std::optional<TimeVariation> find_time_variation(const PlantFamily& family,
   result.unit = unit_at(coefficient_unit(best->coefficient), best->place->location.units);
   result.p_value = std::min(1.0, static_cast<double>(scores.size()) *
                                      chi_square_tail(best->statistic, best->degrees_of_freedom));
+  if (best->force_share < kSmallChange) result.p_value = 1.0;
   result.deviation = best->deviation;
   result.frequency = best->frequency;
   result.duration = best->duration;

@@ -15,7 +15,8 @@ namespace graybox {
 // The best of all coefficients at all places, if it is more than laws whose slopes vary may make of
 // the free motion. The first `own_laws` of the model are its own. The gain, `gain`, is what the
 // others lower the deviance by. The rest, `left`, is chi-square that no law explains, which may be
-// such a force.
+// such a force. A change whose force is less than a thousandth of those that act at its place is
+// small: its p-value is one, however sure it is.
 [[nodiscard]] std::optional<TimeVariation> find_time_variation(const PlantFamily& family,
                                                                const PeriodicData& data,
                                                                const ModelState& model,

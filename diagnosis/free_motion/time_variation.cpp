@@ -31,10 +31,11 @@ struct RecordGroup {
 // Of one record at one place.
 struct Variation {
   double statistic = 0.0, degrees_of_freedom = 0.0;
-  double mean_square = 0.0;  // of s, with what noise adds
-  double noise = 0.0;        // that
-  VectorXcd harmonics;       // c_m, m = 1 ... P - 1
-  double duration = 0.0;     // P T
+  double mean_square = 0.0;                      // of s, with what noise adds
+  double noise = 0.0;                            // that
+  VectorXcd harmonics;                           // c_m, m = 1 ... P - 1
+  double motion_power = 0.0, force_power = 0.0;  // of w, and of the largest force that acts there
+  double duration = 0.0;                         // P T
 };
 
 class VariationTest {
@@ -172,9 +173,33 @@ class VariationTest {
     }
     std::vector<Variation> result;
     for (std::size_t c = 0; c < scores_.size(); ++c) {
-      result.push_back(score(record, answers[c], motion_of(scores_[c], state, record), left));
+      const VectorXcd motion = motion_of(scores_[c], state, record);
+      result.push_back(score(record, answers[c], motion, left));
+      result.back().motion_power = motion.squaredNorm();
+      result.back().force_power = scores_[c].coefficient == Coefficient::kGain
+                                      ? motion.squaredNorm()
+                                      : force_power(*scores_[c].place, state, record);
     }
     return result;
+  }
+
+  // Of springs, dampers or inertias, whichever is largest, along the place.
+  [[nodiscard]] double force_power(const CandidatePlace& place, const SteadyState& state,
+                                   const MeasuredRecord& record) const {
+    const LinearPlant& plant = model_.positions[record.position].plant;
+    const VectorXd& b = place.location.input;
+    const double size = b.squaredNorm();
+    const Eigen::RowVectorXcd spring = (b.transpose() * plant.stiffness) * state.coordinates,
+                              damper = (b.transpose() * plant.damping) * state.coordinates,
+                              inertia = (b.transpose() * plant.mass) * state.coordinates;
+    double of_spring = 0.0, of_damper = 0.0, of_inertia = 0.0;
+    for (Index k = 1; k < spring.size(); ++k) {
+      const double square = data_.frequencies[at(k)] * data_.frequencies[at(k)];
+      of_spring += std::norm(spring(k));
+      of_damper += square * std::norm(damper(k));
+      of_inertia += square * square * std::norm(inertia(k));
+    }
+    return std::max({of_spring, of_damper, of_inertia}) / (size * size);
   }
 
   // Unknowns: Re c_m, Im c_m of m = 1 ... P - 1. A bin with the remainder r by P has the upper side
@@ -228,10 +253,12 @@ class VariationTest {
 
   void sum_up(const std::vector<std::vector<Variation>>& found, std::size_t c) {
     VariationScore& score = scores_[c];
-    double mean_square = 0.0, weights = 0.0;
+    double mean_square = 0.0, weights = 0.0, motion = 0.0, force = 0.0;
     const Variation* telling = &found.front()[c];
     for (const std::vector<Variation>& record : found) {
       const Variation& variation = record[c];
+      motion += variation.motion_power;
+      force += variation.force_power;
       score.statistic += variation.statistic;
       score.degrees_of_freedom += variation.degrees_of_freedom;
       if (variation.noise > 0.0) {
@@ -242,6 +269,7 @@ class VariationTest {
       if (variation.statistic > telling->statistic) telling = &variation;
     }
     if (weights > 0.0) score.deviation = std::sqrt(std::max(0.0, mean_square / weights));
+    if (force > 0.0) score.force_share = score.deviation * std::sqrt(motion / force);
     describe(*telling, score);
   }
 

@@ -67,6 +67,11 @@ constexpr double kEnough = 0.1;
 // leave it so large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
 
+// The same where chi-square is so many times its expectation: another law is needed there first,
+// or instead, and the fits after that begin where this one ends.
+constexpr double kFarOff = 100.0;
+constexpr double kEnoughFarOff = 0.02;
+
 constexpr double kFirstDamping = 1e-3;
 // A small step may be small for its damping: that is lifted by this, and the fit counts as done at
 // so many small steps.
@@ -246,7 +251,8 @@ class PeriodicFitter {
   [[nodiscard]] double worthwhile_gain(double chi_square) const {
     const double share = options_.tolerance * chi_square;
     if (laws_.empty()) return 0.01 + share;
-    return std::max(kEnough + share, kEnoughOfExcess * (chi_square - expected_));
+    const double of_excess = chi_square > kFarOff * expected_ ? kEnoughFarOff : kEnoughOfExcess;
+    return std::max(kEnough + share, of_excess * (chi_square - expected_));
   }
 
   // dvalue / dunknown

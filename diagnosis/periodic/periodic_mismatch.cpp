@@ -78,10 +78,11 @@ CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord
   };
   std::vector<double> levels;
   std::vector<std::vector<double>> amplitudes(data.outputs.size());
+  const double rms_of_lines = std::sqrt(2.0 / static_cast<double>(data.period));
   for (const MeasuredRecord& record : records) {
     levels.push_back(record.level);
     for (std::size_t y = 0; y < amplitudes.size(); ++y) {
-      amplitudes[y].push_back(record.output.row(static_cast<Index>(y)).norm() / std::sqrt(2.0));
+      amplitudes[y].push_back(rms_of_lines * record.output.row(static_cast<Index>(y)).norm());
     }
     if (std::ranges::find(range.files, record.name) == range.files.end()) {
       range.files.push_back(record.name);
@@ -373,7 +374,7 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     const bool is_near = result.usable && can_clear_with(result);
     if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
     std::vector<VectorXd> early{start_};
-    if (first_->start.size() > 0) early.push_back(first_->start);
+    if (first_->start.size() > 0 && first_->start != start_) early.push_back(first_->start);
     const PeriodicFit afresh = can_free(data, acting.back())
                                    ? fit_from_freed(data, how, early, acting)
                                    : fit_periodic_if_near(*family_, data, early, acting, how);

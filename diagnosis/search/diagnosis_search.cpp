@@ -17,6 +17,7 @@
 #include "diagnosis/search/mismatch_detection.hpp"
 #include "diagnosis/search/rival_weighing.hpp"
 #include "diagnosis/search/shape_check.hpp"
+#include "problems/base/distributions.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {
@@ -74,6 +75,23 @@ void look_for_change(SearchState& state) {
   }
 }
 
+// A test of single hypotheses that no law bears out on recordings kept out, where all that the
+// model leaves is no more than noise, here and there: by such tests noise that is not quite as it
+// was estimated looks like physics.
+void withdraw_what_nothing_bears_out(SearchState& state) {
+  const Diagnosis& result = state.result;
+  if (!state.problem->noise_is_known() || result.interrupted || !result.after.laws.empty() ||
+      !result.validation_before ||
+      result.detection.lack_of_fit_p_value < 0.5 * state.options.level) {
+    return;
+  }
+  const Assessment& kept_out = *result.validation_before;
+  if (chi_square_tail(kept_out.chi_square, kept_out.degrees_of_freedom) >=
+      state.options.verification_level) {
+    state.result.detection.detected = false;
+  }
+}
+
 void search(SearchState& state) {
   if (!state.options.ignore_channel_faults && has_channel_faults(state)) return;
   if (!fit_as_it_is(state)) return;
@@ -82,6 +100,7 @@ void search(SearchState& state) {
   if (state.result.detection.detected) {
     find_laws(state);
     find_laws_in_time(state, find_laws);
+    withdraw_what_nothing_bears_out(state);
   }
   verify_rest(state);
   look_for_departures(state);
@@ -99,6 +118,7 @@ void search(SearchState& state) {
 Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
   SearchState state(problem, options);
   state.result.plausibility_judged = false;
+  state.result.rest_was_tested = false;
   try {
     search(state);
   } catch (const Stopped&) {  // in the middle of a step

@@ -1,13 +1,16 @@
 #include "diagnosis/search/law_selection.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <set>
 #include <utility>
 
+#include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/search/candidate_ranking.hpp"
 #include "diagnosis/search/law_pruning.hpp"
+#include "diagnosis/search/law_rejection.hpp"
 #include "diagnosis/search/plain_laws.hpp"
 #include "diagnosis/search/renewal.hpp"
 
@@ -55,6 +58,28 @@ bool is_hopeless(const SearchState& state, const ExtendedFit& with) {
          kShareOfAnMth * excess(state.result.after) / still_to_come;
 }
 
+// Of a law that has any.
+bool has_size_of_no_more_than_error(const FittedLaw& law) {
+  constexpr double kErrors = 2.0;
+  if (std::ranges::none_of(law.parameters, sets_size)) return false;
+  return std::ranges::none_of(law.parameters, [](const LawParameterEstimate& estimate) {
+    const double error = std::isfinite(estimate.standard_error) ? estimate.standard_error
+                                                                : estimate.conditional_error;
+    return sets_size(estimate) && std::abs(estimate.value) > kErrors * error;
+  });
+}
+
+// Where the fit leaves no more than noise already, as a whole: a law that recordings kept out know
+// nothing of, or whose size is less than two of its errors, is none.
+bool makes_no_difference(const SearchState& state, const ExtendedFit& without, const Trial& trial) {
+  if (!state.compare.rest_is_noise(without)) return false;
+  const FittedLaw& law = trial.fit.laws.back();
+  if (has_size_of_no_more_than_error(law)) return true;
+  const std::optional<HeldOutEffect> effect =
+      held_out_effect(state, trial.hypothesis, without, trial.fit);
+  return effect && effect->gain <= 0.0;
+}
+
 // The best of those that are significant. Where the noise is known, another where recordings kept
 // out contradict that one; else the one of fewest parameters among those at its place that it does
 // not excel (the rule of one standard error: Breiman and others 1984).
@@ -64,7 +89,10 @@ const Trial* choose(const SearchState& state, const ExtendedFit& without,
   const ExtendedFit* top = nullptr;
   for (const Trial& trial : trials) {
     if (!state.compare.significant(without, trial.fit)) continue;
-    if (state.problem->noise_is_known() && !state.compare.is_missed(without, trial.fit)) continue;
+    if (state.problem->noise_is_known() && (!state.compare.is_missed(without, trial.fit) ||
+                                            makes_no_difference(state, without, trial))) {
+      continue;
+    }
     if (best == nullptr) {
       best = &trial;
       top = &trial.fit;

@@ -155,6 +155,19 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
       100.0 * effect.explained_share, effect.bic_difference);
 }
 
+// Laws of a fit that was stopped before it was compared with others; empty: none.
+std::string unfinished_words(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  if (!diagnosis.interrupted || !diagnosis.effects.empty()) return "";
+  std::string names;
+  for (const FittedLaw& law : diagnosis.after.laws) {
+    names += fmt::format("{}{} ({})", names.empty() ? "" : "; ",
+                         hypothesis_words(hypotheses[law.hypothesis]), parameters_words(law));
+  }
+  if (names.empty()) return "";
+  return fmt::format("In the fit when it was stopped, and not yet compared with others: {}.",
+                     names);
+}
+
 std::string departure_words(const Departure& departure, std::span<const Hypothesis> hypotheses) {
   const Hypothesis& hypothesis = hypotheses[departure.start.hypothesis];
   return fmt::format(
@@ -541,6 +554,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
+  if (std::string trial = unfinished_words(diagnosis, hypotheses); !trial.empty()) {
+    lines.push_back(std::move(trial));
+  }
   add(friction_lines(diagnosis, hypotheses));
   add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
@@ -560,7 +576,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           diagnosis.noise_is_known, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
           diagnosis.noise_is_known, lines);
-  if (diagnosis.detection.detected && diagnosis.noise_is_known) {
+  if (diagnosis.detection.detected && diagnosis.noise_is_known && !diagnosis.rest_was_tested) {
+    lines.push_back("Whether what is left is noise was not tested: there was no time.");
+  } else if (diagnosis.detection.detected && diagnosis.noise_is_known) {
     const std::string where =
         diagnosis.validation_within_errors
             ? fmt::format(

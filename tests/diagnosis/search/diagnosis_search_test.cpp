@@ -1047,6 +1047,27 @@ TEST(DiagnosisSearch, StopsWhenAskedAndSaysSo) {
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
 }
 
+// A small effect of the fit's recordings that those kept out know nothing of, where chi-square is
+// no more than noise: no law is found, and the model is complete as far as can be said. Where they
+// show it, too, the law is found.
+TEST(DiagnosisSearch, ASmallLawMustGainOnRecordingsKeptOut) {
+  int found = 0, unexcited = 0;
+  for (std::uint64_t seed = 40; seed < 50; ++seed) {
+    for (const bool is_kept_out : {true, false}) {
+      RegressionProblem problem;
+      Random random(seed);
+      problem.measure(scaled_effect(problem, "harmonic_4", 5.5), random);
+      if (!is_kept_out) problem.keep_out_unexcited(random);
+      const Diagnosis diagnosis = diagnose(problem, {});
+      const bool is_small = diagnosis.detection.lack_of_fit_p_value > 0.025;
+      if (!is_small) continue;
+      (is_kept_out ? found : unexcited) += diagnosis.effects.empty() ? 0 : 1;
+      EXPECT_EQ(diagnosis.effects.empty(), diagnosis.verdict == Verdict::kNone) << seed;
+    }
+  }
+  EXPECT_GT(found, 2 * unexcited);
+}
+
 // What changes with time was not looked for: "none" would say more than is known.
 TEST(DiagnosisSearch, DoesNotSayNoneWhereItWasStopped) {
   RegressionProblem problem;

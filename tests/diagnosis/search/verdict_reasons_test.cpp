@@ -167,6 +167,44 @@ TEST(VerdictReasons, TheFirstFailureDecides) {
   EXPECT_EQ(verdict_of(verdict_reasons(diagnosis, {})), Verdict::kUnknown);
 }
 
+// Stopped with a law in the fit, before anything was compared or tested: no test passes or fails
+// but that the search came to its end.
+TEST(VerdictReasons, ASearchThatWasStoppedHasTestedNothing) {
+  Diagnosis diagnosis = friction_in_known_noise();
+  diagnosis.interrupted = true;
+  diagnosis.rest_was_tested = diagnosis.shapes_compared = false;
+  diagnosis.time_variation_was_tested = diagnosis.plausibility_judged = false;
+  diagnosis.effects.clear();
+  diagnosis.validation_before = Assessment{1e6, 1000.0, 50.0, 0.0};
+  diagnosis.validation_after.reset();
+  diagnosis.validation_within_errors.reset();
+  diagnosis.rest_p_value = diagnosis.fit_p_value = 1.0;
+  diagnosis.reasons = verdict_reasons(diagnosis, {});
+  EXPECT_EQ(verdict_of(diagnosis.reasons), Verdict::kUnknown);
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    EXPECT_TRUE(!reason.not_tested.empty() || reason.test == "the search came to its end")
+        << reason.test;
+    EXPECT_EQ(reason.not_tested.find("no recordings were kept out"), std::string::npos);
+  }
+  std::string all;
+  for (const std::string& line : verdict_words(diagnosis, kHypotheses)) all += line + "\n";
+  EXPECT_NE(all.find("was not tested: there was no time"), std::string::npos) << all;
+  EXPECT_NE(all.find("In the fit when it was stopped"), std::string::npos) << all;
+  EXPECT_EQ(all.find("no recordings were kept out"), std::string::npos) << all;
+  EXPECT_EQ(all.find("(p = 1"), std::string::npos) << all;
+}
+
+// Not even whether anything is missing, which "none" would claim.
+TEST(VerdictReasons, ASearchThatWasStoppedEarlyDoesNotAdviseToBeContent) {
+  Diagnosis diagnosis = friction();
+  diagnosis.interrupted = true;
+  diagnosis.detection.detected = false;
+  const auto reasons = verdict_reasons(diagnosis, {});
+  EXPECT_EQ(verdict_of(reasons), Verdict::kUnknown);
+  EXPECT_EQ(reasons.back().test, "something is missing");
+  EXPECT_FALSE(reasons.back().not_tested.empty());
+}
+
 TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   Diagnosis diagnosis = friction_in_known_noise();
   diagnosis.interrupted = true;
@@ -175,11 +213,11 @@ TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   diagnosis.reasons = verdict_reasons(diagnosis, {});
   std::string all;
   for (const std::string& line : reason_lines(diagnosis)) all += line;
-  EXPECT_NE(all.find("changes with time: not tested: no time"), std::string::npos) << all;
+  EXPECT_NE(all.find("changes with time: not tested: there was no time"), std::string::npos) << all;
   const auto json = reasons_json(diagnosis);
   const auto untested =
       std::ranges::count_if(json, [](const auto& each) { return each.at("passed").is_null(); });
-  EXPECT_EQ(untested, 4);
+  EXPECT_EQ(untested, 5);
   Diagnosis alone = friction();
   alone.validation_before.reset();
   alone.validation_after.reset();
