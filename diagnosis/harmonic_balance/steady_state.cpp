@@ -28,52 +28,6 @@ std::size_t grid_of(const SteadyStateOptions& options, Index lines) {
       static_cast<std::size_t>(std::max(least, std::min(4.0 * least, options.grid_points))));
 }
 
-// Of the residual of a Newton step. Far from the steady state an accurate step is no better than a
-// rough one (Eisenstat and Walker 1996, their second choice).
-constexpr double kFirstAccuracy = 0.1;
-constexpr double kLastAccuracy = 1e-3;
-
-double newton_accuracy(double left_of_error) {
-  return std::clamp(0.9 * left_of_error * left_of_error, kLastAccuracy, kFirstAccuracy);
-}
-
-double* as_numbers(MatrixXcd& values) { return reinterpret_cast<double*>(values.data()); }
-
-// min |size e_1 - H y| for a Hessenberg matrix H that grows by columns.
-class LeastSquares {
- public:
-  LeastSquares(Index limit, double size)
-      : upper_(MatrixXd::Zero(limit + 1, limit)), right_(VectorXd::Zero(limit + 1)) {
-    right_(0) = size;
-    rotations_.reserve(at(limit));
-  }
-
-  // The column's size is one more than its index and one; returns what is left.
-  double add(const VectorXd& column) {
-    const auto k = static_cast<Index>(rotations_.size());
-    upper_.col(k).head(k + 2) = column;
-    for (Index i = 0; i < k; ++i) {
-      upper_.col(k).applyOnTheLeft(i, i + 1, rotations_[at(i)].adjoint());
-    }
-    Eigen::JacobiRotation<double> rotation;
-    rotation.makeGivens(upper_(k, k), upper_(k + 1, k));
-    upper_.col(k).applyOnTheLeft(k, k + 1, rotation.adjoint());
-    right_.applyOnTheLeft(k, k + 1, rotation.adjoint());
-    rotations_.push_back(rotation);
-    return std::abs(right_(k + 1));
-  }
-
-  [[nodiscard]] VectorXd solution() const {
-    const auto k = static_cast<Index>(rotations_.size());
-    return upper_.topLeftCorner(k, k).triangularView<Eigen::Upper>().solve(right_.head(k));
-  }
-
- private:
-  MatrixXd upper_;
-  VectorXd right_;
-  std::vector<Eigen::JacobiRotation<double>> rotations_;
-};
-
 }  // namespace
 
 SteadyStateSolver::SteadyStateSolver(const PlantFamily& family, const PeriodicData& data,
@@ -482,63 +436,55 @@ void SteadyStateSolver::apply_equation(const MatrixXcd& forces, MatrixXcd& resul
   result += forces;
 }
 
-// Forces as real numbers in the noise's units, in which GMRES works: the equation is linear over
-// real numbers only. Lines that no sensor sees still weigh a little.
-void SteadyStateSolver::weigh_forces() {
-  constexpr double kUnseen = 1e-12;
-  const double least = kUnseen * weight_.maxCoeff();
-  noise_units_.resize(2 * weight_.size());
-  for (Index i = 0; i < weight_.size(); ++i) {
-    noise_units_.segment<2>(2 * i).setConstant(std::max(weight_.data()[i], least));
-  }
+double SteadyStateSolver::product(const MatrixXcd& a, const MatrixXcd& b) const {
+  return (weight_.array().square() *
+          (a.real().array() * b.real().array() + a.imag().array() * b.imag().array()))
+      .sum();
 }
 
-// GMRES, preconditioned from the right. Least squares by Givens' rotations, one a step.
-void SteadyStateSolver::solve_equation(MatrixXcd& forces, bool exact, double accuracy) {
+// GMRES, preconditioned from the right, in the real inner product of noise units: the equation is
+// linear over real numbers only.
+void SteadyStateSolver::solve_equation(MatrixXcd& forces, bool exact) {
   const bool is_line_by_line = std::ranges::all_of(
       force_laws_, [](const ForceLaw& law) { return law.periodic.is_linear(); });
   if (!exact || is_line_by_line) {
     precondition(forces);
     return;
   }
+  constexpr double kAccuracy = 1e-3;
   const bool remembers = std::ranges::any_of(
       force_laws_, [](const ForceLaw& law) { return law.periodic.has_states(); });
   const Index limit = remembers ? options_.subspace_with_memory : options_.subspace;
-  weigh_forces();
-  Eigen::Map<VectorXd> numbers(as_numbers(forces), 2 * forces.size());
-  numbers.array() *= noise_units_.array();
-  const double size = numbers.norm();
-  if (!(size > 0.0)) {
-    forces.setZero();
-    return;
-  }
-  basis_.resize(numbers.size(), limit + 1);
-  basis_.col(0) = numbers / size;
-  LeastSquares least(limit, size);
-  MatrixXcd direction(forces.rows(), forces.cols()), next;
+  const double size = std::sqrt(product(forces, forces));
+  if (!(size > 0.0)) return;
+  std::vector<MatrixXcd> basis{forces / size};
+  MatrixXd hessenberg = MatrixXd::Zero(limit + 1, limit);
+  VectorXd mix;
+  MatrixXcd next;
   Index used = 0;
-  while (used < limit) {
-    Eigen::Map<VectorXd>(as_numbers(direction), numbers.size()) =
-        basis_.col(used).cwiseQuotient(noise_units_);
+  for (; used < limit;) {
+    MatrixXcd direction = basis[at(used)];
     precondition(direction);
     apply_equation(direction, next);
-    Eigen::Map<VectorXd> moved(as_numbers(next), numbers.size());
-    moved.array() *= noise_units_.array();
-    VectorXd shares = VectorXd::Zero(used + 2);
     for (int pass = 0; pass < 2; ++pass) {
-      const VectorXd along = basis_.leftCols(used + 1).transpose() * moved;
-      moved.noalias() -= basis_.leftCols(used + 1) * along;
-      shares.head(used + 1) += along;
+      for (Index i = 0; i <= used; ++i) {
+        const double share = product(basis[at(i)], next);
+        hessenberg(i, used) += share;
+        next -= share * basis[at(i)];
+      }
     }
-    const double rest = moved.norm();
-    shares(used + 1) = rest;
-    const double left = least.add(shares);
+    const double rest = std::sqrt(product(next, next));
+    hessenberg(used + 1, used) = rest;
     ++used;
-    if (left < accuracy * size || !(rest > 1e-14 * size)) break;
-    basis_.col(used) = moved / rest;
+    VectorXd right = VectorXd::Zero(used + 1);
+    right(0) = size;
+    const MatrixXd top = hessenberg.topLeftCorner(used + 1, used);
+    mix = top.colPivHouseholderQr().solve(right);
+    if ((top * mix - right).norm() < kAccuracy * size || !(rest > 1e-14 * size)) break;
+    basis.push_back(next / rest);
   }
-  numbers.noalias() = basis_.leftCols(used) * least.solution();
-  numbers.array() /= noise_units_.array();
+  forces.setZero();
+  for (Index i = 0; i < used; ++i) forces += mix(i) * basis[at(i)];
   precondition(forces);
 }
 
@@ -555,7 +501,7 @@ double SteadyStateSolver::size_in_noise(const MatrixXcd& change) const {
 void SteadyStateSolver::iterate(const MeasuredRecord& record) {
   MatrixXcd error, best = state_.forces, step, last;
   double best_size = std::numeric_limits<double>::infinity();
-  double share = 1.0, accuracy = kFirstAccuracy;
+  double share = 1.0;
   for (int iteration = 0; iteration < options_.iteration_limit; ++iteration) {
     if (stop_requested()) break;  // whoever started this throws Stopped
     assemble();
@@ -572,7 +518,6 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
       state_.forces = best + share * step;
       continue;
     }
-    if (std::isfinite(best_size)) accuracy = newton_accuracy(size / best_size);
     best_size = size;
     best = state_.forces;
     if (size < options_.tolerance) {
@@ -581,7 +526,7 @@ void SteadyStateSolver::iterate(const MeasuredRecord& record) {
     }
     share = 1.0;
     step = error;
-    solve_equation(step, true, accuracy);
+    solve_equation(step, true);
     if (!step.allFinite()) break;
     state_.forces = best + step;
   }

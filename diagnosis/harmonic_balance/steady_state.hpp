@@ -155,9 +155,9 @@ class SteadyStateSolver {
   // S dz, and (I + S r) dF.
   void apply_slopes(const Eigen::MatrixXcd& deflections, Eigen::MatrixXcd& forces);
   void apply_equation(const Eigen::MatrixXcd& forces, Eigen::MatrixXcd& result);
-  // (I + S r)^-1 in place, up to that share of the right side, or with s for S.
-  void solve_equation(Eigen::MatrixXcd& forces, bool exact, double accuracy = 1e-3);
-  void weigh_forces();
+  // (I + S r)^-1 in place, or with s for S.
+  void solve_equation(Eigen::MatrixXcd& forces, bool exact);
+  [[nodiscard]] double product(const Eigen::MatrixXcd& a, const Eigen::MatrixXcd& b) const;
   // The lines of a force on one coordinate.
   struct PointForce {
     Eigen::Index coordinate = 0;
@@ -203,8 +203,6 @@ class SteadyStateSolver {
   std::vector<Eigen::MatrixXcd> between_;        // r of each line
   std::vector<Eigen::MatrixXcd> mean_solution_;  // (I + s r)^-1 of each line
   Eigen::MatrixXd weight_;                       // of forces in noise units, (K + 1) x laws
-  Eigen::VectorXd noise_units_;                  // the same, of real and imaginary parts
-  Eigen::MatrixXd basis_;                        // of GMRES
   std::map<std::size_t, std::unique_ptr<OwnForce>> own_forces_;  // of each position
   std::uint64_t own_forces_of_ = 0;                              // version of the model
   OwnForce* own_force_ = nullptr;                                // at the present position

@@ -22,7 +22,7 @@ void write(const std::filesystem::path& file, const std::string& text) {
 
 PredictionDiagnosis diagnosis_in(const testing::TemporaryFolder& folder) {
   return diagnose_by_prediction(folder.file("model.yaml"),
-                                load_campaign(folder.file("campaign.yaml")), {}, 2);
+                                read_campaign(folder.file("campaign.yaml")), {}, 2);
 }
 
 const FoundEffect* effect_of(const PredictionDiagnosis& result, const std::string& law) {
