@@ -285,34 +285,6 @@ std::optional<Answer> found_by_balance(const RigidRobotModel& drive, Arguments& 
   return {};
 }
 
-// A lumped model that harmonic balance brings nowhere near its recordings: the steady state may be
-// one that it does not find, or none that repeats.
-bool stays_far_off(const Diagnosis& diagnosis) {
-  constexpr double kFarOff = 100.0;
-  return diagnosis.verdict == Verdict::kUnknown && !diagnosis.interrupted &&
-         diagnosis.channel_faults.empty() &&
-         !(diagnosis.after.estimation.chi_square_per_dof() <= kFarOff);
-}
-
-// By harmonic balance; where that stays far off by prediction error, if that does any better.
-Answer answer_by_periods(Method& method, Arguments& arguments, const Campaign& campaign) {
-  Answer answer = answer_by_problem(arguments, campaign);
-  if (arguments.method != "auto" || !method.is_lumped || !arguments.place_files.empty() ||
-      !stays_far_off(answer.diagnosis)) {
-    return answer;
-  }
-  Answer predicted = answer_by_prediction(arguments, campaign);
-  if (predicted.diagnosis.interrupted || predicted.diagnosis.verdict == Verdict::kUnknown) {
-    return answer;
-  }
-  method.name = "prediction_error";
-  method.reason = fmt::format(
-      "harmonic balance comes nowhere near these recordings (chi-square per degree of freedom "
-      "{:.3g})",
-      answer.diagnosis.after.estimation.chi_square_per_dof());
-  return predicted;
-}
-
 // By the method chosen. Where the prediction error leaves doubt, and the drive is measured as a
 // whole, its force balance is asked, too, and answers if it has found something.
 Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign) {
@@ -322,7 +294,6 @@ Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign)
   if (method.is_lumped && method.name != "periodic") {
     require_laws_of_the_catalogue(arguments.search.excluded_laws);
   }
-  if (method.name == "periodic") return answer_by_periods(method, arguments, campaign);
   if (method.name != "prediction_error") {
     return answer_by_problem(
         arguments, campaign,
