@@ -13,8 +13,9 @@ namespace graybox::bench {
 // SHA-256 of the running program, shortened: two runs are comparable only if it is the same.
 [[nodiscard]] std::string program_hash();
 
-// The same of the files that a command line names: its words, without quotes, that are files. Empty
-// where none is. A program that is found on PATH, and files that files include, are not among them.
+// The hash of the files that a command line names: its words, without quotes, that are files. It is
+// empty where none is. A program that is found on PATH, and files that files include, are not among
+// them.
 [[nodiscard]] std::string files_hash(const std::string& command);
 
 // The commit of the working folder; a final "+" marks changes that are not committed. Empty outside

@@ -117,7 +117,7 @@ std::size_t status_bytes(const std::string& process, std::string_view field) {
   return 0;
 }
 
-// Of a process and all that it has started.
+// What a process and all that it has started hold.
 struct Memory {
   std::size_t now = 0;           // resident sets, summed; of the root the largest it ever had
   std::size_t largest_peak = 0;  // of one of them

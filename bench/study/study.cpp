@@ -167,8 +167,8 @@ class StudyRunner {
     for (RunRow& run : read_rows(file).runs) earlier_.insert_or_assign(run.key, std::move(run));
   }
 
-  // Of the same build, and where they have the name of an own set or program of today, of the same
-  // contents and command.
+  // A row is comparable where it is of the same build and, if it has the name of an own set or
+  // program of today, of the same contents and command.
   [[nodiscard]] bool is_comparable(const nlohmann::json& row) const {
     if (row.contains("binary") && row["binary"] != setup_.binary) return false;
     const auto own = std::ranges::find(own_, row.value("family", std::string()), &OwnSet::path);

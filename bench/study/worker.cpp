@@ -89,7 +89,8 @@ double seconds_of(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-// Of all threads of this process, and of programs that it has started and seen end.
+// The processor time of all threads of this process, and of programs that it has started and seen
+// end.
 double cpu_seconds() {
   double seconds = 0.0;
   for (const int whose : {RUSAGE_SELF, RUSAGE_CHILDREN}) {

@@ -80,7 +80,7 @@ struct FitReport {
   std::shared_ptr<nlohmann::ordered_json> details;  // what the method adds; may be null
 
   [[nodiscard]] bool converged() const { return status == "converged"; }
-  // Of parameter p; NaN where there is none.
+  // The standard error of parameter p; NaN where there is none.
   [[nodiscard]] double standard_error(std::size_t p) const;
 };
 

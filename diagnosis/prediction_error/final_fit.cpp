@@ -606,6 +606,7 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
   if (!present.usable) return {};
   const VectorXd weights = near.errors(present, scale).cwiseMax(1e-9 * scale);
   const PredictionFit poorer = near.fit(found_.fit.model, weights, {}, kIterations);
+  if (!poorer.usable) return {};
   PredictionFit best;
   for (const LawExtension& start :
        hypotheses_->extensions(poorer.model, near.motion(poorer), trials)) {
@@ -617,7 +618,7 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
       if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
     }
   }
-  if (!poorer.usable || !best.usable || !(z_between(poorer, best) > kErrors)) return {};
+  if (!best.usable || !(z_between(poorer, best) > kErrors)) return {};
   if (is_idle(poorer, best)) return {};
   return best.model;
 }

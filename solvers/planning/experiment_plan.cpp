@@ -96,20 +96,11 @@ class OneNumber {
 
  private:
   [[nodiscard]] WholeDesign measure(std::span<const std::int64_t> counts) const {
-    WholeDesign design{.counts = {counts.begin(), counts.end()}, .ratios = {}, .worst = 0.0};
-    std::vector<double> matrix(set_.packed_size(), 0.0);
-    if (!constraints_.prior.empty()) matrix = constraints_.prior;
-    for (std::size_t i = 0; i < counts.size(); ++i) {
-      if (counts[i] == 0) continue;
-      const std::span<const double> h = set_.information(i);
-      const auto count = static_cast<double>(counts[i]);
-      for (std::size_t k = 0; k < h.size(); ++k) matrix[k] += count * h[k];
-    }
-    design.ratios = variances(targets_, matrix, set_.dimension());
-    for (std::size_t j = 0; j < targets_.size(); ++j) {
-      design.ratios[j] /= targets_[j].standard_error * targets_[j].standard_error;
-      design.worst = std::max(design.worst, design.ratios[j]);
-    }
+    const std::vector<double> efforts(counts.begin(), counts.end());
+    WholeDesign design{.counts = {counts.begin(), counts.end()},
+                       .ratios = target_ratios(set_, constraints_, targets_, efforts),
+                       .worst = 0.0};
+    design.worst = *std::ranges::max_element(design.ratios);
     return design;
   }
 

@@ -12,6 +12,7 @@
 #include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_column_generation.hpp"
 #include "solvers/constrained/linear_programme.hpp"
+#include "solvers/core/sensitivity.hpp"
 
 namespace graybox {
 namespace {
@@ -95,17 +96,7 @@ class MinimaxSearch {
 
   // v_j of a design, which is kept if its worst is the best so far.
   std::vector<double> take_upper(const std::vector<double>& efforts) {
-    std::vector<double> matrix(set_.packed_size(), 0.0);
-    if (!constraints_.prior.empty()) matrix = constraints_.prior;
-    for (std::size_t i = 0; i < efforts.size(); ++i) {
-      if (efforts[i] == 0.0) continue;
-      const std::span<const double> h = set_.information(i);
-      for (std::size_t k = 0; k < h.size(); ++k) matrix[k] += efforts[i] * h[k];
-    }
-    std::vector<double> ratios = variances(targets_, matrix, set_.dimension());
-    for (std::size_t j = 0; j < ratios.size(); ++j) {
-      ratios[j] /= targets_[j].standard_error * targets_[j].standard_error;
-    }
+    std::vector<double> ratios = target_ratios(set_, constraints_, targets_, efforts);
     const double worst = *std::ranges::max_element(ratios);
     if (worst < best_.upper) {
       best_.upper = worst;
@@ -147,6 +138,19 @@ double to_simplex(std::vector<double>& shares) {
 }
 
 }  // namespace
+
+std::vector<double> target_ratios(const InformationSet& set, const DesignConstraints& constraints,
+                                  std::span<const PrecisionTarget> targets,
+                                  std::span<const double> efforts) {
+  std::vector<double> matrix(set.packed_size());
+  information_matrix(set, efforts, matrix);
+  for (std::size_t k = 0; k < constraints.prior.size(); ++k) matrix[k] += constraints.prior[k];
+  std::vector<double> ratios = variances(targets, matrix, set.dimension());
+  for (std::size_t j = 0; j < ratios.size(); ++j) {
+    ratios[j] /= targets[j].standard_error * targets[j].standard_error;
+  }
+  return ratios;
+}
 
 // As a linear programme: maximise sum_t y_t subject to sum_t v_jt y_t <= 1. The game's value is
 // 1/sum y, alpha = y / sum y, and the multipliers are mu over the value.

@@ -68,6 +68,12 @@ struct TargetGame {
 };
 [[nodiscard]] TargetGame solve_target_game(std::span<const std::vector<double>> ratios);
 
+// v_j of a design.
+[[nodiscard]] std::vector<double> target_ratios(const InformationSet& set,
+                                                const DesignConstraints& constraints,
+                                                std::span<const PrecisionTarget> targets,
+                                                std::span<const double> efforts);
+
 // L with W(mu).
 [[nodiscard]] Criterion weighted_targets(std::span<const PrecisionTarget> targets,
                                          std::span<const double> mu, std::size_t dimension);
