@@ -67,6 +67,7 @@ struct HeldOutEffect {
   bool misleads = false;  // it raises that error, beyond chance where the noise is known
   // The channels on which it acts, whose errors these are; empty: all together.
   std::string channels{};
+  double seconds_ahead = 0.0;  // 0: of whole recordings; else of predictions as far ahead
 };
 
 struct FoundEffect {

@@ -64,6 +64,22 @@ Eigen::MatrixXd long_run_variance(const Eigen::MatrixXd& scores) {
   return all_samples * whitened.long_run_variance(lags);
 }
 
+// Whether the scores' own memory is a lower bound only: what is left may drift for as long as the
+// recording lasts, and its long-run variance is then not seen in samples that follow each other.
+constexpr double kDriftingCorrelation = 0.5;
+constexpr Eigen::Index kBatches = 8;  // of all recordings together
+
+// Sums over equal batches of neighbouring samples, a row each.
+Eigen::MatrixXd batch_sums(const Eigen::MatrixXd& scores, Eigen::Index batches) {
+  Eigen::MatrixXd sums(batches, scores.cols());
+  for (Eigen::Index b = 0; b < batches; ++b) {
+    const Eigen::Index begin = b * scores.rows() / batches;
+    const Eigen::Index end = (b + 1) * scores.rows() / batches;
+    sums.row(b) = scores.middleRows(begin, end - begin).colwise().sum();
+  }
+  return sums;
+}
+
 }  // namespace
 
 OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
@@ -75,14 +91,18 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
   const Eigen::Index p = theta.size(), ny = deviation.size();
   OutputErrorCovariance result;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(p, p), spread = normal;
-  Eigen::MatrixXd sums(static_cast<Eigen::Index>(runs.size()), p);  // of the scores, by recording
+  const auto recordings = static_cast<Eigen::Index>(runs.size());
+  const Eigen::Index parts = std::max<Eigen::Index>(1, kBatches / recordings);
+  Eigen::MatrixXd sums(recordings, p), batches(recordings * parts, p);  // of the scores
   double square = 0.0, cross = 0.0;
   for (std::size_t k = 0; k < runs.size(); ++k) {
     const Whitened part = whiten(problem, stretches[k], runs[k], deviation, initial_is_free);
     normal += part.jacobian.transpose() * part.jacobian;
     const Eigen::MatrixXd scores = scores_of(part, ny);
     spread += long_run_variance(scores);
-    sums.row(static_cast<Eigen::Index>(k)) = scores.colwise().sum();
+    const auto row = static_cast<Eigen::Index>(k);
+    sums.row(row) = scores.colwise().sum();
+    batches.middleRows(row * parts, parts) = batch_sums(scores, parts);
     const Eigen::Index later = part.residual.size() - ny;
     square += part.residual.squaredNorm();
     if (later > 0) cross += part.residual.head(later).dot(part.residual.tail(later));
@@ -106,6 +126,9 @@ OutputErrorCovariance output_error_covariance(const OutputErrorProblem& problem,
   result.white = variance * inverse;
   const Eigen::MatrixXd within = inverse * spread * inverse;
   result.robust = widened(within, deviations_between(sums * inverse));
+  if (std::abs(result.lag_one_correlation) > kDriftingCorrelation) {
+    result.robust = widened(result.robust, deviations_between(batches * inverse));
+  }
   const Eigen::VectorXd widening =
       result.robust.diagonal().cwiseQuotient(within.diagonal()).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd robust_information = widening.asDiagonal() * normal *

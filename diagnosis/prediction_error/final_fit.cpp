@@ -301,11 +301,25 @@ VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
   return deviations;
 }
 
+// The like of it on the recordings kept out.
+PredictionTask FinalFit::held_out_task(const PredictionTask& task) const {
+  return task.is_free() ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
+                        : data_->windows(task.horizon, ExperimentRole::kValidation);
+}
+
+std::optional<HeldOutError> FinalFit::law_held_out(const JudgedModel& model) const {
+  if (!data_->has_validation() || !model.fit.usable) return {};
+  const PredictionTask& task = disturbance_.is_there() ? task_ : judged_by_;
+  const PredictionTask kept_out = held_out_task(task);
+  const PredictionFitter ahead = fitter(kept_out);
+  const PredictionFit run = ahead.fit(model.fit.model, weights_, {}, 0, false);
+  if (!run.usable) return {};
+  return HeldOutError{task.horizon, ahead.errors(run, weights_)};
+}
+
 void FinalFit::judge_held_out(JudgedModel& model) const {
   if (!data_->has_validation() || !model.fit.usable) return;
-  const PredictionTask task = judged_by_.is_free()
-                                  ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
-                                  : data_->windows(judged_by_.horizon, ExperimentRole::kValidation);
+  const PredictionTask task = held_out_task(judged_by_);
   const PredictionFitter whole = fitter(task);
   const PredictionFit run = whole.fit(model.fit.model, weights_, {}, 0, false);
   if (run.usable) model.held_out_error = whole.errors(run, weights_);
@@ -433,15 +447,14 @@ bool FinalFit::drop_undetermined_law() {
 }
 
 // What few machines have must predict, too.
-bool FinalFit::raises_held_out(const PlacedFinding& law, JudgedModel without,
-                               JudgedModel with) const {
+bool FinalFit::raises_held_out(const PlacedFinding& law, const JudgedModel& without,
+                               const JudgedModel& with) const {
   constexpr double kRaised = 1.05;
   if (hypotheses_->is_plain(law.hypothesis)) return false;
-  judge_held_out(with);
-  judge_held_out(without);
-  if (!with.held_out_error || !without.held_out_error) return false;
-  return relative_size(*with.held_out_error, with.held_out_scale) >
-         kRaised * relative_size(*without.held_out_error, without.held_out_scale);
+  const auto after = law_held_out(with), before = law_held_out(without);
+  if (!after || !before) return false;
+  const VectorXd& scale = data_->output_scale();
+  return relative_size(after->error, scale) > kRaised * relative_size(before->error, scale);
 }
 
 // A long run may say nothing of a law that shows in short ones.

@@ -66,6 +66,9 @@ class FinalFit {
   // The error of the model found, as far ahead as the remaining force costs at most `share` of each
   // output's signal. None: no recordings were kept out, or it costs more everywhere.
   [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
+  // The error kept out by which laws are weighed: as far ahead as the fit looks where it stands
+  // beside a disturbance, which costs more over a whole run than any law; else that of the model.
+  [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const;
   // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
   // what is kept out is the larger motion, the ratio of the signals is divided out: a disturbance
   // costs the same in any motion, what a law lacks grows with it. In free run where the plant
@@ -106,8 +109,9 @@ class FinalFit {
   [[nodiscard]] bool has_loose_frequency(const PlacedFinding& law) const;
   // Whether a law went whose sizes, or whose frequency, the recordings do not tell.
   [[nodiscard]] bool drop_undetermined_law();
-  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, JudgedModel without,
-                                     JudgedModel with) const;
+  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, const JudgedModel& without,
+                                     const JudgedModel& with) const;
+  [[nodiscard]] PredictionTask held_out_task(const PredictionTask& task) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();
   // z of a law on the rung where it was accepted, beside the others found.

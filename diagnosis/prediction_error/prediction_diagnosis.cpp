@@ -160,12 +160,15 @@ class DiagnosisBuilder {
   }
 
   [[nodiscard]] std::optional<HeldOutEffect> effect_of(const JudgedModel& without) const {
-    const JudgedModel& with = final_->found();
-    if (!without.held_out_error || !with.held_out_error) return {};
+    const auto poorer = final_->law_held_out(without);
+    const auto richer = final_->law_held_out(final_->found());
+    if (!poorer || !richer) return {};
+    const VectorXd& scale = final_->found().held_out_scale;
     HeldOutEffect effect;
-    effect.error_without = pooled(*without.held_out_error, without.held_out_scale);
-    effect.error_with = pooled(*with.held_out_error, with.held_out_scale);
-    const double floor = pooled(data_->noise(), with.held_out_scale);
+    effect.error_without = pooled(poorer->error, scale);
+    effect.error_with = pooled(richer->error, scale);
+    effect.seconds_ahead = static_cast<double>(richer->horizon) * data_->sample_time();
+    const double floor = pooled(data_->noise(), scale);
     const double before = effect.error_without * effect.error_without - floor * floor;
     const double after = effect.error_with * effect.error_with - floor * floor;
     effect.gain = before > 0.0 ? 1.0 - std::max(after, 0.0) / before : 0.0;
@@ -470,7 +473,7 @@ class DiagnosisBuilder {
   }
 
   // This asks for what a machine must have: damping and friction may vanish.
-  void add_determination(std::vector<VerdictReason>& list) const {
+  void add_determination(std::vector<VerdictReason>& list, Verdict otherwise) const {
     const auto must_be_there = [&](const Implausibility& flaw) {
       if (flaw.rule != PlausibilityRule::kZero) return true;
       return std::ranges::any_of(
@@ -487,7 +490,7 @@ class DiagnosisBuilder {
       remedy = flaw.remedy;
     }
     list.push_back(test("masses and springs that are not determined", static_cast<double>(count),
-                        0.0, count == 0, remedy, Verdict::kAmbiguous));
+                        0.0, count == 0, remedy, otherwise));
   }
 
   // A law that raises an error which is small all the same may be right.
@@ -551,6 +554,19 @@ class DiagnosisBuilder {
                        structure.words);
   }
 
+  std::string advice_on_force(double share) const {
+    constexpr double kAll = 100.0;  // % of the forces that act
+    if (share > kAll) {
+      return "look first whether the drive's channel is the force that acts on the machine: its "
+             "unit, gain and sign, and what else pushes";
+    }
+    if (result_.effects.empty()) {
+      return "look at when this force is largest: at a position, a speed, a turn of the command; "
+             "then try masses, springs and laws of your own there (--laws)";
+    }
+    return "record what may disturb the machine (temperature, supply, floor, hoses)";
+  }
+
   // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
   void add_rest(std::vector<VerdictReason>& list) const {
     const UnmodelledForce& rest = final_->rest();
@@ -574,8 +590,7 @@ class DiagnosisBuilder {
     const std::string place =
         stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
     list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
-                        kRestLimit, share <= kRestLimit,
-                        "record what may disturb the machine (temperature, supply, floor, hoses)"));
+                        kRestLimit, share <= kRestLimit, advice_on_force(share)));
     const double multiple = rest.multiple_of_rest();
     list.push_back(test(
         "rest over what the sensors' noise and that force leave, most of all horizons", multiple,
@@ -595,6 +610,7 @@ class DiagnosisBuilder {
     if (!result_.detection.detected) {
       add_held_out(list);
       add_growth(list);
+      add_determination(list, Verdict::kUnknown);  // who can't tell them can't miss anything
       if (std::ranges::any_of(list, has_failed)) return list;
       list.push_back(test("something is missing", {}, 0.0, false,
                           "nothing: the model as it is will do for motion like the recorded one",
@@ -612,7 +628,7 @@ class DiagnosisBuilder {
     add_growth(list);
     add_against_as_given(list);
     add_rest(list);
-    add_determination(list);
+    add_determination(list, Verdict::kAmbiguous);
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
     list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals),

@@ -110,6 +110,15 @@ struct PredictionHypotheses::MotionAt {
   bool is_of_free_mass = false;  // against the ground
   [[nodiscard]] double size(double share) const { return quantile_of(sizes, share); }
   [[nodiscard]] double rate(double share) const { return quantile_of(rates, share); }
+  // The slope of the force of a spring of stiffness 1 with this half gap, by least squares.
+  [[nodiscard]] double transmitted(double half_gap) const {
+    double product = 0.0, square = 0.0;
+    for (const double size : sizes) {
+      product += size * std::max(size - half_gap, 0.0);
+      square += size * size;
+    }
+    return product / square;
+  }
   static double quantile_of(const std::vector<double>& sorted, double share) {
     return sorted.empty()
                ? 0.0
@@ -285,6 +294,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   constexpr double kTransition = 1e-3;  // of the rms velocity
   constexpr double kImposedTransition = 0.05;
   constexpr std::array kWideTransitions{0.1, 0.4};
+  constexpr double kSpeeds = 1.5;  // a motion of one speed tells no law of speeds
   constexpr double kSlides = 0.4;  // of the fastest motion; what needs more is viscous
   const Location& place = plain.location;
   const LumpedModel& model = present.model;
@@ -338,7 +348,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     law.fixed = {false, false, !is_imposed};
     if (takes_over) law.replaces = coulomb;
     list.push_back(std::move(law));
-  } else if (plain.law == "quadratic_drag") {
+  } else if (plain.law == "quadratic_drag" && at.rate(0.9) > kSpeeds * at.rate(0.2)) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
   } else if (plain.law == "deflection_damping") {
     list.push_back(
@@ -363,14 +373,33 @@ void PredictionHypotheses::extend_spring(const LawExtension& plain,
       list.push_back(amplitude(plain, {at.size(share), 0.0}, 1, at.force / size, false));
     }
   } else if (plain.law == "backlash" && spring) {
-    const double stiffness = value_of(present, *spring, 0);
-    if (stiffness > 0.0) {
-      list.push_back(amplitude(plain, {0.0, stiffness}, 0, at.force / stiffness, true));
-    }
+    extend_play(plain, present, *spring, at, list);
   } else if (plain.law == "gravity" && at.range > kTurned) {
     for (const std::size_t parameter : {0U, 1U}) {
       list.push_back(amplitude(plain, {0.0, 0.0}, parameter, at.force, false));
     }
+  }
+}
+
+// A small gap, and wide ones. A spring that was fitted without its gap came out too soft: beside a
+// wide gap it starts as stiff as least squares of its force over the deflections asks for.
+void PredictionHypotheses::extend_play(const LawExtension& plain,
+                                       const ExtendedLumpedModel& present, std::size_t spring,
+                                       const MotionAt& at, std::vector<LawExtension>& list) const {
+  const double stiffness = value_of(present, spring, 0);
+  if (!(stiffness > 0.0)) return;
+  list.push_back(amplitude(plain, {0.0, stiffness}, 0, at.force / stiffness, true));
+  const std::size_t parameter = present.first_parameter(spring);
+  if (present.model.parameters[parameter].fixed) return;
+  for (const double share : {0.15, 0.3, 0.5}) {
+    const double half_gap = at.size(share);
+    const double stiffer = stiffness / at.transmitted(half_gap);
+    if (!(half_gap > 0.0) || !std::isfinite(stiffer)) continue;
+    LawExtension law = amplitude(plain, {half_gap, stiffer}, 0, 1.0, true);
+    law.direction[0] = 0.0;
+    law.is_secant = true;
+    law.own_start = {parameter, stiffer};
+    list.push_back(std::move(law));
   }
 }
 

@@ -49,6 +49,8 @@ class PredictionHypotheses {
                        const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,
                      const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_play(const LawExtension& plain, const ExtendedLumpedModel& present,
+                   std::size_t spring, const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_modes(const LawExtension& plain, const ExtendedLumpedModel& present,
                     std::vector<LawExtension>& list) const;
   void extend_ripples(const LawExtension& plain, const ExtendedLumpedModel& present,

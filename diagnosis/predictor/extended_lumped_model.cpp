@@ -130,7 +130,13 @@ ExtendedLumpedModel without_part(const ExtendedLumpedModel& model, std::size_t p
 
 ExtendedLumpedModel extended(const ExtendedLumpedModel& model, const LawExtension& law,
                              double amplitude) {
-  ExtendedLumpedModel result = law.replaces ? without_part(model, *law.replaces) : model;
+  ExtendedLumpedModel result = model;
+  if (law.own_start) {
+    const ParameterSpace& space = model.space[law.own_start->parameter];
+    result.model.parameters[law.own_start->parameter].value =
+        std::clamp(law.own_start->value, space.low, space.high);
+  }
+  if (law.replaces) result = without_part(result, *law.replaces);
   const LawEntry& entry = *find_law(law.law, law.location.kind != LocationKind::kElement);
   Element part;
   part.name =

@@ -57,6 +57,12 @@ struct LawExtension {
   // A law that has no useful slope at zero: scored by the step to amplitude one.
   bool is_secant = false;
   std::optional<std::size_t> replaces;  // a part of the model, that this law contains
+  // Where a parameter of the model starts beside this law; it moves on from there.
+  struct OwnStart {
+    std::size_t parameter = 0;
+    double value = 0.0;
+  };
+  std::optional<OwnStart> own_start = {};
   int complexity = 0;
 };
 

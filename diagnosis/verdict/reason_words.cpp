@@ -25,7 +25,8 @@ Json held_out_json(const std::optional<HeldOutEffect>& effect) {
   if (!effect) return nullptr;
   return {{"error_without", number(effect->error_without)},
           {"error_with", number(effect->error_with)},
-          {"gain", number(effect->gain)}};
+          {"gain", number(effect->gain)},
+          {"seconds_ahead", effect->seconds_ahead}};
 }
 
 std::string result_words(const VerdictReason& reason) {
@@ -49,7 +50,9 @@ std::string listed(const std::vector<std::string>& names) {
 }
 
 std::string errors_words(const HeldOutEffect& effect) {
-  return fmt::format("from {:.4g} % to {:.4g} %", effect.error_without, effect.error_with);
+  const std::string ahead =
+      effect.seconds_ahead > 0.0 ? fmt::format("{:.3g} s ahead ", effect.seconds_ahead) : "";
+  return fmt::format("{}from {:.4g} % to {:.4g} %", ahead, effect.error_without, effect.error_with);
 }
 
 }  // namespace
