@@ -165,10 +165,10 @@ TEST_F(FrontDoor, OtherShellsReadTheirScripts) {
   }
 }
 
-// The table of docs/exit_codes.md, each of its codes by a command that ends so.
+// The table of docs/reference/exit_codes.md, each of its codes by a command that ends so.
 TEST_F(FrontDoor, ExitCodesAreThoseOfTheirPage) {
   std::vector<std::string> codes;
-  for (const std::string& line : lines_of(source_file("docs/exit_codes.md"))) {
+  for (const std::string& line : lines_of(source_file("docs/reference/exit_codes.md"))) {
     std::smatch row;
     if (std::regex_match(line, row, std::regex(R"(\| (\d+) \|.*)"))) codes.push_back(row[1]);
   }

@@ -59,12 +59,12 @@ TEST_F(Listings, OfAnEllipsoidAreWhatTheProgramPrints) {
                       source_file("docs/examples/ellipsoid/motors.csv"));
   const testing::Outcome outcome = graybox("ellipsoid motors.csv --drop 2");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  expect_quoted("docs/ellipsoid.md", outcome.out, "ellipsoid: ");
+  expect_quoted("docs/how_to/ellipsoid.md", outcome.out, "ellipsoid: ");
 }
 
-// The campaign of docs/constraints.md.
+// The campaign of docs/how_to/constraints.md.
 TEST_F(Listings, OfExperimentsUnderConstraintsAreWhatTheProgramPrints) {
-  const std::string page = source_file("docs/constraints.md");
+  const std::string page = source_file("docs/how_to/constraints.md");
   const std::size_t from = page.find("format: graybox-request/1");
   testing::write_text(folder_.file("request.yaml"),
                       page.substr(from, page.find("```", from) - from));
@@ -73,10 +73,10 @@ TEST_F(Listings, OfExperimentsUnderConstraintsAreWhatTheProgramPrints) {
       graybox("exact set.h5 --experiments 8 --stock 1 --gap 0.001 -o last_week.json").exit_code, 0);
   const testing::Outcome relaxed = graybox("solve set.h5 --request request.yaml -o relaxed.json");
   ASSERT_EQ(relaxed.exit_code, 0) << relaxed.err;
-  expect_quoted("docs/constraints.md", relaxed.out, "column_generation: ");
+  expect_quoted("docs/how_to/constraints.md", relaxed.out, "column_generation: ");
   const testing::Outcome exact = graybox("exact set.h5 --request request.yaml -o next.json");
   ASSERT_EQ(exact.exit_code, 0) << exact.err;
-  expect_quoted("docs/constraints.md", exact.out, "branch_and_bound: ");
+  expect_quoted("docs/how_to/constraints.md", exact.out, "branch_and_bound: ");
   for (const std::string design : {"relaxed.json", "next.json"}) {
     const testing::Outcome checked = graybox("check set.h5 " + design);
     EXPECT_EQ(checked.exit_code, 0) << checked.out << checked.err;
@@ -84,7 +84,7 @@ TEST_F(Listings, OfExperimentsUnderConstraintsAreWhatTheProgramPrints) {
 }
 
 TEST_F(Listings, OfAPlanAreWhatTheProgramPrints) {
-  const std::string page = "docs/plan.md";
+  const std::string page = "docs/how_to/plan.md";
   ASSERT_EQ(graybox("problem random --family wis --candidates 60 --dimension 4 --seed 3 "
                     "-o plan_set.h5")
                 .exit_code,
@@ -95,12 +95,12 @@ TEST_F(Listings, OfAPlanAreWhatTheProgramPrints) {
   expect_quoted(page, plan.out, "plan_set.h5: ");
 }
 
-// The lines of docs/formats.md that prove a design without graybox.
+// The lines of docs/reference/formats.md that prove a design without graybox.
 TEST_F(Listings, OfAProofWithoutGrayboxProveTheDesign) {
   if (std::system("/usr/bin/python3 -c 'import numpy' > /dev/null 2>&1") != 0) {
     GTEST_SKIP() << "not here: python3-numpy";
   }
-  const std::string page = source_file("docs/formats.md");
+  const std::string page = source_file("docs/reference/formats.md");
   const std::size_t from = page.find("import json\nimport numpy as np\n");
   ASSERT_NE(from, std::string::npos);
   testing::write_text(folder_.file("proof.py"), page.substr(from, page.find("```", from) - from));
@@ -118,7 +118,7 @@ TEST_F(Listings, OfAProofWithoutGrayboxProveTheDesign) {
   EXPECT_LE(bound, log_det + 5.0 * std::log1p(1e-6) + 1e-10);
 }
 
-// The thermometer of docs/own_model.md, as its Python makes it.
+// The thermometer of docs/how_to/own_model.md, as its Python makes it.
 TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
   const double final = 60.0, tau = 8.0;
   std::string jacobians = "final,tau\n", times = "time [s]\n";
@@ -134,7 +134,7 @@ TEST_F(Listings, OfOnesOwnModelAreWhatTheProgramPrints) {
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const testing::Outcome solved = graybox("solve set.h5 --gap 1e-9");
   ASSERT_EQ(solved.exit_code, 0) << solved.err;
-  expect_quoted("docs/own_model.md", made.out + solved.out, "wrote set.h5");
+  expect_quoted("docs/how_to/own_model.md", made.out + solved.out, "wrote set.h5");
 }
 
 TEST_F(Listings, OfTheReadmesDiagnosisAreWhatTheProgramPrints) {
@@ -152,9 +152,9 @@ TEST_F(Listings, OfADiagnosisAreWhatTheProgramPrints) {
             0);
   const testing::Outcome outcome = graybox("diagnose " + docs + "diagnose/drive.yaml drive");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  expect_quoted("docs/diagnose.md", outcome.out);
+  expect_quoted("docs/how_to/diagnose.md", outcome.out);
   // The number of hypotheses.
-  const std::string page = source_file("docs/diagnose.md");
+  const std::string page = source_file("docs/how_to/diagnose.md");
   const std::size_t at = page.find(" hypotheses.)");
   ASSERT_NE(at, std::string::npos);
   const std::size_t begin = page.rfind(' ', at - 1) + 1;

@@ -35,7 +35,7 @@ TEST_F(ExportCommand, TurnsADiagnosisIntoACFunction) {
   EXPECT_EQ(written.out, "wrote motor.c\n");
   const std::string source = read_text(folder_.file("motor.c"));
   EXPECT_EQ(graybox("export report/model_extended.yaml --to c --name motor").out, source);
-  testing::expect_quoted("docs/export.md", source, "/* found coulomb");
+  testing::expect_quoted("docs/how_to/export.md", source, "/* found coulomb");
   testing::write_text(folder_.file("main.c"),
                       "#include <stdio.h>\n"
                       "void motor_force(const double*, const double*, const double*, double*);\n"

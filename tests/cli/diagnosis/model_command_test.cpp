@@ -246,9 +246,10 @@ TEST_F(Model, TheEmpsDriveIsWhatIsLeft) {
   EXPECT_NEAR(mass, 95.1, 10.0);  // its authors'
 }
 
-// Lines of the block of docs/from_a_log.md that begins so.
+// Lines of the block of docs/how_to/from_a_log.md that begins so.
 std::vector<std::string> quoted(const std::string& beginning) {
-  const std::string page = read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/from_a_log.md");
+  const std::string page =
+      read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/how_to/from_a_log.md");
   const std::size_t first = page.find("```\n" + beginning);
   EXPECT_NE(first, std::string::npos) << beginning;
   std::istringstream block(page.substr(first + 4, page.find("\n```", first) - first - 4));
