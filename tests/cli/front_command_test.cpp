@@ -10,15 +10,17 @@
 #include <vector>
 
 #include "tests/support/command_runner.hpp"
-#include "tests/support/quoted_listing.hpp"
 
 namespace graybox {
 namespace {
 
 using testing::Outcome;
 using testing::read_text;
-using testing::source_file;
 using testing::write_text;
+
+std::string source_file(const std::string& name) {
+  return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/" + name);
+}
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
