@@ -132,7 +132,7 @@ class Workshop:
         """Standard output and error together, and whether all commands ended well."""
         done = subprocess.run(["bash", "-eo", "pipefail", "-c", script], cwd=self.folder,
                               env=self.environment, stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=280)
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=580)
         return done.stdout.decode(errors="replace"), done.returncode == 0
 
 
@@ -159,6 +159,8 @@ class Options:
             if script and not (source / script).exists():
                 yield f"no such script: {script}"
             text = (source / script).read_text() if script and (source / script).exists() else ""
+            if script:  # options that it does not know go on to the command of that name
+                text += self.help_of((Path(script).name,)) or ""
             for word in words[1:]:
                 if script and word.startswith("--") and word.split("=")[0] not in text:
                     yield f"{script} does not know {word}"
@@ -265,7 +267,7 @@ def main(arguments):
     else:
         pages = [Path(each).resolve() for each in arguments[2:]] or pages_of(source)
         failures = [line for page in pages for line in test_page(graybox, source, page)]
-    print("\n".join(failures))
+    print("\n".join([*failures, f"{len(failures)} faults"]))
     return 1 if failures else 0
 
 
