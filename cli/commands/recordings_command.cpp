@@ -209,7 +209,8 @@ int list_units(bool as_json) {
 
 int execute(const RecordingsArguments& arguments) {
   if (arguments.units) return list_units(arguments.json);
-  if (arguments.files.empty()) throw InputError("campaign is required; see --help");
+  if (arguments.files.empty())
+    throw InputError("campaign is required; see graybox recordings --help");
   if (arguments.from_logs) return propose(arguments);
   if (arguments.files.size() > 1) {
     throw InputError(arguments.files[1] + ": one campaign at a time; of logs say --template");
