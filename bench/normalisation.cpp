@@ -1,6 +1,6 @@
-// Prints the table of docs/normalisation.md: the dual interior-point method on the paper's dual
-// (10) as written, with its rows scaled, whitened, and both, on sets whose parameters are measured
-// in units further and further apart. Run as: normalisation > table.md
+// Prints the table of docs/explanation/normalisation.md: the dual interior-point method on the
+// paper's dual (10) as written, with its rows scaled, whitened, and both, on sets whose parameters
+// are measured in units further and further apart. Run as: normalisation > table.md
 #include <fmt/format.h>
 
 #include <string>

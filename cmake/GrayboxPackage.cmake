@@ -15,7 +15,7 @@ file(WRITE ${package_licence} "${combined}${licence}")
 install(FILES ${package_licence} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/graybox COMPONENT program)
 install(FILES ${CMAKE_SOURCE_DIR}/CHANGELOG.md ${CMAKE_SOURCE_DIR}/CITATION.cff
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/graybox COMPONENT program)
-install(DIRECTORY ${CMAKE_SOURCE_DIR}/docs/examples ${CMAKE_SOURCE_DIR}/docs/reference
+install(DIRECTORY ${CMAKE_SOURCE_DIR}/docs/
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/graybox COMPONENT program)
 
 set(CPACK_GENERATOR DEB)

@@ -59,6 +59,7 @@ CASES = [
     ("simulation", f"simulate {EXAMPLES}/diagnose/rotor.yaml "
      f"{EXAMPLES}/diagnose/rotor_short_plan.yaml --json -o again", None),
     ("laws", "simulate --laws --json", None),
+    ("units", "recordings --units --json", None),
     ("responses", "responses rotor --json", None),
     ("study", "study --quick --solvers column_generation --max-candidates 50 --no-families "
      "-o rows --json", None),

@@ -1,6 +1,6 @@
-// The set `any_motion` of the proof on concealed data (docs/challenge.md). It has single axes and
-// two-mass drives in closed loop, in motions that never repeat. It is for the diagnoses by
-// prediction error and by force balance.
+// The set `any_motion` of the proof on concealed data (docs/explanation/challenge.md). It has
+// single axes and two-mass drives in closed loop, in motions that never repeat. It is for the
+// diagnoses by prediction error and by force balance.
 //
 //   graybox challenge make --set any_motion --quick --seed commit -o cases --truth truth
 //

@@ -14,6 +14,7 @@
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
 #include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
@@ -24,7 +25,7 @@ using Json = nlohmann::ordered_json;
 struct RecordingsArguments {
   std::vector<std::string> files;  // one campaign, or logs for a template
   std::string output;
-  bool json = false, from_logs = false;
+  bool json = false, from_logs = false, units = false;
 };
 
 const char* name_of_severity(Severity severity) {
@@ -194,7 +195,22 @@ int propose(const RecordingsArguments& arguments) {
   return proposal.questions.empty() ? kDone : kBadInput;
 }
 
+// The units that campaigns may state: what one of each is in the unit of its kind.
+int list_units(bool as_json) {
+  Json list = Json::array();
+  std::string text;
+  for (const Unit& unit : known_units()) {
+    list.push_back({{"unit", unit.name}, {"factor", unit.factor}, {"base", unit.base}});
+    text += fmt::format("{:<8} {:.10g} {}\n", unit.name, unit.factor, unit.base);
+  }
+  fmt::print("{}", as_json ? list.dump() + "\n" : text);
+  return kDone;
+}
+
 int execute(const RecordingsArguments& arguments) {
+  if (arguments.units) return list_units(arguments.json);
+  if (arguments.files.empty())
+    throw InputError("campaign is required; see graybox recordings --help");
   if (arguments.from_logs) return propose(arguments);
   if (arguments.files.size() > 1) {
     throw InputError(arguments.files[1] + ": one campaign at a time; of logs say --template");
@@ -216,21 +232,21 @@ int execute(const RecordingsArguments& arguments) {
 void add_recordings_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("recordings", "Read and check the recordings of a campaign");
   auto arguments = std::make_shared<RecordingsArguments>();
-  command
-      ->add_option("campaign", arguments->files,
-                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml; with "
-                   "--template: logs")
-      ->required();
+  command->add_option("campaign", arguments->files,
+                      "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml; with "
+                      "--template: logs");
   command->add_option("-o,--output", arguments->output, "write the summary to this file (JSON)");
   command->add_flag("--template", arguments->from_logs,
                     "propose a campaign.yaml for logs (print it, or -o)");
+  command->add_flag("--units", arguments->units, "list the units that a campaign may state");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 usable, perhaps with warnings; 2 a recording can't be used, and why.\n"
       "Examples:\n"
       "  graybox recordings campaign/\n"
       "  graybox recordings diagnosis/campaigns/emps.yaml --json\n"
-      "  graybox recordings --template log.csv -o campaign.yaml");
+      "  graybox recordings --template log.csv -o campaign.yaml\n"
+      "  graybox recordings --units");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
 }
 

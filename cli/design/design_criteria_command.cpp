@@ -250,7 +250,7 @@ void add_design_criteria_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "Efficiency of a design under a criterion: how much of the best possible it reaches; 0.8 "
       "says\n"
-      "that it takes 1/0.8 times as many experiments. See docs/criteria.md.\n"
+      "that it takes 1/0.8 times as many experiments. See docs/how_to/criteria.md.\n"
       "Example:\n"
       "  graybox design criteria set.h5 --interest joint_1.gearbox,joint_2.gearbox -o tables");
   command->callback(

@@ -278,7 +278,7 @@ void add_design_plan_command(CLI::App& app, Invocation& invocation) {
       "Each matrix of the set must be the information of one experiment with its noise, so that\n"
       "the covariance is (sum_i m_i H_i)^-1. 2 % is 0.02. Exit code 1: the number is not proven "
       "to\n"
-      "be the smallest, or there is none. See docs/plan.md.\n"
+      "be the smallest, or there is none. See docs/how_to/plan.md.\n"
       "Examples:\n"
       "  graybox design plan set.h5 --target 'sd(all) <= 5 %' -o design.json\n"
       "  graybox design plan set.h5 --detect 'joint_1.gearbox by 10 %' --power 0.8\n"

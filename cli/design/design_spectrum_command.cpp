@@ -1,4 +1,4 @@
-// `graybox design spectrum`: positions and excitation spectra at once (docs/spectrum.md).
+// `graybox design spectrum`: positions and excitation spectra at once (docs/how_to/spectrum.md).
 #include <fmt/format.h>
 
 #include <algorithm>

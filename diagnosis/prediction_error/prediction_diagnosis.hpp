@@ -7,7 +7,7 @@
 // A predictor (predictor.hpp) sees the measurements for a while and then runs free for h samples.
 // The search climbs a ladder of h (prediction_search.hpp). The model found is fitted in free run
 // where that has skill, and judged on recordings kept out (final_fit.hpp). The mathematics and the
-// limits are in docs/prediction_error.md.
+// limits are in docs/explanation/prediction_error.md.
 //
 // The verdict is `none` where nothing was found and the rest is at the sensors' noise on every
 // rung. It is `explained` where laws were found and all of the following hold. The rest is at the

@@ -1,6 +1,6 @@
 // A campaign: which files hold which experiments, what their channels are, and what is done to the
-// signals before anything is computed from them. Read from campaign.yaml (docs/recordings.md has
-// every field):
+// signals before anything is computed from them. Read from campaign.yaml
+// (docs/how_to/recordings.md has every field):
 //
 //   format: graybox-campaign/1
 //   sample_time: 0.001                       # s, or irregular, or unknown

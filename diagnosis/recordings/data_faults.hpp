@@ -4,7 +4,8 @@
 // could be and the line of campaign.yaml that mends it. Nothing is mended here, but it is told
 // which samples can't be data, for fault_mending.hpp.
 //
-// How often each rule is wrong and right was measured on real recordings: docs/recordings.md.
+// How often each rule is wrong and right was measured on real recordings:
+// docs/how_to/recordings.md.
 #pragma once
 
 #include <Eigen/Core>

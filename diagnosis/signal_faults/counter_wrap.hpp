@@ -4,7 +4,7 @@
 // Rule for a period P: the values span at most P, steps above P/2 occur, and with whole periods
 // added each of them is at most P/8 and at most 5 times the step that 99 % of the other steps keep
 // below. Counters hold whole numbers and need two such steps; an angle needs one. Periods are tried
-// from the smallest on. Rates: docs/recordings.md. Cost: O(n).
+// from the smallest on. Rates: docs/how_to/recordings.md. Cost: O(n).
 #pragma once
 
 #include <Eigen/Core>

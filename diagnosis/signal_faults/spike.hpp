@@ -5,7 +5,7 @@
 //   8 times the step that 99.9 % of all steps of the running median keep below,
 // and where noise and steps are too small to tell, above 1e-6 of the largest value.
 // The running median has no spikes, so that many of them don't hide each other.
-// Measured on the recordings named in docs/recordings.md; the rates are in its table.
+// Measured on the recordings named in docs/how_to/recordings.md; the rates are in its table.
 // No answer for signals of at most 16 levels (they switch) and below 100 samples. Cost: O(n).
 #pragma once
 

@@ -1,5 +1,5 @@
 // A complete back-end, as small as they come: the multiplicative algorithm (Silvey, Titterington
-// and Torsney 1978). docs/add_a_solver.md shows it; tests/cli/readme_test.cpp runs it.
+// and Torsney 1978). docs/how_to/add_a_solver.md shows it; tests/cli/readme_test.cpp runs it.
 #pragma once
 
 #include "graybox/solvers/core/solver.hpp"

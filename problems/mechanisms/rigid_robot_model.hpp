@@ -4,7 +4,7 @@
 //
 // q the joint coordinates (rad, or m where prismatic), q_m and u the motors' angles and torques, N
 // the transmission, J the rotor inertias. Read from a graybox-rigid-robot/1 file
-// (docs/rigid_robot.md has every field):
+// (docs/how_to/rigid_robots.md has every field):
 //
 //   format: graybox-rigid-robot/1
 //   gravity: [0, 0, -9.81]                   # m/s^2, in the base frame

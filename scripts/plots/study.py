@@ -219,7 +219,7 @@ def figure_3(study):
 
 
 def figure_3_peers(study):
-    """Ours beside figures measured in another run with other programs (docs/peers.md)."""
+    """Ours beside figures measured in another run with other programs (docs/explanation/peers.md)."""
     file = ROOT / "results" / "peers.csv"
     sizes = study.sizes()
     if not file.exists() or not sizes:
@@ -250,7 +250,7 @@ def figure_3_peers(study):
     spread_labels(axes, labels, 1.06)
     axes.text(0, -0.12, f"Coloured: this run, robot set, checked gap {scientific(study.gap())}. Grey: other run, "
               "other set of the same size (log-normal Wishart), CPU seconds,\ngaps of 1e-4 to 1e-11; see "
-              "docs/peers.md. Ratios below 1.3 mean nothing.",
+              "docs/explanation/peers.md. Ratios below 1.3 mean nothing.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study.folder, figure, "figure_3_peers")
 

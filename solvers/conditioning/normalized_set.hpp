@@ -15,7 +15,8 @@
 //
 // whatever the scale of parameters and candidates (a mean of candidates that were normalised first
 // has no such bound: it may be dominated by directions that are nearly free in the optimum). The
-// paper's problem as written, without this step, fails on badly scaled sets: docs/normalisation.md.
+// paper's problem as written, without this step, fails on badly scaled sets:
+// docs/explanation/normalisation.md.
 //
 // A problem in rows A_i and multipliers z_i, say the dual (10),
 //

@@ -1,7 +1,7 @@
 // dual_interior_point_unscaled: the paper's dual (10) exactly as written: neither whitened nor with
 // its rows scaled; the method is otherwise dual_interior_point's. It is here for comparison: on
 // badly scaled sets it fails where the normalised form needs a dozen iterations
-// (docs/normalisation.md). It promises no gap.
+// (docs/explanation/normalisation.md). It promises no gap.
 //
 // Statuses as for dual_interior_point, numerical_failure being the usual one on such sets.
 #pragma once

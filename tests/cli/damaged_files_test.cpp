@@ -355,7 +355,8 @@ TEST(FileFormats, TheDocumentedScriptWritesASetThatIsRead) {
   if (std::system("/usr/bin/python3 -c 'import numpy, h5py' 2>/dev/null") != 0) {
     GTEST_SKIP() << "/usr/bin/python3 lacks numpy or h5py";
   }
-  const std::string page = read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/formats.md");
+  const std::string page =
+      read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/reference/formats.md");
   const std::size_t begin = page.find("```python\n") + 10;
   const std::size_t end = page.find("```", begin);
   ASSERT_LT(end, page.size());

@@ -10,15 +10,17 @@
 #include <vector>
 
 #include "tests/support/command_runner.hpp"
-#include "tests/support/quoted_listing.hpp"
 
 namespace graybox {
 namespace {
 
 using testing::Outcome;
 using testing::read_text;
-using testing::source_file;
 using testing::write_text;
+
+std::string source_file(const std::string& name) {
+  return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/" + name);
+}
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
@@ -165,10 +167,10 @@ TEST_F(FrontDoor, OtherShellsReadTheirScripts) {
   }
 }
 
-// The table of docs/exit_codes.md, each of its codes by a command that ends so.
+// The table of docs/reference/exit_codes.md, each of its codes by a command that ends so.
 TEST_F(FrontDoor, ExitCodesAreThoseOfTheirPage) {
   std::vector<std::string> codes;
-  for (const std::string& line : lines_of(source_file("docs/exit_codes.md"))) {
+  for (const std::string& line : lines_of(source_file("docs/reference/exit_codes.md"))) {
     std::smatch row;
     if (std::regex_match(line, row, std::regex(R"(\| (\d+) \|.*)"))) codes.push_back(row[1]);
   }

@@ -1,4 +1,4 @@
-// The code that docs/add_a_solver.md and the headers show, compiled and run.
+// The code that docs/how_to/add_a_solver.md and the headers show, compiled and run.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,11 +34,11 @@ graybox::InformationSet two_candidates() {
 }
 
 TEST(AddASolver, ShowsTheExampleWhole) {
-  const std::string page = text_of("docs/add_a_solver.md");
+  const std::string page = text_of("docs/how_to/add_a_solver.md");
   EXPECT_NE(page.find(text_of("docs/examples/torsney_solver.hpp")), std::string::npos)
-      << "docs/add_a_solver.md and docs/examples/torsney_solver.hpp have drifted apart";
+      << "docs/how_to/add_a_solver.md and docs/examples/torsney_solver.hpp have drifted apart";
   EXPECT_NE(page.find(text_of("docs/examples/torsney_solver.cpp")), std::string::npos)
-      << "docs/add_a_solver.md and docs/examples/torsney_solver.cpp have drifted apart";
+      << "docs/how_to/add_a_solver.md and docs/examples/torsney_solver.cpp have drifted apart";
 }
 
 TEST(AddASolver, ExampleIsCertified) {

@@ -1,4 +1,4 @@
-// All channels of the real recordings (docs/recordings.md, GRAYBOX_RECORDINGS), as they were
+// All channels of the real recordings (docs/how_to/recordings.md, GRAYBOX_RECORDINGS), as they were
 // recorded, for the calibration of detectors.
 #pragma once
 

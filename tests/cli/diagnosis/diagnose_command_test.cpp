@@ -23,7 +23,7 @@ using testing::read_text;
 using testing::write_text;
 using Json = nlohmann::json;
 
-// Of the documentation (docs/diagnose.md, docs/own_laws.md).
+// Of the documentation (docs/how_to/diagnose.md, docs/how_to/own_laws.md).
 std::string example(const std::string& name) {
   return read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/diagnose/" + name);
 }
@@ -221,7 +221,8 @@ TEST_F(Diagnose, SaysThatASensorIsSaturated) {
 // alike must not keep the second out (its makers reach 6.1 % by hand).
 TEST_F(Diagnose, FindsTheFrictionOfARealAxis) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
-    GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
+    GTEST_SKIP()
+        << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/how_to/recordings.md)";
   }
   const std::string root = GRAYBOX_SOURCE_DIR;
   const Outcome outcome = graybox("diagnose " + root + "/docs/examples/rigid/emps.yaml " + root +
@@ -248,7 +249,8 @@ TEST_F(Diagnose, FindsTheFrictionOfARealAxis) {
 // not called noise.
 TEST_F(Diagnose, FindsTheHarmonicsOfARealMotor) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
-    GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
+    GTEST_SKIP()
+        << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/how_to/recordings.md)";
   }
   const std::string root = GRAYBOX_SOURCE_DIR;
   const std::string model = "diagnose " + root + "/docs/examples/rigid/cogging_motor.yaml " + root +

@@ -1,5 +1,5 @@
-// `graybox fit` of lumped models: the worked example of docs/fit_lumped.md, bad input, and real
-// data.
+// `graybox fit` of lumped models: the worked example of docs/how_to/fit_lumped.md, bad input, and
+// real data.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -120,7 +120,8 @@ class RealAxes : public FitLumped {
  protected:
   void SetUp() override {
     if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
-      GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
+      GTEST_SKIP()
+          << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/how_to/recordings.md)";
     }
   }
   Json fit(const std::string& model, const std::string& campaign, const std::string& physics) {

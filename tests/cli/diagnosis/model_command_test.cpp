@@ -246,36 +246,6 @@ TEST_F(Model, TheEmpsDriveIsWhatIsLeft) {
   EXPECT_NEAR(mass, 95.1, 10.0);  // its authors'
 }
 
-// Lines of the block of docs/from_a_log.md that begins so.
-std::vector<std::string> quoted(const std::string& beginning) {
-  const std::string page = read_text(std::string(GRAYBOX_SOURCE_DIR) + "/docs/from_a_log.md");
-  const std::size_t first = page.find("```\n" + beginning);
-  EXPECT_NE(first, std::string::npos) << beginning;
-  std::istringstream block(page.substr(first + 4, page.find("\n```", first) - first - 4));
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(block, line);) lines.push_back(line);
-  return lines;
-}
-
-void expect_printed(const std::vector<std::string>& lines, const std::string& output) {
-  const std::string left_out = "[...]";
-  for (std::string line : lines) {
-    if (line.ends_with(left_out)) line.resize(line.size() - left_out.size());
-    EXPECT_NE(("\n" + output).find("\n" + line), std::string::npos) << line << "\n" << output;
-  }
-}
-
-TEST_F(Model, ThePagesListingsAreWhatTheProgramPrints) {
-  const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive/run_";
-  const Outcome proposed = graybox("model --one-mass " + drive + "1.csv " + drive +
-                                   "2.csv --gain 0.12 --column speed=velocity:rpm -o axis");
-  ASSERT_EQ(proposed.exit_code, 0) << proposed.err;
-  expect_printed(quoted("model     one"), proposed.out);
-  const Outcome diagnosed = graybox("diagnose axis/model.yaml axis/campaign.yaml");
-  ASSERT_EQ(diagnosed.exit_code, 0) << diagnosed.err;
-  expect_printed(quoted("verdict: explained"), diagnosed.out);
-}
-
 TEST_F(Model, ItsHelpFitsAScreen) {
   const Outcome help = graybox("model --help");
   EXPECT_EQ(help.exit_code, 0);

@@ -256,7 +256,7 @@ TEST(PredictionDiagnosis, NamesTheFrictionOfTheMotorInTheDocs) {
   }
 }
 
-// More with GRAYBOX_TEST_RUNS: how the rates in docs/prediction_error.md were measured.
+// More with GRAYBOX_TEST_RUNS: how the rates in docs/explanation/prediction_error.md were measured.
 unsigned runs_of(unsigned few) {
   const char* given = std::getenv("GRAYBOX_TEST_RUNS");
   return given != nullptr ? static_cast<unsigned>(std::atoi(given)) : few;

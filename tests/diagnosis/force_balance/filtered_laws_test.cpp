@@ -26,7 +26,8 @@ namespace {
 constexpr double kLevel = 0.05, kDamping = 0.004, kInertia = 2.1e-3;
 constexpr double kSample = 0.002;
 
-// A motor under a held torque, its speed recorded with noise: the drive of docs/fit_lumped.md.
+// A motor under a held torque, its speed recorded with noise: the drive of
+// docs/how_to/fit_lumped.md.
 class Motor {
  public:
   explicit Motor(std::uint64_t seed) {

@@ -650,7 +650,7 @@ TEST_F(ForceBalance, FindsAPayloadAndWhereItIs) {
   expect_offset_load(diagnosis.effects[0].law, 0.02);
 }
 
-// How the rate in docs/diagnose.md was measured: GRAYBOX_TEST_RUNS of each.
+// How the rate in docs/explanation/force_balance.md was measured: GRAYBOX_TEST_RUNS of each.
 TEST_F(ForceBalance, FindsNothingInAnArmThatIsWhole) {
   const char* given = std::getenv("GRAYBOX_TEST_RUNS");
   const int runs = given != nullptr ? std::atoi(given) : 3;

@@ -434,7 +434,8 @@ class RewiredRecordings : public ::testing::Test {
  protected:
   void SetUp() override {
     if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
-      GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
+      GTEST_SKIP()
+          << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/how_to/recordings.md)";
     }
   }
 

@@ -1,6 +1,6 @@
 // Every law of the catalogue, and every kind of place, once from the simulator through `diagnose`
 // to the verdict. Drives take all laws but those that only a robot has. What of all this is found
-// at which size, the challenge counts (docs/challenge.md).
+// at which size, the challenge counts (docs/explanation/challenge.md).
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -178,7 +178,8 @@ class RealCampaigns : public ::testing::TestWithParam<const char*> {};
 // Every experiment loads without an error, all of its samples finite.
 TEST_P(RealCampaigns, LoadThroughTheirCampaignFiles) {
   if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
-    GTEST_SKIP() << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/recordings.md)";
+    GTEST_SKIP()
+        << "set GRAYBOX_RECORDINGS to the folder of the recordings (docs/how_to/recordings.md)";
   }
   const Campaign campaign = real_campaign(GetParam());
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {

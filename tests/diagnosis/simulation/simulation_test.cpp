@@ -104,7 +104,7 @@ TEST(Multisine, KeepsACrestLimit) {
   EXPECT_THROW(Multisine(options, 5), InputError);
 }
 
-// The files of docs/simulate.md can be read and their plants built.
+// The files of docs/how_to/simulate.md can be read and their plants built.
 TEST(SimulatedSystem, ReadsTheExamplesOfTheDocumentation) {
   const std::filesystem::path examples =
       std::filesystem::path(GRAYBOX_SOURCE_DIR) / "docs/examples/simulate";
