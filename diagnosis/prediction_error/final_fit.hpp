@@ -78,6 +78,8 @@ class FinalFit {
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
+  // Along time, those of recordings kept out first: by the predictions that its errors are of.
+  [[nodiscard]] std::vector<ResidualCurve> curves(const JudgedModel& model) const;
   // The law that the search accepted where this one stands: itself, or one that contains it.
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
@@ -119,6 +121,7 @@ class FinalFit {
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;
   [[nodiscard]] bool take_plainer_law(std::size_t law);
   void judge_held_out(JudgedModel& model) const;
+  [[nodiscard]] PredictionTask held_out_task() const;
   [[nodiscard]] ExtendedLumpedModel climbed(ExtendedLumpedModel model) const;
   [[nodiscard]] JudgedModel refitted_without(const PlacedFinding& law) const;
   [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
