@@ -87,7 +87,7 @@ std::vector<Trace> traces_of(const FitPredictions& predictions) {
     if (same == before.end()) continue;
     trace.series.insert(trace.series.begin() + 1,
                         {"predicted before", std::move(same->series[1].values)});
-    if (!same->words.empty()) trace.words = "Fitted: " + trace.words + " As stated: " + same->words;
+    if (!same->words.empty()) trace.words += " As stated: " + same->words;
   }
   std::ranges::stable_partition(traces, [](const Trace& trace) { return trace.is_kept_out; });
   return traces;

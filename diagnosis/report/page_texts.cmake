@@ -3,6 +3,8 @@
 set(folder ${CMAKE_CURRENT_LIST_DIR})
 find_path(GRAYBOX_DYGRAPHS dygraph.min.js PATHS /usr/share/javascript/dygraphs REQUIRED
   DOC "folder of dygraph.min.js (Debian: libjs-dygraphs)")
+find_path(GRAYBOX_MUSTACHE kainjow/mustache.hpp REQUIRED
+  DOC "folder of kainjow/mustache.hpp (Debian: libkainjow-mustache-dev)")
 set(names kTemplate kStyle kScript kDygraphs kDygraphsStyle kSynchronizer kLicences)
 set(files ${folder}/page.mustache ${folder}/page.css ${folder}/page.js ${GRAYBOX_DYGRAPHS}/dygraph.min.js
   ${GRAYBOX_DYGRAPHS}/dygraph.min.css ${GRAYBOX_DYGRAPHS}/src-es5/extras/synchronizer.js

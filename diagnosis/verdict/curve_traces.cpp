@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -71,6 +72,7 @@ std::vector<Trace> diagnosis_traces(const Diagnosis& diagnosis) {
     if (after != nullptr) trace.series.push_back({"predicted after", predicted_of(*after)});
     traces.push_back(std::move(trace));
   }
+  std::ranges::stable_partition(traces, [](const Trace& trace) { return trace.is_kept_out; });
   return traces;
 }
 

@@ -225,7 +225,9 @@ PageSection laws_section(const Diagnosis& diagnosis, std::span<const Hypothesis>
   if (!section.figures.empty()) {
     section.paragraphs.push_back(
         "Points: the measured force less all the rest of the model. Line and band: the fitted law, "
-        "and the rms distance of the points from it.");
+        "and the rms distance of the points from it. Without points the recordings say too little "
+        "of "
+        "the force.");
   }
   return section;
 }

@@ -52,7 +52,7 @@ Row reason_row(const VerdictReason& reason) {
   if (!reason.not_tested.empty()) note = reason.not_tested;
   if (has_failed(reason) && !reason.next.empty()) note = "Next: " + reason.next;
   const std::string limit =
-      reason.value ? fmt::format("{} {:.4g}", reason.is_lower_limit ? "≥" : "≤", reason.limit)
+      reason.value ? fmt::format("{}\u00a0{:.4g}", reason.is_lower_limit ? "≥" : "≤", reason.limit)
                    : "–";
   return {{reason.test, note},
           {result_of(reason), {}, mark_of(reason)},
