@@ -28,7 +28,7 @@
   const key = (trace) => (trace.kept_out ? 'k' : 'f') + trace.recording;
   // What a series is: the measurement, or the model before or after.
   const style = (name, index) => name === 'predicted after' || name === 'left after' ? 2
-    : name === 'predicted before' || name === 'left before' ? 1 : index;
+    : name === 'predicted before' || name === 'left before' || name === 'left' ? 1 : index;
 
   function write_legend(box, names, colours, values) {
     box.textContent = '';

@@ -90,7 +90,7 @@ Json traces_json(const std::vector<Trace>& traces, std::size_t most_points) {
 Chart trace_chart(const Trace& trace) {
   Chart chart;
   chart.title = trace.channel + (trace.recording.empty() ? "" : ", " + trace.recording) +
-                (trace.is_kept_out ? ", kept out of the fit" : "");
+                (trace.is_kept_out ? ", kept out" : "");
   chart.x.label = "time, s";
   chart.y.label = trace.channel + (trace.unit.empty() ? "" : ", " + trace.unit);
   const std::vector<std::size_t> kept = thinned_samples(trace, kStillPoints);

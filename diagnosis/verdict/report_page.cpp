@@ -142,6 +142,7 @@ std::string laws_words(const Diagnosis& diagnosis, std::span<const Hypothesis> h
 }
 
 std::string tests_sentence(const Diagnosis& diagnosis) {
+  if (diagnosis.verdict == Verdict::kNone) return "";
   const auto failed = std::ranges::find_if(diagnosis.reasons, has_failed);
   const auto asked = std::ranges::count_if(
       diagnosis.reasons, [](const VerdictReason& each) { return each.not_tested.empty(); });
@@ -188,6 +189,7 @@ PageSection next_section(const Diagnosis& diagnosis, const DiagnosedFiles& files
   PageSection section{.id = "next", .title = "What to do next"};
   for (const VerdictReason& reason : diagnosis.reasons) {
     if (!has_failed(reason) || reason.next.empty()) continue;
+    if (diagnosis.verdict == Verdict::kNone) continue;
     std::string point = reason.test + ": " + reason.next + ".";
     point[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(point[0])));
     section.points.push_back(std::move(point));
@@ -202,18 +204,23 @@ PageSection next_section(const Diagnosis& diagnosis, const DiagnosedFiles& files
         fmt::format("graybox simulate {} {} -o next", files.model, context.plans.front().name));
   }
   std::ranges::copy(context.models, std::back_inserter(section.downloads));
-  if (section.points.empty() && section.downloads.empty()) {
-    section.paragraphs.push_back("Nothing: no test asks for more.");
+  if (diagnosis.verdict == Verdict::kNone) {
+    section.paragraphs.push_back(
+        "Nothing: the model as it is will do for motion like the recorded one.");
+  } else if (section.points.empty()) {
+    section.paragraphs.push_back("No test asks for more recordings.");
   }
   return section;
 }
 
-PageSection traces_section() {
-  return {.id = "traces",
-          .title = "Measured against predicted",
-          .paragraphs = {"Grey, wide: measured. Orange, dashed: predicted by the model as it was "
-                         "stated. Blue: with the laws found."},
-          .has_traces = true};
+PageSection traces_section(bool has_laws) {
+  return {
+      .id = "traces",
+      .title = "Measured against predicted",
+      .paragraphs = {has_laws ? "Grey, wide: measured. Orange, dashed: predicted by the model as "
+                                "it was stated. Blue: with the laws found."
+                              : "Grey, wide: measured. Orange, dashed: predicted."},
+      .has_traces = true};
 }
 
 PageSection laws_section(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
@@ -262,17 +269,19 @@ std::vector<PageSection> sections_of(const Diagnosis& diagnosis,
                                      const DiagnosedFiles& files, const ReportContext& context,
                                      bool has_traces) {
   std::vector<PageSection> sections;
-  if (!diagnosis.reasons.empty()) sections.push_back(reasons_section(diagnosis));
+  if (!diagnosis.reasons.empty() && diagnosis.verdict != Verdict::kNone) {
+    sections.push_back(reasons_section(diagnosis));
+  }
   sections.push_back(next_section(diagnosis, files, context));
   if (diagnosis.trouble.empty()) {
-    if (has_traces) sections.push_back(traces_section());
+    if (has_traces) sections.push_back(traces_section(!diagnosis.effects.empty()));
     if (!diagnosis.effects.empty()) sections.push_back(laws_section(diagnosis, hypotheses));
     if (!diagnosis.after.model_parameters.empty()) {
       PageSection own{.id = "parameters", .title = "The model's own parameters"};
       own.tables.push_back(parameters_table(diagnosis));
       sections.push_back(std::move(own));
     }
-    sections.push_back(misfit_section(diagnosis));
+    if (diagnosis.before.usable) sections.push_back(misfit_section(diagnosis));
     PageSection rivals = rivals_section(diagnosis, hypotheses);
     if (!rivals.tables.empty()) sections.push_back(std::move(rivals));
     if (!diagnosis.detectable.empty()) {

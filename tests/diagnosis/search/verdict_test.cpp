@@ -8,11 +8,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "diagnosis/report/svg_chart.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/next_plan.hpp"
 #include "diagnosis/verdict/report_page.hpp"
-#include "diagnosis/report/svg_chart.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/error.hpp"
@@ -373,6 +373,11 @@ TEST(ReportPage, SaysTheVerdictInThreeSentencesAtMost) {
   diagnosis.reasons = {{.test = "a test", .value = 5.0, .limit = 2.0, .passed = false}};
   EXPECT_EQ(verdict_in_short(diagnosis, kHypotheses).back(),
             "It fails 1 of 1 tests, first: a test, 5 where at most 2 is allowed.");
+  // Nothing missing: the test that something is has failed, which is no failure of the model.
+  diagnosis.verdict = Verdict::kNone;
+  EXPECT_EQ(verdict_in_short(diagnosis, kHypotheses).size(), 2U);
+  EXPECT_EQ(report_page(diagnosis, kHypotheses, {"m", "c"}).find("id=\"reasons\""),
+            std::string::npos);
 }
 
 TEST(ReportPage, IsOneFileWithItsFigures) {
