@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <iterator>
 #include <map>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "cli/commands/commands.hpp"
+#include "cli/output/command_line.hpp"
 #include "cli/output/report_folder.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
@@ -103,9 +105,24 @@ void add_next_plans(const Arguments& arguments, const Campaign& campaign,
   }
 }
 
+// What a reader may save from the page.
+ReportContext context_of(const std::map<std::string, std::string>& texts, PageOrigin origin) {
+  ReportContext context{.origin = std::move(origin)};
+  for (const auto& [name, text] : texts) {
+    if (name.starts_with("next_plan_")) {
+      context.plans.push_back({name, text, "the experiment to make"});
+    } else if (name == "model_extended.yaml") {
+      context.models.push_back({name, text, "the model with the laws found"});
+    } else if (name == "physics.yaml") {
+      context.models.push_back({name, text, "these laws alone, for --physics"});
+    }
+  }
+  return context;
+}
+
 void write_report(const Arguments& arguments, const Campaign& campaign, const Diagnosis& diagnosis,
                   std::span<const Hypothesis> hypotheses, const DiagnosedFiles& files,
-                  ReportFolder& folder, nlohmann::ordered_json& verdict) {
+                  PageOrigin origin, ReportFolder& folder, nlohmann::ordered_json& verdict) {
   std::map<std::string, std::string> texts;
   for (ReportFigure& figure : report_figures(diagnosis, hypotheses)) {
     texts["figures/" + figure.name + ".svg"] = std::move(figure.svg);
@@ -115,13 +132,15 @@ void write_report(const Arguments& arguments, const Campaign& campaign, const Di
         arguments.model, folder.file("model_extended.yaml"), diagnosis.after, hypotheses);
     texts["physics.yaml"] = physics_text(diagnosis.after, hypotheses);
   }
-  texts["report.html"] = report_page(diagnosis, hypotheses, files);
   add_next_plans(arguments, campaign, diagnosis, texts);
+  const ReportContext context = context_of(texts, std::move(origin));
+  texts["report.html"] = report_page(diagnosis, hypotheses, files, context);
   folder.write(texts, verdict);
 }
 
 // Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
-std::vector<std::string> warnings_of(const Campaign& campaign) {
+// Files that were read are added to `origin`.
+std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origin) {
   constexpr std::size_t kMost = 12;
   std::vector<std::string> warnings;
   CopyFinder copies;
@@ -129,6 +148,8 @@ std::vector<std::string> warnings_of(const Campaign& campaign) {
   for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
     ExperimentRecording recording = load_experiment(campaign, i);
     copies.examine(campaign.experiments[i], recording);
+    origin.files.push_back(
+        {campaign.experiments[i].name, name_of(campaign.experiments[i].role), recording.samples});
     for (const Finding& finding : recording.findings) warnings.push_back(finding.message);
   }
   if (warnings.size() > kMost) {
@@ -309,7 +330,8 @@ Answer answer_by(Method& method, Arguments& arguments, const Campaign& campaign)
   return *std::move(balanced);
 }
 
-int execute(Arguments& arguments) {
+int execute(Arguments& arguments, const Invocation& invocation) {
+  const auto start = std::chrono::steady_clock::now();
   if (arguments.time_limit) limit_process(*arguments.time_limit);
   for (const std::string& file : arguments.law_files) add_law_file(file);
   const Campaign campaign = read_campaign(arguments.campaign);
@@ -327,7 +349,9 @@ int execute(Arguments& arguments) {
   const Diagnosis& diagnosis = answer.diagnosis;
   const std::span<const Hypothesis> hypotheses = answer.hypotheses();
   progress.show("");
-  DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign)};
+  PageOrigin origin{.command = command_line(invocation.arguments),
+                    .files = {{arguments.model, "model"}, {campaign.file.string(), "campaign"}}};
+  DiagnosedFiles files{arguments.model, campaign.file.string(), warnings_of(campaign, origin)};
   if (method.is_lumped && std::ranges::any_of(campaign.experiments, [](const Experiment& each) {
         return !each.load.empty();
       })) {
@@ -341,7 +365,12 @@ int execute(Arguments& arguments) {
   }
   nlohmann::ordered_json verdict = verdict_json(diagnosis, hypotheses, files);
   verdict["method"] = method.name;
-  if (folder) write_report(arguments, campaign, diagnosis, hypotheses, files, *folder, verdict);
+  if (folder) {
+    origin.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    write_report(arguments, campaign, diagnosis, hypotheses, files, std::move(origin), *folder,
+                 verdict);
+  }
   if (arguments.json) {
     fmt::print("{}\n", verdict.dump());
   } else {
@@ -415,7 +444,8 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       "  graybox diagnose drive.yaml campaign/ --without coulomb --json\n"
       "  graybox diagnose drive.yaml campaign/ --laws my_laws.yaml --places my_places.yaml -o "
       "report");
-  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
 }
 
 }  // namespace graybox::cli

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "cli/commands/commands.hpp"
+#include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/prediction/model_prediction.hpp"
 #include "problems/base/error.hpp"
@@ -96,7 +98,8 @@ std::string table_of(const ModelPrediction& prediction) {
   return text;
 }
 
-int execute(const Arguments& arguments) {
+int execute(const Arguments& arguments, const Invocation& invocation) {
+  const auto start = std::chrono::steady_clock::now();
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
@@ -104,8 +107,11 @@ int execute(const Arguments& arguments) {
       predict_recordings(arguments.model, campaign,
                          {arguments.physics.begin(), arguments.physics.end()}, arguments.threads);
   if (!arguments.output.empty()) {
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
     write_text_file(arguments.output,
-                    prediction_page(prediction, arguments.model, campaign.file.string()));
+                    prediction_page(prediction, arguments.model, campaign.file.string(),
+                                    {.command = command_line(invocation.arguments),
+                                     .seconds = seconds.count()}));
   }
   if (arguments.json) {
     fmt::print("{}\n", json_of(prediction, arguments).dump());
@@ -143,7 +149,8 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox predict docs/examples/fit/drive/motor.yaml docs/examples/fit/drive\n"
       "  graybox predict report/model_extended.yaml campaign/ -o prediction.html");
-  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
 }
 
 }  // namespace graybox::cli

@@ -15,6 +15,7 @@ struct FitArguments {
   std::string campaign;
   std::string output;
   std::string written_model;
+  std::string page;  // HTML
   int threads = 1;
   std::uint64_t seed = 1;
   int starts = 8;  // of the search, at most

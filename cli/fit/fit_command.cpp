@@ -2,17 +2,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cli/commands/commands.hpp"
 #include "cli/fit/fit_arguments.hpp"
+#include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/prediction/fit_page.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
@@ -56,7 +61,38 @@ void write_model(const FitArguments& arguments, const FitReport& report) {
                   fitted_model_text(arguments.model, arguments.written_model, report, physics));
 }
 
-int execute(const FitArguments& arguments) {
+// What a model predicts; none for formats that are not simulated, and where something is unknown.
+std::optional<ModelPrediction> predicted_by(const std::filesystem::path& model,
+                                            const std::vector<std::string>& physics,
+                                            const FitArguments& arguments) {
+  try {
+    return predict_recordings(model, read_campaign(arguments.campaign),
+                              {physics.begin(), physics.end()}, arguments.threads);
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+// The fitted model stands beside the page while its recordings are predicted.
+void write_page(const FitArguments& arguments, const FitReport& report, bool is_simulated,
+                PageOrigin origin) {
+  FitPredictions predictions;
+  std::string text;
+  if (is_simulated) {
+    const std::vector<std::filesystem::path> physics(arguments.physics.begin(),
+                                                     arguments.physics.end());
+    const std::string model = arguments.page + ".model.yaml";
+    text = fitted_model_text(arguments.model, model, report, physics);
+    write_text_file(model, text);
+    predictions.before = predicted_by(arguments.model, arguments.physics, arguments);
+    predictions.after = predicted_by(model, {}, arguments);
+    std::filesystem::remove(model);
+  }
+  write_text_file(arguments.page, fit_page(report, predictions, text, origin));
+}
+
+int execute(const FitArguments& arguments, const Invocation& invocation) {
+  const auto start = std::chrono::steady_clock::now();
   const FittedFormat& format = format_of(arguments.model);
   if (!format.takes_elements && (!arguments.physics.empty() || !arguments.refine.empty() ||
                                  arguments.equal_noise || arguments.decimation != 1)) {
@@ -77,7 +113,7 @@ int execute(const FitArguments& arguments) {
     throw InputError(fmt::format("--write is for lumped models and rigid robots; {} is {}",
                                  arguments.model, format.name));
   }
-  for (const std::string* file : {&arguments.output, &arguments.written_model}) {
+  for (const std::string* file : {&arguments.output, &arguments.written_model, &arguments.page}) {
     if (!file->empty()) require_writable(*file);
   }
   catch_interrupts();
@@ -85,11 +121,18 @@ int execute(const FitArguments& arguments) {
   judge_plausibility(report);
   if (!arguments.output.empty()) write_fit(arguments.output, report);
   if (!arguments.written_model.empty()) write_model(arguments, report);
+  if (!arguments.page.empty()) {
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    write_page(arguments, report, format.takes_elements,
+               {.command = command_line(invocation.arguments),
+                .files = {{arguments.model, "model"}, {report.campaign, "campaign"}},
+                .seconds = seconds.count()});
+  }
   if (arguments.json) {
     fmt::print("{}\n", fit_json(report).dump());
   } else {
     fmt::print("{}", fit_text(report));
-    for (const std::string* file : {&arguments.output, &arguments.written_model}) {
+    for (const std::string* file : {&arguments.output, &arguments.written_model, &arguments.page}) {
       if (!file->empty()) fmt::print("wrote {}\n", *file);
     }
   }
@@ -109,6 +152,8 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write the result to this file (JSON)");
   command->add_option("--write", arguments->written_model,
                       "write the model with the fitted values (lumped models, rigid robots)");
+  command->add_option("--report", arguments->page,
+                      "write one page with parameters and traces (HTML)");
   command->add_option("--threads", arguments->threads, "threads")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
@@ -150,9 +195,11 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox fit robot.yaml campaign/ -o fit.json\n"
       "  graybox fit drive.yaml campaign/ --physics friction.yaml --write fitted.yaml\n"
+      "  graybox fit drive.yaml campaign/ --report fit.html\n"
       "  graybox fit robot.yaml campaign/ --lines full\n"
       "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
-  command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
 }
 
 }  // namespace graybox::cli

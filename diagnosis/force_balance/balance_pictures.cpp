@@ -1,5 +1,7 @@
 #include "diagnosis/force_balance/balance_pictures.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <string>
@@ -10,7 +12,8 @@ namespace {
 
 using Index = Eigen::Index;
 
-constexpr Index kShownCurves = 6;  // of the recordings of one role
+constexpr Index kShownChannels = 8;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index j,
                CheckedRange& range) {
@@ -32,6 +35,16 @@ void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index
   range.spans.push_back(std::move(velocity));
   range.spans.push_back({moving.channel(), moving.units.force, rows.measured.col(j).minCoeff(),
                          rows.measured.col(j).maxCoeff()});
+}
+
+// Pieces of one recording are told apart by their number.
+std::string piece_name(const ForceBalanceRows& rows, std::size_t piece) {
+  const std::string& name = rows.names[piece];
+  if (std::ranges::count(rows.names, name) < 2) return name;
+  return name +
+         fmt::format(", piece {}",
+                     1 + std::count(rows.names.begin(),
+                                    rows.names.begin() + static_cast<std::ptrdiff_t>(piece), name));
 }
 
 }  // namespace
@@ -63,20 +76,33 @@ ForcePicture force_picture(const ForceBalanceData& data, std::size_t hypothesis,
 
 void add_curves(const ForceBalanceData& data, const ForceBalanceRows& rows,
                 const Eigen::MatrixXd& rest, bool held_out, std::vector<ResidualCurve>& curves) {
-  const Motion& piece = rows.pieces.front();
-  for (Index j = 0; j < std::min(rows.coordinates(), kShownCurves); ++j) {
-    ResidualCurve curve;
-    curve.channel = data.coordinates[static_cast<std::size_t>(j)].channel();
-    curve.unit = data.coordinates[static_cast<std::size_t>(j)].units.force;
-    curve.experiment = rows.names.front();
-    curve.over_time = true;
-    curve.held_out = held_out;
-    const auto own = Eigen::seqN(Index{0}, piece.samples());
-    const Eigen::VectorXd measured = rows.measured(own, j), left = rest(own, j);
-    curve.axis.assign(piece.time.begin(), piece.time.end());
-    curve.measured.assign(measured.begin(), measured.end());
-    curve.residual.assign(left.begin(), left.end());
-    curves.push_back(std::move(curve));
+  const Index channels = std::min(rows.coordinates(), kShownChannels);
+  const std::size_t shown = std::min(rows.pieces.size(), shown_recordings(channels));
+  Index first = 0;
+  for (std::size_t p = 0; p < shown; ++p) {
+    const Motion& piece = rows.pieces[p];
+    const auto own = Eigen::seqN(first, piece.samples());
+    for (Index j = 0; j < channels; ++j) {
+      const BalanceCoordinate& moving = data.coordinates[static_cast<std::size_t>(j)];
+      ResidualCurve curve;
+      curve.channel = moving.channel();
+      curve.unit = moving.units.force;
+      curve.experiment = piece_name(rows, p);
+      curve.predicted_how = "at the measured motion";
+      curve.over_time = true;
+      curve.held_out = held_out;
+      Eigen::VectorXd measured = rows.measured(own, j), left = rest(own, j);
+      if (rows.counts.size() > 0) {
+        const auto is_out = rows.counts(own, j).array() == 0.0;
+        measured = is_out.select(kNaN, measured);
+        left = is_out.select(kNaN, left);
+      }
+      curve.axis.assign(piece.time.begin(), piece.time.end());
+      curve.measured.assign(measured.begin(), measured.end());
+      curve.residual.assign(left.begin(), left.end());
+      curves.push_back(std::move(curve));
+    }
+    first += piece.samples();
   }
 }
 

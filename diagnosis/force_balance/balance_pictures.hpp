@@ -18,7 +18,7 @@ namespace graybox {
 [[nodiscard]] ForcePicture force_picture(const ForceBalanceData& data, std::size_t hypothesis,
                                          const PlacedLaw& law, const Eigen::MatrixXd& rest);
 
-// The first recording of a role, every coordinate.
+// The first recordings of a role, every coordinate; NaN where a force does not count.
 void add_curves(const ForceBalanceData& data, const ForceBalanceRows& rows,
                 const Eigen::MatrixXd& rest, bool held_out, std::vector<ResidualCurve>& curves);
 

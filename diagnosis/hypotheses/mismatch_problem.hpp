@@ -244,12 +244,20 @@ struct ForcePicture {
 // one channel in one experiment.
 struct ResidualCurve {
   std::string channel, unit;
-  std::string experiment;  // in words: position, level
+  std::string experiment;     // in words: position, level; or the recording
+  std::string predicted_how;  // "in free run"
   bool over_time = false;
   bool held_out = false;
-  std::vector<double> axis;                       // Hz or s
-  std::vector<double> measured, residual, noise;  // noise may be empty
+  std::vector<double> axis;  // Hz or s
+  // The noise may be empty; residuals are NaN where nothing is predicted.
+  std::vector<double> measured, residual, noise;
 };
+// How many recordings of a role a report shows, so many channels each.
+[[nodiscard]] inline std::size_t shown_recordings(std::ptrdiff_t channels) {
+  constexpr std::ptrdiff_t kMostCurves = 24, kMostRecordings = 8;
+  const std::ptrdiff_t recordings = kMostCurves / std::max<std::ptrdiff_t>(1, channels);
+  return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(recordings, 1, kMostRecordings));
+}
 
 // A coefficient at a place that changes while it is recorded, which no model or law here does.
 struct TimeVariation {

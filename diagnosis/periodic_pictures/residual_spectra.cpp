@@ -17,6 +17,8 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::VectorXd;
 
+constexpr Index kShownPeriods = 8;  // channels along time
+
 // Standard deviation of output c at line k, |X| of N^(-1/2) scaling: Phi = 2 (L^H L)^-1.
 double noise_of(const PeriodicData& data, const MeasuredRecord& record, Index c, Index k) {
   const MatrixXcd& whitening = data.whitening[record.group][static_cast<std::size_t>(k)];
@@ -100,10 +102,11 @@ std::vector<ResidualCurve> residual_spectra(const PlantFamily& family, const Per
         curve.unit = data.output_units[static_cast<std::size_t>(c)];
         curve.experiment = words_of(data, *record);
         curve.held_out = records == &data.validation;
+        curve.predicted_how = "in the steady state, lines that count";
         list.push_back(std::move(curve));
       };
       add(spectrum(data, *record, output, c), curves);
-      if (c == 0) add(one_period(data, *record, output, c), periods);
+      if (c < kShownPeriods) add(one_period(data, *record, output, c), periods);
     }
   }
   curves.insert(curves.end(), periods.begin(), periods.end());

@@ -3,59 +3,70 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 #include "diagnosis/prediction/kinds.hpp"
-#include "diagnosis/verdict/svg_chart.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {
 
-constexpr Eigen::Index kDrawn = 1500;  // samples of a curve
-
-ChartSeries series_of(const std::string& name, const PredictionCurve& curve,
-                      const Eigen::VectorXd& values, const std::string& colour) {
-  ChartSeries series;
-  series.name = name;
-  series.colour = colour;
-  const Eigen::Index stride = values.size() / kDrawn + 1;
-  for (Eigen::Index k = 0; k < values.size(); k += stride) {
-    series.x.push_back(curve.time(k));
-    series.y.push_back(values(k));
-  }
-  return series;
-}
-
-std::string chart_of(const PredictionCurve& curve) {
-  Chart chart;
-  chart.title = curve.recording + ": " + curve.channel;
-  chart.x.label = "time [s]";
-  chart.y.label = fmt::format("{} [{}]", curve.channel, curve.unit);
-  chart.series.push_back(series_of("measured", curve, curve.measured, "#777777"));
-  chart.series.push_back(series_of("predicted", curve, curve.predicted, "#0072b2"));
-  return svg_chart(chart);
-}
-
 std::string percent(double value) {
   if (std::isnan(value)) return "too short";
   return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("leaves all bounds");
 }
 
-std::string table_of(const ModelPrediction& prediction) {
-  std::string rows =
-      "<table><tr><th>recording</th><th>role</th><th>channel</th><th>predicted</th>"
-      "<th>error (rms)</th><th>NRMSE [%]</th></tr>\n";
+PageTable table_of(const ModelPrediction& prediction) {
+  PageTable table{"Errors",
+                  {{"recording"},
+                   {"role"},
+                   {"channel"},
+                   {"predicted"},
+                   {"error, rms", true},
+                   {"% of the signal", true}},
+                  {}};
   for (const RecordingPrediction& recording : prediction.recordings) {
     for (const PredictedChannel& channel : recording.channels) {
-      rows += fmt::format(
-          "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3g} {}</td><td>{}</td></tr>\n",
-          html_escaped(recording.recording), name_of(recording.role), html_escaped(channel.name),
-          prediction_words(prediction, recording.ahead), channel.error, html_escaped(channel.unit),
-          percent(channel.nrmse()));
+      table.rows.push_back({{recording.recording},
+                            {name_of(recording.role)},
+                            {channel.name},
+                            {prediction_words(prediction, recording.ahead)},
+                            {fmt::format("{:.3g} {}", channel.error, channel.unit)},
+                            {percent(channel.nrmse())}});
     }
   }
-  return rows + "</table>\n";
+  return table;
+}
+
+// Of a channel over the longest horizon; null where its motion leaves all bounds.
+const PredictedChannel* longest_of(const ModelPrediction& prediction, const PredictionCurve& curve,
+                                   bool& is_kept_out) {
+  for (const RecordingPrediction& recording : prediction.recordings) {
+    if (recording.ahead > 0.0 || recording.recording != curve.recording) continue;
+    is_kept_out = recording.role == ExperimentRole::kValidation;
+    for (const PredictedChannel& channel : recording.channels) {
+      if (channel.name == curve.channel) return &channel;
+    }
+  }
+  return nullptr;
+}
+
+// The channel predicted worst, in one sentence.
+std::string worst_sentence(const ModelPrediction& prediction) {
+  const PredictedChannel* worst = nullptr;
+  std::string recording;
+  for (const RecordingPrediction& each : prediction.recordings) {
+    for (const PredictedChannel& channel : each.channels) {
+      if (each.ahead > 0.0 || !std::isfinite(channel.nrmse())) continue;
+      if (worst != nullptr && channel.nrmse() <= worst->nrmse()) continue;
+      worst = &channel;
+      recording = each.recording;
+    }
+  }
+  if (worst == nullptr) return "";
+  return fmt::format("The largest error is that of {} in {}: {:.3g} % of its signal, {}.",
+                     worst->name, recording, worst->nrmse(), prediction_words(prediction, 0.0));
 }
 
 }  // namespace
@@ -84,19 +95,49 @@ ModelPrediction predict_recordings(const std::filesystem::path& model, const Cam
   return predict_outputs(load_lumped_model(model, more), campaign, threads);
 }
 
+std::vector<Trace> prediction_traces(const ModelPrediction& prediction) {
+  std::vector<Trace> traces;
+  for (const PredictionCurve& curve : prediction.curves) {
+    Trace trace{.recording = curve.recording, .channel = curve.channel, .unit = curve.unit};
+    const PredictedChannel* error = longest_of(prediction, curve, trace.is_kept_out);
+    if (error != nullptr && std::isfinite(error->nrmse())) {
+      trace.words = fmt::format("Error {:.4g} % of the signal, {}.", error->nrmse(),
+                                prediction_words(prediction, 0.0));
+    }
+    trace.time.assign(curve.time.begin(), curve.time.end());
+    trace.series.push_back({"measured", {curve.measured.begin(), curve.measured.end()}});
+    trace.series.push_back({"predicted", {curve.predicted.begin(), curve.predicted.end()}});
+    traces.push_back(std::move(trace));
+  }
+  return traces;
+}
+
 std::string prediction_page(const ModelPrediction& prediction, const std::string& model,
-                            const std::string& campaign) {
-  std::string page = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-      "<title>Prediction by {0}</title>\n<style>body {{font-family: sans-serif; max-width: 60em; "
-      "margin: 2em auto;}} td, th {{padding: 0.2em 0.8em; text-align: left;}} svg {{max-width: "
-      "100%;}}</style></head><body>\n<h1>What {0} predicts</h1>\n<p>Of the recordings of {1}, as "
-      "the model stands: nothing was fitted. NRMSE is the root mean square of the error over the "
-      "standard deviation of what was measured.</p>\n",
-      html_escaped(model), html_escaped(campaign));
-  page += table_of(prediction);
-  for (const PredictionCurve& curve : prediction.curves) page += chart_of(curve) + "\n";
-  return page + "</body></html>\n";
+                            const std::string& campaign, const PageOrigin& origin) {
+  ReportPage page;
+  page.title = "Prediction by " + std::filesystem::path(model).filename().string();
+  page.verdict = fmt::format("Predicted: {}", prediction.of);
+  page.sentences = {"The model was taken as it stands; nothing was fitted."};
+  if (std::string worst = worst_sentence(prediction); !worst.empty()) {
+    page.sentences.push_back(std::move(worst));
+  }
+  page.traces = prediction_traces(prediction);
+  if (!page.traces.empty()) {
+    page.sections.push_back({.id = "traces",
+                             .title = "Measured against predicted",
+                             .paragraphs = {"Grey, wide: measured. Orange, dashed: predicted."},
+                             .has_traces = true});
+  }
+  PageSection errors{
+      .id = "errors",
+      .title = "Errors",
+      .paragraphs = {"The root mean square of the error over the standard deviation of what was "
+                     "measured."}};
+  errors.tables.push_back(table_of(prediction));
+  page.sections.push_back(std::move(errors));
+  page.origin = origin;
+  if (page.origin.files.empty()) page.origin.files = {{model, "model"}, {campaign, "campaign"}};
+  return html_page(page);
 }
 
 }  // namespace graybox

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/report/html_page.hpp"
 
 namespace graybox {
 
@@ -53,8 +54,12 @@ struct ModelPrediction {
 // "0.1 s ahead", "free run", "at measured motion".
 [[nodiscard]] std::string prediction_words(const ModelPrediction& prediction, double ahead);
 
-// One page with the table and the curves.
+// Measured and predicted, in the order of the recordings.
+[[nodiscard]] std::vector<Trace> prediction_traces(const ModelPrediction& prediction);
+
+// One page with the table and the traces (html_page.hpp).
 [[nodiscard]] std::string prediction_page(const ModelPrediction& prediction,
-                                          const std::string& model, const std::string& campaign);
+                                          const std::string& model, const std::string& campaign,
+                                          const PageOrigin& origin = {});
 
 }  // namespace graybox

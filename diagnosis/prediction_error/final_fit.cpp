@@ -1,5 +1,7 @@
 #include "diagnosis/prediction_error/final_fit.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
@@ -7,6 +9,7 @@
 #include <limits>
 #include <optional>
 
+#include "diagnosis/prediction_error/prediction_curves.hpp"
 #include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
@@ -20,6 +23,7 @@ using Eigen::VectorXd;
 
 constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
 constexpr int kIterations = 25, kManyIterations = 75;
+constexpr int kOfStates = 10;        // iterations of initial states alone
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
 constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
@@ -171,7 +175,6 @@ std::optional<FinalFit::Beside> FinalFit::follow_disturbance(const JudgedModel& 
 }
 
 JudgedModel FinalFit::judged(const ExtendedLumpedModel& model, int iterations) const {
-  constexpr int kOfStates = 10;
   JudgedModel result;
   result.horizon = judged_by_.horizon;
   const PredictionFitter near = fitter(task_);
@@ -315,6 +318,28 @@ std::optional<HeldOutError> FinalFit::law_held_out(const JudgedModel& model) con
   const PredictionFit run = ahead.fit(model.fit.model, weights_, {}, 0, false);
   if (!run.usable) return {};
   return HeldOutError{task.horizon, ahead.errors(run, weights_)};
+}
+
+std::vector<ResidualCurve> FinalFit::curves(const JudgedModel& model) const {
+  std::vector<ResidualCurve> curves;
+  if (!model.fit.usable) return curves;
+  const std::string how =
+      judged_by_.is_free()
+          ? "in free run"
+          : fmt::format("{:.3g} s ahead",
+                        data_->sample_time() * static_cast<double>(judged_by_.horizon));
+  if (data_->has_validation()) {
+    const PredictionTask task = held_out_task(judged_by_);
+    const PredictionFit run = fitter(task).fit(model.fit.model, weights_, {}, 0, false);
+    if (run.usable) add_prediction_curves(*data_, task, run, weights_, how, true, curves);
+  }
+  const bool is_far = judged_by_.horizon != task_.horizon;
+  const PredictionFit run =
+      is_far ? fitter(judged_by_).fit(model.fit.model, weights_, {}, kOfStates, false) : model.fit;
+  if (run.usable) {
+    add_prediction_curves(*data_, is_far ? judged_by_ : task_, run, weights_, how, false, curves);
+  }
+  return curves;
 }
 
 void FinalFit::judge_held_out(JudgedModel& model) const {

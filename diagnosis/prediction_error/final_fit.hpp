@@ -81,6 +81,8 @@ class FinalFit {
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
+  // Along time, those of recordings kept out first: by the predictions that its errors are of.
+  [[nodiscard]] std::vector<ResidualCurve> curves(const JudgedModel& model) const;
   // The law that the search accepted where this one stands: itself, or one that contains it.
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 

@@ -100,6 +100,8 @@ class DiagnosisBuilder {
     add_effects();
     add_channels();
     add_ranking();
+    result_.curves_before = final_->curves(final_->as_given());
+    result_.curves_after = final_->curves(final_->found());
     if (const LatentForce* force = final_->rest().force()) {
       result_.pictures = latent_pictures(final_->found().fit.model, *force);
     }

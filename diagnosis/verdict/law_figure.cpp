@@ -12,12 +12,11 @@
 namespace graybox {
 namespace {
 
-constexpr const char* kOrange = "#d55e00";
+constexpr const char* kBlue = "#0072b2";
 constexpr const char* kGrey = "#999999";
-constexpr const char* kDark = "#404040";
 constexpr std::size_t kPoints = 1500;
 constexpr std::size_t kLinePoints = 150;
-constexpr std::size_t kMeans = 24;
+constexpr std::size_t kBandPoints = 60;
 // Mean step between neighbours on the axis, of the law's range, that a function of the axis alone
 // has.
 constexpr double kSmooth = 0.02;
@@ -40,25 +39,28 @@ bool is_function_of(const std::vector<double>& force, const std::vector<std::siz
   return steps <= kSmooth * (high - low) * static_cast<double>(order.size() - 1);
 }
 
-// Means of equally many neighbours on the axis, with the deviation of each about its mean.
-ChartSeries means_of(const std::vector<double>& x, const std::vector<double>& y,
-                     const std::vector<std::size_t>& order, std::size_t bins) {
-  ChartSeries series;
+// The law as means of equally many neighbours on the axis. Its band is the rms distance of the
+// recorded forces from it there; none where no forces are recorded.
+ChartSeries law_line(const std::vector<double>& x, const ForcePicture& picture,
+                     const std::vector<std::size_t>& order) {
+  ChartSeries line;
+  const std::size_t bins = picture.force.empty() ? kLinePoints : kBandPoints;
   for (std::size_t b = 0; b < bins; ++b) {
     const std::size_t first = b * order.size() / bins, end = (b + 1) * order.size() / bins;
     if (end == first) continue;
     const auto count = static_cast<double>(end - first);
-    double mean_x = 0.0, mean_y = 0.0, square = 0.0;
+    double mean_x = 0.0, mean_law = 0.0, square = 0.0;
     for (std::size_t i = first; i < end; ++i) {
+      const double law = picture.law_force[order[i]];
       mean_x += x[order[i]] / count;
-      mean_y += y[order[i]] / count;
+      mean_law += law / count;
+      if (!picture.force.empty()) square += std::pow(picture.force[order[i]] - law, 2);
     }
-    for (std::size_t i = first; i < end; ++i) square += std::pow(y[order[i]] - mean_y, 2);
-    series.x.push_back(mean_x);
-    series.y.push_back(mean_y);
-    series.bars.push_back(std::sqrt(square / count));
+    line.x.push_back(mean_x);
+    line.y.push_back(mean_law);
+    if (!picture.force.empty()) line.band.push_back(std::sqrt(square / count));
   }
-  return series;
+  return line;
 }
 
 std::vector<double> thinned(const std::vector<double>& values) {
@@ -83,42 +85,35 @@ std::vector<double> shown_forces(const ForcePicture& picture) {
 }
 
 ChartSeries recorded_points(const ForcePicture& picture, const std::vector<double>& x) {
-  std::string name = "recorded";
+  std::string name = "measured, less the rest of the model";
   if (picture.force_deviation > 0.0) {
-    name += fmt::format(", noise {:.2g} {}", picture.force_deviation, picture.force_unit);
+    name += fmt::format(" (noise {:.2g} {})", picture.force_deviation, picture.force_unit);
   }
   return {name, thinned(x), thinned(shown_forces(picture)), kGrey, true};
 }
 
 }  // namespace
 
+bool is_function_of_axis(const ForcePicture& picture, bool over_rate) {
+  return is_function_of(picture.law_force, order_of(over_rate ? picture.rate : picture.deflection));
+}
+
 Chart law_chart(const ForcePicture& picture, const std::string& title, bool over_rate) {
   const std::vector<double>& x = over_rate ? picture.rate : picture.deflection;
   Chart chart;
   chart.title = title;
-  chart.x.label = over_rate ? fmt::format("rate, {}", picture.rate_unit)
+  chart.x.label = over_rate ? fmt::format("velocity, {}", picture.rate_unit)
                             : fmt::format("deflection, {}", picture.deflection_unit);
   chart.y.label = fmt::format("force, {}", picture.force_unit);
+  if (!picture.force.empty()) chart.series.push_back(recorded_points(picture, x));
   const std::vector<std::size_t> order = order_of(x);
-  const bool is_function = is_function_of(picture.law_force, order);
-  if (!picture.force.empty()) {
-    chart.series.push_back(recorded_points(picture, x));
-    if (is_function) {
-      ChartSeries means = means_of(x, picture.force, order, kMeans);
-      means.name = "means ± deviation";
-      means.colour = kDark;
-      means.points = true;
-      chart.series.push_back(std::move(means));
-    }
-  }
-  if (is_function) {
-    ChartSeries law = means_of(x, picture.law_force, order, kLinePoints);
-    law.bars.clear();
-    law.name = "fitted law";
-    law.colour = kOrange;
+  if (is_function_of(picture.law_force, order)) {
+    ChartSeries law = law_line(x, picture, order);
+    law.name = law.band.empty() ? "fitted law" : "fitted law and rms distance";
+    law.colour = kBlue;
     chart.series.push_back(std::move(law));
   } else {
-    chart.series.push_back({"fitted law", thinned(x), thinned(picture.law_force), kOrange, true});
+    chart.series.push_back({"fitted law", thinned(x), thinned(picture.law_force), kBlue, true});
   }
   return chart;
 }

@@ -9,7 +9,6 @@
 #include <span>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
-#include "diagnosis/verdict/svg_chart.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 
 namespace graybox {
@@ -185,26 +184,6 @@ Json range_json(const CheckedRange& range) {
           {"files", range.files},
           {"positions", range.positions},
           {"spans", std::move(spans)}};
-}
-
-std::string reasons_table(const Diagnosis& diagnosis) {
-  if (diagnosis.reasons.empty() || diagnosis.verdict == Verdict::kNone) return "";
-  std::string rows =
-      "<h2>Why this verdict</h2>\n<table><tr><th>test</th><th class=\"n\">value</th><th "
-      "class=\"n\">limit</th><th>result</th><th>next</th></tr>\n";
-  for (const VerdictReason& reason : diagnosis.reasons) {
-    const std::string value = reason.value ? fmt::format("{:.3g}", *reason.value) : "–";
-    const std::string limit =
-        reason.value
-            ? fmt::format("{} {:g}", reason.is_lower_limit ? "at least" : "at most", reason.limit)
-            : "–";
-    rows += fmt::format(
-        "<tr><td>{}</td><td class=\"n\">{}</td><td "
-        "class=\"n\">{}</td><td>{}</td><td>{}</td></tr>\n",
-        html_escaped(reason.test), value, limit, html_escaped(result_words(reason)),
-        has_failed(reason) ? html_escaped(reason.next) : "");
-  }
-  return rows + "</table>\n";
 }
 
 }  // namespace graybox

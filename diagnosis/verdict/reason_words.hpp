@@ -1,5 +1,5 @@
-// The reasons of a verdict, what was rejected and the range that all was checked in: in words, as
-// JSON (verdict_file.hpp has the keys) and on the report page.
+// The reasons of a verdict, what was rejected and the range that all was checked in: in words and
+// as JSON (verdict_file.hpp has the keys).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -34,8 +34,5 @@ namespace graybox {
 // null where the model stands as stated.
 [[nodiscard]] nlohmann::ordered_json freed_model_json(const Diagnosis& diagnosis);
 [[nodiscard]] nlohmann::ordered_json range_json(const CheckedRange& range);
-
-// A table of the reasons; empty where there are none.
-[[nodiscard]] std::string reasons_table(const Diagnosis& diagnosis);
 
 }  // namespace graybox

@@ -4,197 +4,78 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <filesystem>
+#include <utility>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/verdict/curve_traces.hpp"
 #include "diagnosis/verdict/law_figure.hpp"
-#include "diagnosis/verdict/reason_words.hpp"
-#include "diagnosis/verdict/svg_chart.hpp"
+#include "diagnosis/verdict/report_tables.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
-#include "problems/base/program_version.hpp"
 
 namespace graybox {
 namespace {
 
-constexpr const char* kBlue = "#0072b2";
-constexpr const char* kOrange = "#d55e00";
-constexpr const char* kGrey = "#999999";
-constexpr std::size_t kShownCurves = 14;
-constexpr std::size_t kShownPoints = 4000;
+constexpr std::size_t kShownSpectra = 14;
+constexpr std::size_t kNamedLaws = 3;
 
-constexpr const char* kHead = R"(<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Diagnosis</title>
-<style>
-body { font-family: sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
-  color: #202020;
-       line-height: 1.45; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
-table { border-collapse: collapse; margin: 0.6rem 0; }
-th, td { padding: 0.25rem 0.8rem; text-align: left; border-bottom: 1px solid #d8d8d8; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
-.verdict { background: #eef4fa; border-left: 5px solid #0072b2; padding: 0.7rem 1rem; }
-.files { color: #606060; } svg { max-width: 100%; height: auto; }
-</style></head><body>
-)";
+// ---- figures ----------------------------------------------------------------------------------
 
-std::string paragraph(const std::string& text) { return "<p>" + html_escaped(text) + "</p>\n"; }
-
-std::string heading(const std::string& text) { return "<h2>" + html_escaped(text) + "</h2>\n"; }
-
-std::string end_of_page() {
-  return "<p class=\"files\">" + html_escaped(written_by()) + "</p>\n</body></html>\n";
-}
-
-std::string number_cell(double value, const char* format = "{:.4g}") {
-  return "<td class=\"n\">" +
-         (std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : std::string("–")) +
-         "</td>";
-}
-
-// ---- the maps of residuals --------------------------------------------------------------------
-
-struct MapPlace {
-  std::string position;
-  double level = 0.0;
-  bool operator==(const MapPlace&) const = default;
-};
-
-template <typename Value>
-std::size_t index_in(std::vector<Value>& list, const Value& value) {
-  const auto found = std::find(list.begin(), list.end(), value);
-  if (found != list.end()) return static_cast<std::size_t>(found - list.begin());
-  list.push_back(value);
-  return list.size() - 1;
-}
-
-std::string map_name(const MapPlace& place) {
-  std::string name = place.position;
-  if (place.level > 0.0) name += fmt::format("{}level {:g}", name.empty() ? "" : ", ", place.level);
-  return name;
-}
-
-HeatMap residual_map(const std::vector<MismatchCell>& cells, const std::vector<bool>& rejected,
-                     const MapPlace& place) {
-  HeatMap map;
-  std::vector<double> starts;
-  for (const MismatchCell& cell : cells) {
-    if (place == MapPlace{cell.position, cell.level}) starts.push_back(cell.from);
-  }
-  std::sort(starts.begin(), starts.end());
-  starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
-  for (const double start : starts) map.columns.push_back(fmt::format("{:.3g}", start));
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const MismatchCell& cell = cells[i];
-    if (!(place == MapPlace{cell.position, cell.level})) continue;
-    const std::size_t row = index_in(map.rows, cell.channel);
-    if (map.values.size() < map.rows.size()) {
-      map.values.emplace_back(starts.size(), std::numeric_limits<double>::quiet_NaN());
-      map.marked.emplace_back(starts.size(), false);
-    }
-    const auto column = static_cast<std::size_t>(
-        std::lower_bound(starts.begin(), starts.end(), cell.from) - starts.begin());
-    map.values[row][column] = 0.5 * std::log10(cell.statistic / cell.degrees_of_freedom);
-    map.marked[row][column] = rejected[i];
-  }
-  map.lowest = 0.0;
-  map.highest = 0.5;
-  for (const auto& row : map.values) {
-    for (const double value : row) {
-      if (std::isfinite(value)) map.highest = std::max(map.highest, value);
-    }
-  }
-  map.column_label = "frequency from, Hz";
-  map.value_label = "log10 of rms residual over noise; framed: more than noise";
-  return map;
-}
-
-std::vector<ReportFigure> residual_maps(const std::vector<MismatchCell>& cells,
-                                        const std::string& when) {
-  const std::vector<bool> rejected = rejected_cells(cells, kFramedRate);
-  std::vector<MapPlace> places;
-  for (const MismatchCell& cell : cells) (void)index_in(places, {cell.position, cell.level});
-  std::vector<ReportFigure> figures;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    HeatMap map = residual_map(cells, rejected, places[i]);
-    const std::string name = map_name(places[i]);
-    map.title = "Residuals " + when + (name.empty() ? "" : ": " + name);
-    figures.push_back({fmt::format("residuals_{}_{}", when, i + 1), svg_heat_map(map)});
-  }
-  return figures;
-}
-
-// ---- laws and curves --------------------------------------------------------------------------
-
-// Every so many samples, so that a page stays small.
-std::vector<double> thinned(const std::vector<double>& values) {
-  const std::size_t stride = values.size() / kShownPoints + 1;
-  std::vector<double> kept;
-  for (std::size_t i = 0; i < values.size(); i += stride) kept.push_back(values[i]);
-  return kept;
-}
-
-ReportFigure law_figure(const ForcePicture& picture, const std::string& name, bool over_rate,
-                        std::size_t effect) {
-  return {fmt::format("law_{}_over_{}", effect + 1, over_rate ? "rate" : "deflection"),
-          svg_chart(law_chart(picture, name, over_rate))};
-}
-
-std::string curve_title(const ResidualCurve& curve) {
-  return curve.channel + (curve.experiment.empty() ? "" : ", " + curve.experiment) +
-         (curve.held_out ? ", kept out of the fit" : "");
-}
-
-ReportFigure curve_figure(const ResidualCurve& before, const ResidualCurve* after,
-                          std::size_t number) {
-  Chart chart;
-  chart.title = curve_title(before);
-  chart.x = {before.over_time ? "time, s" : "frequency, Hz", !before.over_time};
-  chart.y = {fmt::format("{}, {}", before.over_time ? "signal" : "rms", before.unit),
-             !before.over_time};
-  chart.series.push_back(
-      {"measured", thinned(before.axis), thinned(before.measured), kGrey, !before.over_time});
-  chart.series.push_back(
-      {"before", thinned(before.axis), thinned(before.residual), kOrange, false});
-  if (after != nullptr) {
-    chart.series.push_back({"after", thinned(after->axis), thinned(after->residual), kBlue, false});
-  }
-  if (!before.noise.empty()) {
-    chart.series.push_back(
-        {"noise", thinned(before.axis), thinned(before.noise), "#202020", false});
-  }
-  return {fmt::format("curve_{}", number + 1), svg_chart(chart)};
-}
-
-const ResidualCurve* same_curve(const std::vector<ResidualCurve>& curves,
-                                const ResidualCurve& wanted) {
-  for (const ResidualCurve& curve : curves) {
-    if (curve.channel == wanted.channel && curve.experiment == wanted.experiment &&
-        curve.held_out == wanted.held_out && curve.over_time == wanted.over_time) {
-      return &curve;
-    }
-  }
-  return nullptr;
-}
-
-std::vector<ReportFigure> curve_figures(const Diagnosis& diagnosis) {
-  std::vector<ReportFigure> figures;
-  for (const ResidualCurve& before : diagnosis.curves_before) {
-    if (figures.size() >= kShownCurves) break;
-    figures.push_back(curve_figure(
-        before, diagnosis.effects.empty() ? nullptr : same_curve(diagnosis.curves_after, before),
-        figures.size()));
-  }
-  return figures;
-}
-
+// Over the axes that its force follows from; over both where none is enough.
 std::vector<ReportFigure> law_figures(const Diagnosis& diagnosis,
                                       std::span<const Hypothesis> hypotheses, std::size_t effect) {
   if (effect >= diagnosis.pictures.size()) return {};
   const ForcePicture& picture = diagnosis.pictures[effect];
   if (picture.law_force.empty()) return {};
   const std::string name = element_name(diagnosis.effects[effect], hypotheses);
-  return {law_figure(picture, name, false, effect), law_figure(picture, name, true, effect)};
+  const bool by_rate = is_function_of_axis(picture, true);
+  const bool by_deflection = is_function_of_axis(picture, false);
+  std::vector<ReportFigure> figures;
+  const auto add = [&](bool over_rate) {
+    figures.push_back({fmt::format("law_{}_over_{}", effect + 1, over_rate ? "rate" : "deflection"),
+                       svg_chart(law_chart(picture, name, over_rate))});
+  };
+  if (by_deflection || !by_rate) add(false);
+  if (by_rate || !by_deflection) add(true);
+  return figures;
+}
+
+ReportFigure spectrum_figure(const ResidualCurve& before, const ResidualCurve* after,
+                             std::size_t number) {
+  Chart chart;
+  chart.title = before.channel + (before.experiment.empty() ? "" : ", " + before.experiment) +
+                (before.held_out ? ", kept out of the fit" : "");
+  chart.x = {"frequency, Hz", true};
+  chart.y = {fmt::format("rms, {}", before.unit), true};
+  chart.series.push_back({"measured", before.axis, before.measured, "#777777", true});
+  chart.series.push_back({"left before", before.axis, before.residual, "#d55e00", true});
+  if (after != nullptr) {
+    chart.series.push_back({"left after", after->axis, after->residual, "#0072b2", true});
+  }
+  if (!before.noise.empty()) {
+    chart.series.push_back({"noise", before.axis, before.noise, "#202020", false});
+  }
+  return {fmt::format("spectrum_{}", number + 1), svg_chart(chart)};
+}
+
+std::vector<ReportFigure> spectrum_figures(const Diagnosis& diagnosis) {
+  std::vector<ReportFigure> figures;
+  for (const ResidualCurve& before : diagnosis.curves_before) {
+    if (before.over_time) continue;
+    if (figures.size() >= kShownSpectra) break;
+    figures.push_back(spectrum_figure(
+        before, diagnosis.effects.empty() ? nullptr : same_curve(diagnosis.curves_after, before),
+        figures.size()));
+  }
+  return figures;
+}
+
+std::vector<ReportFigure> trace_figures(const Diagnosis& diagnosis) {
+  std::vector<ReportFigure> figures;
+  for (const Trace& trace : diagnosis_traces(diagnosis)) {
+    figures.push_back({fmt::format("trace_{}", figures.size() + 1), svg_chart(trace_chart(trace))});
+  }
+  return figures;
 }
 
 ReportFigure change_figure(const TimeVariation& change) {
@@ -212,178 +93,263 @@ ReportFigure change_figure(const TimeVariation& change) {
   return {"time_variation", svg_chart(chart)};
 }
 
-// ---- tables ------------------------------------------------------------------------------------
-
-std::string fit_row(const std::string& name, const std::optional<Assessment>& before,
-                    const std::optional<Assessment>& after, bool noise_is_known) {
-  if (!before || !after) return "";
-  const double unknown = std::numeric_limits<double>::quiet_NaN();
-  return "<tr><td>" + name + "</td>" +
-         number_cell(noise_is_known ? before->chi_square_per_dof() : unknown) +
-         number_cell(noise_is_known ? after->chi_square_per_dof() : unknown) +
-         number_cell(before->nrmse) + number_cell(after->nrmse) +
-         number_cell(before->variance_accounted_for, "{:.3f}") +
-         number_cell(after->variance_accounted_for, "{:.3f}") + "</tr>\n";
-}
-
-std::string fit_table(const Diagnosis& diagnosis) {
-  return "<table><tr><th rowspan=\"2\">recordings</th>"
-         "<th class=\"n\" colspan=\"2\">chi-square per degree of freedom</th>"
-         "<th class=\"n\" colspan=\"2\">error, % of the signal</th>"
-         "<th class=\"n\" colspan=\"2\">variance accounted for, %</th></tr>\n"
-         "<tr><th class=\"n\">before</th><th class=\"n\">after</th><th class=\"n\">before</th>"
-         "<th class=\"n\">after</th><th class=\"n\">before</th><th class=\"n\">after</th></tr>\n" +
-         fit_row("of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
-                 diagnosis.noise_is_known) +
-         fit_row("kept out", diagnosis.validation_before, diagnosis.validation_after,
-                 diagnosis.noise_is_known) +
-         "</table>\n";
-}
-
-std::string law_rows(const FittedLaw& law, std::span<const Hypothesis> hypotheses, double bic,
-                     const char* role) {
-  std::string parameters;
-  for (const LawParameterEstimate& estimate : law.parameters) {
-    parameters += (parameters.empty() ? "" : "<br>") +
-                  html_escaped(estimate.name + " " + estimate_words(estimate));
+std::vector<ReportFigure> all_maps(const Diagnosis& diagnosis) {
+  const double highest = highest_of(diagnosis.mismatch_before);
+  std::vector<ReportFigure> maps = band_maps(diagnosis.mismatch_before, "before", highest);
+  if (!diagnosis.effects.empty()) {
+    std::ranges::move(band_maps(diagnosis.mismatch_after, "after", highest),
+                      std::back_inserter(maps));
   }
-  return fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>",
-                     html_escaped(hypothesis_words(hypotheses[law.hypothesis])), role, parameters) +
-         number_cell(bic, "{:+.3g}") + "</tr>\n";
+  std::ranges::move(time_maps(diagnosis), std::back_inserter(maps));
+  return maps;
 }
 
-const char* reason_of_exclusion(const Rival& rival) {
-  if (rival.is_contradicted) return "contradicted by recordings kept out";
-  if (rival.on_few_recordings) return "excluded by few recordings";
-  const bool would_stand = rival.bic_difference <= SearchOptions{}.exclusion_margin;
-  return would_stand && rival.held_out_difference ? "excluded with recordings kept out"
-                                                  : "excluded";
+void add_figures(std::vector<ReportFigure> figures, PageSection& section) {
+  for (ReportFigure& figure : figures) section.figures.push_back({std::move(figure.svg)});
 }
 
-std::string effect_table(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
-                         bool noise_is_known) {
-  std::string rows =
-      std::string("<table><tr><th>law and place</th><th></th><th>parameters</th><th class=\"n\">") +
-      (noise_is_known ? "BIC" : "prediction, squared standard errors") + "</th></tr>\n" +
-      law_rows(effect.law, hypotheses, 0.0, "found");
-  const auto add_same_places = [&](const std::vector<FittedLaw>& laws, double bic) {
-    for (const FittedLaw& law : laws) rows += law_rows(law, hypotheses, bic, "the same system");
-  };
-  const auto add_sum = [&](const Rival& rival) {
-    for (const FittedLaw& law : rival.with) {
-      rows += law_rows(law, hypotheses, rival.bic_difference, "together with the one above");
+// ---- the verdict ------------------------------------------------------------------------------
+
+std::string error_sentence(const Diagnosis& diagnosis) {
+  const bool is_kept_out = diagnosis.validation_before && diagnosis.validation_after;
+  const double before =
+      is_kept_out ? diagnosis.validation_before->nrmse : diagnosis.before.estimation.nrmse;
+  const double after =
+      is_kept_out ? diagnosis.validation_after->nrmse : diagnosis.after.estimation.nrmse;
+  const char* const where =
+      is_kept_out ? "recordings kept out of the fit" : "the recordings of the fit, the only ones,";
+  if (diagnosis.effects.empty()) {
+    return fmt::format("On {} the model's error is {:.3g} % of the signal.", where, after);
+  }
+  return fmt::format("On {} the error falls from {:.3g} % to {:.3g} % of the signal.", where,
+                     before, after);
+}
+
+std::string laws_words(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  std::string names;
+  const std::size_t shown = std::min(kNamedLaws, diagnosis.effects.size());
+  for (std::size_t i = 0; i < shown; ++i) {
+    const std::size_t at = diagnosis.effects[i].law.hypothesis;
+    names += (i == 0                              ? ""
+              : i + 1 == diagnosis.effects.size() ? " and "
+                                                  : ", ") +
+             hypothesis_words(hypotheses[at]);
+  }
+  if (shown < diagnosis.effects.size()) {
+    names += fmt::format(" and {} more", diagnosis.effects.size() - shown);
+  }
+  return names;
+}
+
+std::string tests_sentence(const Diagnosis& diagnosis) {
+  if (diagnosis.verdict == Verdict::kNone) return "";
+  const auto failed = std::ranges::find_if(diagnosis.reasons, has_failed);
+  const auto asked = std::ranges::count_if(
+      diagnosis.reasons, [](const VerdictReason& each) { return each.not_tested.empty(); });
+  if (asked == 0) return "";
+  const auto count = std::ranges::count_if(diagnosis.reasons, has_failed);
+  if (count == 0) return fmt::format("It passes all {} tests that could be asked.", asked);
+  std::string sentence = fmt::format("It fails {} of {} tests", count, asked);
+  if (failed->value) {
+    sentence +=
+        fmt::format(", first: {}, {:.3g} where {} {:.4g} is allowed", failed->test, *failed->value,
+                    failed->is_lower_limit ? "at least" : "at most", failed->limit);
+  }
+  return sentence + ".";
+}
+
+PageMark tone_of(Verdict verdict) {
+  if (verdict == Verdict::kUnknown) return PageMark::kFailed;
+  return verdict == Verdict::kAmbiguous ? PageMark::kOpen : PageMark::kPassed;
+}
+
+std::vector<PageBar> error_bars(const Diagnosis& diagnosis) {
+  const bool is_kept_out = diagnosis.validation_before && diagnosis.validation_after;
+  const double before =
+      is_kept_out ? diagnosis.validation_before->nrmse : diagnosis.before.estimation.nrmse;
+  const double after =
+      is_kept_out ? diagnosis.validation_after->nrmse : diagnosis.after.estimation.nrmse;
+  const double whole = std::max({before, after, 1e-9});
+  if (!std::isfinite(whole)) return {};
+  if (diagnosis.effects.empty()) return {};
+  return {{"before", before / whole, fmt::format("{:.3g} %", before)},
+          {"after", after / whole, fmt::format("{:.3g} %", after)}};
+}
+
+// ---- sections ---------------------------------------------------------------------------------
+
+PageSection reasons_section(const Diagnosis& diagnosis) {
+  PageSection section{.id = "reasons", .title = "Why this verdict"};
+  section.tables.push_back(reasons_table(diagnosis));
+  return section;
+}
+
+PageSection next_section(const Diagnosis& diagnosis, const DiagnosedFiles& files,
+                         const ReportContext& context) {
+  PageSection section{.id = "next", .title = "What to do next"};
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (!has_failed(reason) || reason.next.empty()) continue;
+    if (diagnosis.verdict == Verdict::kNone) continue;
+    std::string point = reason.test + ": " + reason.next + ".";
+    point[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(point[0])));
+    section.points.push_back(std::move(point));
+  }
+  const NextQuestion question = next_question(diagnosis);
+  if (question.rival != nullptr) {
+    section.points.push_back(next_experiment_words(*question.rival->next));
+  }
+  section.downloads = context.plans;
+  if (!context.plans.empty()) {
+    section.commands.push_back(
+        fmt::format("graybox simulate {} {} -o next", files.model, context.plans.front().name));
+  }
+  std::ranges::copy(context.models, std::back_inserter(section.downloads));
+  if (diagnosis.verdict == Verdict::kNone) {
+    section.paragraphs.push_back(
+        "Nothing: the model as it is will do for motion like the recorded one.");
+  } else if (section.points.empty()) {
+    section.paragraphs.push_back("No test asks for more recordings.");
+  }
+  return section;
+}
+
+PageSection traces_section(bool has_laws) {
+  return {
+      .id = "traces",
+      .title = "Measured against predicted",
+      .paragraphs = {has_laws ? "Grey, wide: measured. Orange, dashed: predicted by the model as "
+                                "it was stated. Blue: with the laws found."
+                              : "Grey, wide: measured. Orange, dashed: predicted."},
+      .has_traces = true};
+}
+
+PageSection laws_section(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  PageSection section{.id = "laws", .title = "What was found"};
+  section.tables.push_back(laws_table(diagnosis, hypotheses));
+  for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
+    add_figures(law_figures(diagnosis, hypotheses, effect), section);
+  }
+  if (!section.figures.empty()) {
+    section.paragraphs.push_back(
+        "Points: the measured force less all the rest of the model. Line and band: the fitted law, "
+        "and the rms distance of the points from it. Without points the recordings say too little "
+        "of "
+        "the force.");
+  }
+  return section;
+}
+
+PageSection misfit_section(const Diagnosis& diagnosis) {
+  PageSection section{.id = "misfit", .title = "Where it does not fit"};
+  if (diagnosis.effects.empty()) section.paragraphs.push_back("No law was found.");
+  if (const std::string words = map_words(diagnosis); !words.empty()) {
+    section.paragraphs.push_back(words);
+  }
+  section.tables.push_back(errors_table(diagnosis));
+  if (!diagnosis.channels_after.empty()) section.tables.push_back(channels_table(diagnosis));
+  add_figures(all_maps(diagnosis), section);
+  if (diagnosis.time_variation) {
+    add_figures({change_figure(*diagnosis.time_variation)}, section);
+  }
+  add_figures(spectrum_figures(diagnosis), section);
+  return section;
+}
+
+PageSection rivals_section(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  PageSection section{.id = "rivals", .title = "What was tried and rejected", .is_folded = true};
+  if (!diagnosis.rejected.empty()) section.tables.push_back(rejected_table(diagnosis, hypotheses));
+  for (const FoundEffect& effect : diagnosis.effects) {
+    section.tables.push_back(rivals_table(effect, hypotheses, diagnosis.noise_is_known));
+  }
+  return section;
+}
+
+std::vector<PageSection> sections_of(const Diagnosis& diagnosis,
+                                     std::span<const Hypothesis> hypotheses,
+                                     const DiagnosedFiles& files, const ReportContext& context,
+                                     bool has_traces) {
+  std::vector<PageSection> sections;
+  if (!diagnosis.reasons.empty() && diagnosis.verdict != Verdict::kNone) {
+    sections.push_back(reasons_section(diagnosis));
+  }
+  sections.push_back(next_section(diagnosis, files, context));
+  if (diagnosis.trouble.empty()) {
+    if (has_traces) sections.push_back(traces_section(!diagnosis.effects.empty()));
+    if (!diagnosis.effects.empty()) sections.push_back(laws_section(diagnosis, hypotheses));
+    if (!diagnosis.after.model_parameters.empty()) {
+      PageSection own{.id = "parameters", .title = "The model's own parameters"};
+      own.tables.push_back(parameters_table(diagnosis));
+      sections.push_back(std::move(own));
     }
-  };
-  add_same_places(effect.same_at, 0.0);
-  for (const Rival& rival : effect.rivals) {
-    rows += law_rows(rival.law, hypotheses, rival.bic_difference, "not excluded");
-    add_sum(rival);
-    add_same_places(rival.same_at, rival.bic_difference);
+    if (diagnosis.before.usable) sections.push_back(misfit_section(diagnosis));
+    PageSection rivals = rivals_section(diagnosis, hypotheses);
+    if (!rivals.tables.empty()) sections.push_back(std::move(rivals));
+    if (!diagnosis.detectable.empty()) {
+      PageSection seen{.id = "detectable", .title = "What would have been seen", .is_folded = true};
+      seen.tables.push_back(detectable_table(diagnosis, hypotheses));
+      sections.push_back(std::move(seen));
+    }
   }
-  for (const Rival& rival : effect.generalisations) {
-    rows += law_rows(rival.law, hypotheses, rival.bic_difference, "more general, not asked for");
-  }
-  for (const Rival& rival : effect.excluded) {
-    rows += law_rows(rival.law, hypotheses, rival.bic_difference, reason_of_exclusion(rival));
-    add_sum(rival);
-  }
-  return rows + "</table>\n";
-}
-
-std::string parameter_table(const Diagnosis& diagnosis) {
-  const auto& before = diagnosis.before.model_parameters;
-  const auto& after = diagnosis.after.model_parameters;
-  if (after.empty()) return "";
-  std::string rows = heading("The model's own parameters") +
-                     "<table><tr><th>parameter</th><th>without the effects</th>"
-                     "<th>with them</th></tr>\n";
-  for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
-    rows += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", html_escaped(after[i].name),
-                        html_escaped(estimate_words(before[i])),
-                        html_escaped(estimate_words(after[i])));
-  }
-  return rows + "</table>\n";
-}
-
-std::string detectable_table(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
-  if (diagnosis.detectable.empty()) return "";
-  std::string rows = heading("The smallest effects that would have been seen") +
-                     "<details><summary>all hypotheses</summary><table><tr><th>law and place</th>"
-                     "<th class=\"n\">smallest amplitude</th><th>unit</th></tr>\n";
-  for (const DetectableEffect& effect : diagnosis.detectable) {
-    rows += "<tr><td>" + html_escaped(hypothesis_words(hypotheses[effect.hypothesis])) + "</td>" +
-            (std::isfinite(effect.amplitude) ? number_cell(effect.amplitude)
-                                             : "<td class=\"n\">can't be seen</td>") +
-            "<td>" + html_escaped(effect.unit) + "</td></tr>\n";
-  }
-  return rows + "</table></details>\n";
-}
-
-std::string framed_words(const Diagnosis& diagnosis) {
-  const std::string words = map_words(diagnosis);
-  return words.empty() ? "" : paragraph(words);
-}
-
-void append(std::vector<ReportFigure>& all, std::vector<ReportFigure> more) {
-  for (ReportFigure& figure : more) all.push_back(std::move(figure));
-}
-
-std::string drawn(const std::vector<ReportFigure>& figures) {
-  std::string html;
-  for (const ReportFigure& figure : figures) html += "<div>" + figure.svg + "</div>\n";
-  return html;
+  PageSection words{.id = "words", .title = "The verdict in full", .is_folded = true};
+  words.points = verdict_words(diagnosis, hypotheses);
+  for (const std::string& line : files.warnings) words.points.push_back("The recordings: " + line);
+  sections.push_back(std::move(words));
+  return sections;
 }
 
 }  // namespace
 
+std::vector<std::string> verdict_in_short(const Diagnosis& diagnosis,
+                                          std::span<const Hypothesis> hypotheses) {
+  std::string first = headline(diagnosis);
+  if (!diagnosis.effects.empty() && diagnosis.verdict != Verdict::kUnknown) {
+    first.pop_back();
+    first += ": " + laws_words(diagnosis, hypotheses) + ".";
+  } else if (!diagnosis.effects.empty()) {
+    const std::size_t end = first.find_first_of(".;");
+    first = first.substr(0, end) + "; found " + laws_words(diagnosis, hypotheses) + ".";
+  }
+  std::vector<std::string> sentences{std::move(first)};
+  if (!diagnosis.trouble.empty() || !diagnosis.before.usable) return sentences;
+  sentences.push_back(error_sentence(diagnosis));
+  if (std::string tests = tests_sentence(diagnosis); !tests.empty()) {
+    sentences.push_back(std::move(tests));
+  }
+  return sentences;
+}
+
 std::vector<ReportFigure> report_figures(const Diagnosis& diagnosis,
                                          std::span<const Hypothesis> hypotheses) {
-  std::vector<ReportFigure> figures = residual_maps(diagnosis.mismatch_before, "before");
-  if (diagnosis.time_variation) figures.push_back(change_figure(*diagnosis.time_variation));
+  std::vector<ReportFigure> figures = trace_figures(diagnosis);
   for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
-    append(figures, law_figures(diagnosis, hypotheses, effect));
+    std::ranges::move(law_figures(diagnosis, hypotheses, effect), std::back_inserter(figures));
   }
-  if (!diagnosis.effects.empty()) {
-    append(figures, residual_maps(diagnosis.mismatch_after, "after"));
-  }
-  append(figures, curve_figures(diagnosis));
+  std::ranges::move(all_maps(diagnosis), std::back_inserter(figures));
+  if (diagnosis.time_variation) figures.push_back(change_figure(*diagnosis.time_variation));
+  std::ranges::move(spectrum_figures(diagnosis), std::back_inserter(figures));
   return figures;
 }
 
 std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
-                        const DiagnosedFiles& files) {
-  const std::vector<std::string> words = verdict_words(diagnosis, hypotheses);
-  std::string page = kHead;
-  page += fmt::format("<h1>Verdict: {}</h1>\n<p class=\"files\">{}<br>{}</p>\n",
-                      to_string(diagnosis.verdict), html_escaped(files.model),
-                      html_escaped(files.campaign));
-  page += "<div class=\"verdict\">\n";
-  for (const std::string& line : words) page += paragraph(line);
-  for (const std::string& line : files.warnings) page += paragraph("The recordings: " + line);
-  page += "</div>\n" + reasons_table(diagnosis);
-  if (!diagnosis.trouble.empty()) return page + end_of_page();
-  page += heading("The fit before and after") + fit_table(diagnosis);
-  if (!diagnosis.mismatch_before.empty()) {
-    page += heading("Where it does not fit") +
-            drawn(residual_maps(diagnosis.mismatch_before, "before"));
+                        const DiagnosedFiles& files, const ReportContext& context) {
+  ReportPage page;
+  page.title = "Diagnosis of " + std::filesystem::path(files.model).filename().string();
+  page.verdict = fmt::format("Verdict: {}", to_string(diagnosis.verdict));
+  page.tone = tone_of(diagnosis.verdict);
+  page.sentences = verdict_in_short(diagnosis, hypotheses);
+  page.traces = diagnosis.trouble.empty() ? diagnosis_traces(diagnosis) : std::vector<Trace>{};
+  if (diagnosis.trouble.empty() && diagnosis.before.usable) {
+    page.bars = error_bars(diagnosis);
+    page.bars_title = diagnosis.validation_after
+                          ? "Error on recordings kept out, % of the signal"
+                          : "Error on the recordings of the fit, % of the signal";
   }
-  if (diagnosis.time_variation) {
-    page += heading("What changes with time") + drawn({change_figure(*diagnosis.time_variation)});
+  page.sections = sections_of(diagnosis, hypotheses, files, context, !page.traces.empty());
+  page.origin = context.origin;
+  if (page.origin.files.empty()) {
+    page.origin.files = {{files.model, "model"}, {files.campaign, "campaign"}};
   }
-  for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
-    page += heading("Effect " + std::to_string(effect + 1) + ": " +
-                    element_name(diagnosis.effects[effect], hypotheses)) +
-            effect_table(diagnosis.effects[effect], hypotheses, diagnosis.noise_is_known) +
-            drawn(law_figures(diagnosis, hypotheses, effect));
-  }
-  if (!diagnosis.effects.empty() && !diagnosis.mismatch_after.empty()) {
-    page += heading("What is left") + framed_words(diagnosis) +
-            drawn(residual_maps(diagnosis.mismatch_after, "after"));
-  }
-  const std::vector<ReportFigure> curves = curve_figures(diagnosis);
-  if (!curves.empty()) page += heading("Residuals against noise") + drawn(curves);
-  page += parameter_table(diagnosis) + detectable_table(diagnosis, hypotheses);
-  return page + end_of_page();
+  return html_page(page);
 }
 
 }  // namespace graybox

@@ -1,28 +1,39 @@
-// report.html: a diagnosis to read, one file with its figures in it.
+// report.html: a diagnosis to look at, one file that needs nothing else (html_page.hpp).
 //
-// It has, in this order, the verdict in words and the fit before and after, on recordings of the
-// fit and on those kept out. Then it shows where the model does not fit: normalised residuals by
-// channel and band, one map a position and level, those too large framed. Next comes each effect
-// with its parameters, the picture of its law and its rivals. Last are residuals against noise
-// before and after, the model's own parameters, and what would have been seen.
+// First comes the verdict in three sentences with the error before and after, then its reasons,
+// ticked or crossed, and what to do next with files to save. Next are traces, measured against
+// predicted, and the laws with pictures and parameters. Then it shows where the model does not fit,
+// what was tried and rejected, and how all of it came about.
 #pragma once
 
 #include <span>
 #include <string>
+#include <vector>
 
+#include "diagnosis/report/html_page.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/verdict/residual_maps.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
 
 namespace graybox {
 
+// What only the command knows.
+struct ReportContext {
+  PageOrigin origin = {};
+  std::vector<PageDownload> plans = {};   // of the next experiment
+  std::vector<PageDownload> models = {};  // the model with what was found
+};
+
 [[nodiscard]] std::string report_page(const Diagnosis& diagnosis,
                                       std::span<const Hypothesis> hypotheses,
-                                      const DiagnosedFiles& files);
+                                      const DiagnosedFiles& files,
+                                      const ReportContext& context = {});
 
-struct ReportFigure {
-  std::string name;  // of a file, without ending
-  std::string svg;
-};
+// The verdict in at most three sentences: what is missing, how well it is predicted then, and what
+// keeps it from being explained.
+[[nodiscard]] std::vector<std::string> verdict_in_short(const Diagnosis& diagnosis,
+                                                        std::span<const Hypothesis> hypotheses);
+
 // The figures of the page, in its order.
 [[nodiscard]] std::vector<ReportFigure> report_figures(const Diagnosis& diagnosis,
                                                        std::span<const Hypothesis> hypotheses);

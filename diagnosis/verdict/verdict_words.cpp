@@ -57,6 +57,8 @@ std::string ambiguity_words(const Diagnosis& diagnosis) {
                       "determine every parameter.";
 }
 
+}  // namespace
+
 std::string headline(const Diagnosis& diagnosis) {
   switch (diagnosis.verdict) {
     case Verdict::kNone:
@@ -100,6 +102,8 @@ std::string headline(const Diagnosis& diagnosis) {
   }
   return part_words(diagnosis);
 }
+
+namespace {
 
 std::string parameters_words(const FittedLaw& law) {
   std::string words;
@@ -192,25 +196,6 @@ std::string shared_words(const SharedCharacteristic& shared,
       shared.place, is_spring ? "curve of a spring" : "friction", names);
 }
 
-std::string next_words(const NextExperiment& next) {
-  std::string shares;
-  for (const NextExperiment::Share& share : next.shares) {
-    shares += fmt::format("{}{:.0f} % {}", shares.empty() ? "" : ", ", 100.0 * share.weight,
-                          experiment_words(share.option));
-  }
-  if (!std::isfinite(next.recordings_needed)) {
-    return "No experiment of the same kind would tell the two apart.";
-  }
-  const double count = std::max(1.0, next.recordings_needed);
-  return fmt::format(
-      "To tell the two apart: {:.0f} more recording{}, {} (designed to a duality gap of {:.1g}; "
-      "the "
-      "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, {:.3g} is "
-      "needed).",
-      count, count > 1.0 ? "s" : "", shares, next.duality_gap, next.distance_now,
-      next.distance_then, next.recordings, next.distance_needed);
-}
-
 void add_same_places(const std::vector<FittedLaw>& laws, std::span<const Hypothesis> hypotheses,
                      std::vector<std::string>& lines) {
   for (const FittedLaw& law : laws) {
@@ -280,7 +265,7 @@ void add_standing_rivals(const FoundEffect& effect, std::span<const Hypothesis> 
                                 sum_words(rival, hypotheses), sum_parameters_words(rival),
                                 evidence_words(rival, noise_is_known)));
     add_same_places(rival.same_at, hypotheses, lines);
-    if (rival.next) lines.push_back(next_words(*rival.next));
+    if (rival.next) lines.push_back(next_experiment_words(*rival.next));
   }
 }
 
@@ -488,6 +473,25 @@ std::string map_words(const Diagnosis& diagnosis) {
         100.0 * beyond / numbers, 100.0 * SearchOptions{}.tolerance);
   }
   return words;
+}
+
+std::string next_experiment_words(const NextExperiment& next) {
+  std::string shares;
+  for (const NextExperiment::Share& share : next.shares) {
+    shares += fmt::format("{}{:.0f} % {}", shares.empty() ? "" : ", ", 100.0 * share.weight,
+                          experiment_words(share.option));
+  }
+  if (!std::isfinite(next.recordings_needed)) {
+    return "No experiment of the same kind would tell the two apart.";
+  }
+  const double count = std::max(1.0, next.recordings_needed);
+  return fmt::format(
+      "To tell the two apart: {:.0f} more recording{}, {} (designed to a duality gap of {:.1g}; "
+      "the "
+      "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, {:.3g} is "
+      "needed).",
+      count, count > 1.0 ? "s" : "", shares, next.duality_gap, next.distance_now,
+      next.distance_then, next.recordings, next.distance_needed);
 }
 
 std::string estimate_words(const LawParameterEstimate& estimate) {

@@ -21,6 +21,12 @@ namespace graybox {
 // By the limits that a fit's rest must keep where the noise is not known (SearchOptions).
 [[nodiscard]] bool is_more_than_noise(const ChannelRest& rest);
 
+// The verdict in one sentence.
+[[nodiscard]] std::string headline(const Diagnosis& diagnosis);
+
+// What to record to tell two explanations apart.
+[[nodiscard]] std::string next_experiment_words(const NextExperiment& next);
+
 // One sentence a line: the verdict, each effect with its parameters and rivals, the fit before and
 // after, what could not be seen.
 [[nodiscard]] std::vector<std::string> verdict_words(const Diagnosis& diagnosis,

@@ -1,6 +1,7 @@
-// Small charts as SVG text, for a report that is one file and needs nothing else: lines and points
-// over linear or logarithmic axes, and heat maps. (The study's figures are matplotlib's; a report
-// is written where a user may have no Python.)
+// Small charts as SVG text, for a report that is one file and needs nothing else: lines, bands and
+// points over linear or logarithmic axes, and heat maps. Each names itself for those who do not see
+// it. Colours stand in attributes, which the page's style sheet replaces in the dark. (The study's
+// figures are matplotlib's; a report is written where a user may have no Python.)
 #pragma once
 
 #include <string>
@@ -13,7 +14,8 @@ struct ChartSeries {
   std::vector<double> x, y;  // points that are not finite (or not positive on a log axis) are gaps
   std::string colour = "#0072b2";
   bool points = false;            // else a line
-  std::vector<double> bars = {};  // of each point, half their length; empty: none
+  std::vector<double> band = {};  // about each point of a line, half its width; empty: none
+  std::string dash = {};          // of a line, as SVG's stroke-dasharray
 };
 
 struct ChartAxis {
@@ -38,6 +40,11 @@ struct HeatMap {
   std::vector<std::vector<double>> values;  // rows of columns
   std::vector<std::vector<bool>> marked;
   double lowest = 0.0, highest = 1.0;  // of the colour scale
+  bool is_logarithmic = false;         // that scale
+  bool has_numbers = false;            // in the cells, so that they are read without colour
+  // Where a click leads: the recording by its key in page.js, and the edges of the columns.
+  std::string recording = {};
+  std::vector<double> edges = {};
 };
 
 [[nodiscard]] std::string svg_heat_map(const HeatMap& map);

@@ -1,0 +1,98 @@
+// A report as one self-contained HTML page: it loads nothing, and works without a script, on a
+// phone, in the dark, on paper and without colours.
+//
+//   ReportPage page;
+//   page.title = "Diagnosis";
+//   page.sections.push_back({.id = "parameters", .title = "Parameters", .tables = {table}});
+//   write_text_file("report.html", html_page(page));
+//
+// Texts are plain; html_page() escapes them. The template page.mustache has all HTML, page.js draws
+// the traces with dygraphs from JSON in the page. A page with 40 000 points of traces takes less
+// than 2 MB (trace.hpp).
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "diagnosis/report/trace.hpp"
+
+namespace graybox {
+
+// A tick, a cross or a dash, beside the words that say the same.
+enum class PageMark : std::int8_t { kNone, kPassed, kFailed, kOpen };
+
+struct PageCell {
+  std::string text;
+  std::string note = {};  // small, below the text
+  PageMark mark = PageMark::kNone;
+};
+
+struct PageTable {
+  struct Column {
+    std::string head;
+    bool is_number = false;
+  };
+  std::string caption;
+  std::vector<Column> columns;
+  std::vector<std::vector<PageCell>> rows;
+};
+
+struct PageFigure {
+  std::string svg;
+  std::string caption = {};
+};
+
+// A text that the reader can save, or copy.
+struct PageDownload {
+  std::string name, text, words;
+};
+
+struct PageSection {
+  std::string id;  // of letters, unique in the page
+  std::string title;
+  std::vector<std::string> paragraphs = {};
+  std::vector<std::string> points = {};    // a list
+  std::vector<std::string> commands = {};  // to type
+  std::vector<PageDownload> downloads = {};
+  std::vector<PageTable> tables = {};
+  std::vector<PageFigure> figures = {};
+  bool has_traces = false;  // here is the place of ReportPage::traces
+  bool is_folded = false;
+};
+
+// A length between 0 and 1 with words, in the card at the top.
+struct PageBar {
+  std::string name;
+  double length = 0.0;
+  std::string words;
+};
+
+struct PageFile {
+  std::string name, role;
+  std::size_t samples = 0;  // 0: not counted
+};
+
+// How the page came about.
+struct PageOrigin {
+  std::string command = {};
+  std::vector<PageFile> files = {};
+  double seconds = std::numeric_limits<double>::quiet_NaN();
+};
+
+struct ReportPage {
+  std::string title;    // "Diagnosis of motor.yaml"
+  std::string verdict;  // one word or two
+  PageMark tone = PageMark::kNone;
+  std::vector<std::string> sentences;  // three at most
+  std::vector<PageBar> bars;
+  std::string bars_title;
+  std::vector<PageSection> sections;
+  std::vector<Trace> traces;
+  PageOrigin origin;
+};
+
+[[nodiscard]] std::string html_page(const ReportPage& page);
+
+}  // namespace graybox

@@ -1,0 +1,323 @@
+#!/usr/bin/env python3
+"""Report pages in headless Chromium: what a reader sees, clicks, prints, and gets on a phone.
+
+    tests/report_page_test.py GRAYBOX SOURCE
+
+Runs the command in a folder of its own. Ends with 77, and says so, without Chromium, its driver or
+selenium (Debian: chromium, chromium-driver, python3-selenium).
+"""
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from urllib.parse import unquote
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import Select
+except ImportError:
+    DRIVER = None
+if not CHROMIUM or not DRIVER:
+    print("skipped: chromium, chromium-driver or python3-selenium is not there (scripts/setup installs them)")
+    sys.exit(77)
+
+GRAYBOX, SOURCE = str(Path(sys.argv[1]).resolve()), Path(sys.argv[2]).resolve()
+DRIVE = SOURCE / "docs/examples/fit/drive"
+LARGEST = 3_000_000  # bytes
+WIDTHS = [360, 800, 1400]
+
+
+def started_browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+                     "--no-first-run", "--disable-background-networking"]:
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(service=Service(DRIVER), options=options)
+
+
+class Page(unittest.TestCase):
+    """One page; others say by which command it is written."""
+    command = ["diagnose", str(DRIVE / "motor.yaml"), str(DRIVE), "-o", "report"]
+    page = "report/report.html"
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        done = subprocess.run([GRAYBOX, *cls.command], cwd=cls.folder.name, capture_output=True, text=True, check=False)
+        if done.returncode not in (0, 1):
+            raise RuntimeError(done.stderr)
+        cls.file = Path(cls.folder.name) / cls.page
+        cls.text = cls.file.read_text(encoding="utf-8")
+        cls.browser = started_browser()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.quit()
+        cls.folder.cleanup()
+
+    def setUp(self):
+        self.open(1000)
+
+    def open(self, width, dark=False, media="screen", script=True):
+        self.tell("Emulation.setScriptExecutionDisabled", {"value": not script})
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.tell("Emulation.setEmulatedMedia", {"media": media, "features": [scheme]})
+        self.tell("Emulation.setDeviceMetricsOverride",
+                  {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500})
+        self.browser.get(self.file.as_uri())
+
+    def tell(self, command, values):
+        return self.browser.execute_cdp_cmd(command, values)
+
+    def ask(self, script, *values):
+        return self.browser.execute_script("return " + script, *values)
+
+    def ranges(self):
+        return self.ask("report.charts().map(chart => chart.xAxisRange())")
+
+    # What holds of every page.
+
+    def test_is_small_and_loads_nothing(self):
+        self.assertLess(self.file.stat().st_size, LARGEST)
+        self.browser.get_log("performance")
+        self.open(1000)
+        requests = []
+        for entry in self.browser.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                requests.append(message["params"]["request"]["url"])
+        self.assertIn(self.file.as_uri(), requests)
+        self.assertEqual([url for url in requests if url != self.file.as_uri() and not url.startswith("data:")], [])
+
+    def test_says_nothing_on_the_console(self):
+        self.browser.get_log("browser")
+        for width in WIDTHS:
+            self.open(width)
+        self.assertEqual(self.browser.get_log("browser"), [])
+
+    def test_needs_no_sideways_scrolling(self):
+        for width in WIDTHS:
+            self.open(width)
+            self.assertLessEqual(self.ask("document.documentElement.scrollWidth"), width)
+            inside = self.ask("""[...document.querySelectorAll('main *, header *, footer *')].filter(each => {
+                const box = each.getBoundingClientRect();
+                return box.width > 0 && box.right > innerWidth + 1 && !each.closest('.scroll, pre, .plot, svg, .skip');
+            }).map(each => each.outerHTML.slice(0, 100))""")
+            self.assertEqual(inside, [], width)
+
+    def test_is_dark_where_the_reader_is(self):
+        shades = []
+        for dark in (False, True):
+            self.open(1000, dark=dark)
+            shades.append(self.ask("""['backgroundColor', 'color'].map(name =>
+                getComputedStyle(document.body)[name].match(/[0-9]+/g).slice(0, 3).map(Number))"""))
+        (paper, ink), (dark_paper, light_ink) = shades
+        self.assertGreater(min(paper), 200)
+        self.assertLess(max(ink), 100)
+        self.assertLess(max(dark_paper), 80)
+        self.assertGreater(min(light_ink), 180)
+
+    def test_has_words_for_pictures_and_tables(self):
+        self.assertEqual(self.ask("[...document.querySelectorAll('svg')].filter(each => !each.getAttribute('aria-label')).length"), 0)
+        self.assertEqual(self.ask("[...document.querySelectorAll('th')].filter(each => !each.scope).length"), 0)
+        self.assertEqual(self.ask("document.documentElement.lang"), "en")
+        self.assertEqual(self.ask("new Set([...document.querySelectorAll('[id]')].map(each => each.id)).size"),
+                         self.ask("document.querySelectorAll('[id]').length"))
+
+    def test_contents_lead_somewhere(self):
+        for link in self.browser.find_elements(By.CSS_SELECTOR, "nav a"):
+            self.assertEqual(self.ask("document.querySelectorAll(arguments[0]).length",
+                                      link.get_dom_attribute("href")), 1)
+
+    def test_prints(self):
+        self.assertGreater(len(self.tell("Page.printToPDF", {"printBackground": False})["data"]), 20_000)
+        self.open(1000, dark=True, media="print")
+        paper = self.ask("getComputedStyle(document.documentElement).getPropertyValue('--paper')").strip()
+        self.assertEqual(paper, "#ffffff")
+
+    def test_states_how_it_came_about(self):
+        footer = self.browser.find_element(By.TAG_NAME, "footer").text
+        for text in ["graybox ", "commit", " s.", "graybox " + self.command[0]]:
+            self.assertIn(text, footer)
+
+
+class PageWithTraces(Page):
+    """And of pages that show traces."""
+
+    def test_traces_have_data(self):
+        traces = self.ask("report.traces")
+        self.assertGreaterEqual(len(traces), 1)
+        for trace in traces:
+            self.assertEqual(trace["names"][0], "measured")
+            columns = list(zip(*trace["rows"]))
+            self.assertEqual(len(columns), 1 + len(trace["names"]))
+            self.assertTrue(all(a < b for a, b in zip(columns[0], columns[0][1:])))
+            for column in columns[1:]:
+                self.assertGreater(sum(value is not None for value in column), 100)
+        # Ink on the canvases: of each, pixels that are not empty.
+        inked = self.ask("""report.charts().map(chart => {
+            const canvas = chart.hidden_, context = canvas.getContext('2d');
+            const pixels = context.getImageData(0, 0, canvas.width, canvas.height).data;
+            let count = 0;
+            for (let i = 3; i < pixels.length; i += 4) count += pixels[i] > 0;
+            return count;
+        })""")
+        self.assertTrue(all(count > 500 for count in inked), inked)
+
+    def test_a_click_zooms_all_charts_and_back(self):
+        whole = self.ranges()
+        self.assertGreaterEqual(len(whole), 2)  # the signal and what is left of it
+        self.browser.find_element(By.CSS_SELECTOR, "[data-do=in]").click()
+        for before, after in zip(whole, self.ranges()):
+            self.assertLess(after[1] - after[0], 0.7 * (before[1] - before[0]))
+        zoomed = self.ranges()
+        self.browser.find_element(By.CSS_SELECTOR, "[data-do=on]").click()
+        for before, after in zip(zoomed, self.ranges()):
+            self.assertGreater(after[0], before[0])
+        self.browser.find_element(By.CSS_SELECTOR, "[data-do=reset]").click()
+        for before, after in zip(whole, self.ranges()):
+            self.assertAlmostEqual(before[1] - before[0], after[1] - after[0], delta=0.02 * (before[1] - before[0]))
+
+    def test_dragging_zooms_and_cursors_are_linked(self):
+        plot = self.browser.find_elements(By.CSS_SELECTOR, ".plot canvas")[-1].find_element(By.XPATH, "..")
+        self.ask("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)
+        whole = self.ranges()
+        ActionChains(self.browser).move_to_element(plot).click_and_hold().move_by_offset(100, 0).release().perform()
+        for before, after in zip(whole, self.ranges()):
+            self.assertLess(after[1] - after[0], 0.6 * (before[1] - before[0]))
+        ActionChains(self.browser).move_to_element(plot).move_by_offset(20, 0).perform()
+        selected = self.ask("report.charts().map(chart => chart.getSelection())")
+        self.assertEqual(len(set(selected)), 1)
+        self.assertGreaterEqual(selected[0], 0)
+        legend = self.browser.find_element(By.CSS_SELECTOR, ".legend").text
+        self.assertRegex(legend, r"measured -?[0-9]")
+
+    def test_keys_reach_and_move_the_charts(self):
+        body = self.browser.find_element(By.TAG_NAME, "body")
+        reached = set()
+        for _ in range(120):
+            body.send_keys(Keys.TAB) if not reached else self.browser.switch_to.active_element.send_keys(Keys.TAB)
+            name = self.ask("document.activeElement.id || document.activeElement.dataset.do || document.activeElement.className")
+            reached.add(name)
+            if name == "plot":
+                break
+        self.assertLessEqual({"recording", "in", "reset", "plot"}, reached)
+        whole = self.ranges()
+        self.browser.switch_to.active_element.send_keys("+")
+        self.assertLess(self.ranges()[0][1] - self.ranges()[0][0], 0.7 * (whole[0][1] - whole[0][0]))
+
+    def test_another_recording_is_shown_when_chosen(self):
+        menu = Select(self.browser.find_element(By.ID, "recording"))
+        if len(menu.options) < 2:
+            self.skipTest("one recording")
+        first = self.ask("report.charts()[0].rawData_.slice(0, 50)")
+        menu.select_by_index(1)
+        self.assertNotEqual(first, self.ask("report.charts()[0].rawData_.slice(0, 50)"))
+
+    def test_pictures_stand_in_for_charts_on_paper_and_without_a_script(self):
+        self.assertFalse(self.browser.find_element(By.ID, "stills").is_displayed())
+        for settings in ({"media": "print"}, {"script": False}):
+            self.open(1000, **settings)
+            self.assertTrue(self.browser.find_element(By.ID, "stills").is_displayed())
+            self.assertFalse(self.browser.find_element(By.ID, "viewer").is_displayed())
+        self.open(1000)
+
+    def test_colours_of_charts_follow_the_scheme(self):
+        colours = []
+        for dark in (False, True):
+            self.open(1000, dark=dark)
+            colours.append(self.ask("report.charts()[0].getColors()"))
+        self.assertNotEqual(*colours)
+
+
+class Diagnosis(PageWithTraces):
+    def test_verdict_is_short_and_first(self):
+        card = self.browser.find_element(By.CLASS_NAME, "card")
+        self.assertIn("Verdict: explained", card.text)
+        self.assertIn("coulomb at motor", card.text)
+        self.assertLessEqual(len(card.find_elements(By.CSS_SELECTOR, "p:not(.verdict):not(.bars-title)")), 3)
+        self.assertLess(card.location["y"], 500)
+
+    def test_reasons_are_read_without_colour(self):
+        verdict = json.loads((self.file.parent / "verdict.json").read_text(encoding="utf-8"))
+        rows = self.browser.find_elements(By.CSS_SELECTOR, "#reasons tbody tr")
+        self.assertEqual(len(rows), len(verdict["reasons"]))
+        for row, reason in zip(rows, verdict["reasons"]):
+            self.assertIn(reason["test"], row.text)
+            self.assertIn("✓ passed" if reason["passed"] else "✗ failed", row.text)
+
+    def test_prediction_errors_are_those_of_the_verdict(self):
+        verdict = json.loads((self.file.parent / "verdict.json").read_text(encoding="utf-8"))
+        for trace in self.ask("report.traces"):
+            role = "validation" if trace["kept_out"] else "estimation"
+            self.assertEqual(trace["samples"], len(trace["rows"]))  # nothing was thinned
+            measured = [row[1] for row in trace["rows"]]
+            mean = sum(measured) / len(measured)
+            signal = math.sqrt(sum((value - mean) ** 2 for value in measured) / len(measured))
+            for column, when in ((2, "before"), (3, "after")):
+                left = [row[1] - row[column] for row in trace["rows"] if row[column] is not None]
+                error = 100 * math.sqrt(sum(value ** 2 for value in left) / len(left)) / signal
+                self.assertAlmostEqual(error, verdict["fit"][when][role]["nrmse"], delta=2e-3 * error)
+
+    def test_what_is_saved_is_what_was_written(self):
+        links = self.browser.find_elements(By.CSS_SELECTOR, "a[download]")
+        self.assertIn("model_extended.yaml", [link.get_dom_attribute("download") for link in links])
+        for link in links:
+            text = unquote(link.get_dom_attribute("href").split(",", 1)[1])
+            self.assertEqual(text, (self.file.parent / link.get_dom_attribute("download")).read_text(encoding="utf-8"))
+
+    def test_a_cell_of_the_map_opens_its_time(self):
+        cells = self.browser.find_elements(By.CSS_SELECTOR, "#misfit [data-from]")
+        self.assertGreaterEqual(len(cells), 12)
+        cell = cells[5]
+        self.ask("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", cell)
+        cell.click()
+        at = self.ranges()[0]
+        self.assertAlmostEqual(at[0], float(cell.get_dom_attribute("data-from")), delta=0.01)
+        self.assertAlmostEqual(at[1], float(cell.get_dom_attribute("data-to")), delta=0.01)
+
+
+class Prediction(PageWithTraces):
+    command = ["predict", str(DRIVE / "motor.yaml"), str(DRIVE), "-o", "page.html"]
+    page = "page.html"
+
+
+class Fit(PageWithTraces):
+    command = ["fit", str(DRIVE / "motor.yaml"), str(DRIVE), "--physics", str(DRIVE / "friction.yaml"), "-o", "fit.json",
+               "--report", "page.html"]
+    page = "page.html"
+
+    def test_parameters_are_those_of_the_fit(self):
+        fit = json.loads((self.file.parent / "fit.json").read_text(encoding="utf-8"))
+        rows = self.browser.find_elements(By.CSS_SELECTOR, "#parameters table:first-of-type tbody tr")
+        for parameter in fit["parameters"]:
+            row = [row for row in rows if row.text.startswith(parameter["name"])][0]
+            self.assertIn(f"{parameter['value']:.5g}", row.text)
+            self.assertIn(f"{parameter['standard_error']:.2g}", row.text)
+        self.assertFalse((self.file.parent / "page.html.model.yaml").exists())
+
+    def test_predicts_better_after_than_before(self):
+        for trace in self.ask("report.traces"):
+            self.assertEqual(trace["names"], ["measured", "predicted before", "predicted after"])
+            squares = [sum((row[1] - row[column]) ** 2 for row in trace["rows"] if row[column] is not None)
+                       for column in (2, 3)]
+            self.assertLess(squares[1], 0.5 * squares[0])
+
+
+def load_tests(loader, _standard, _pattern):
+    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [Diagnosis, Prediction, Fit])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0]], verbosity=1)
