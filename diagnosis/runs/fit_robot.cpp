@@ -3,29 +3,27 @@
 
 #include <string>
 
-#include "cli/fit/fit_arguments.hpp"
-#include "cli/output/console.hpp"
-#include "cli/process/interrupt.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/robot_fits/robot_fit.hpp"
+#include "diagnosis/runs/model_fit.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
 
-namespace graybox::cli {
+namespace graybox {
 
-FitReport fit_robot(const FitArguments& arguments) {
-  const LinearRobot linear = load_linear_robot(arguments.model);
-  const Campaign campaign = read_campaign(arguments.campaign);
-  CountProgress progress("recording", campaign.experiments.size());
+FitReport fit_robot(const ModelFitRequest& request) {
+  const LinearRobot linear = load_linear_robot(request.model);
+  const Campaign campaign = read_campaign(request.campaign);
   RobotFitOptions options;
-  options.threads = arguments.threads;
-  options.search.seed = arguments.seed;
-  options.search.starts = arguments.starts;
-  options.search.all_starts = arguments.all_starts;
-  options.lines = arguments.lines == "full"    ? LineStage::kFull
-                  : arguments.lines == "local" ? LineStage::kLocal
-                                               : LineStage::kNone;
-  options.keep_going = [] { return !interrupted(); };
-  options.report = [&](std::size_t done, std::size_t) { (void)progress.update(done); };
+  options.threads = request.threads;
+  options.search.seed = request.seed;
+  options.search.starts = request.starts;
+  options.search.all_starts = request.all_starts;
+  options.lines = request.lines == "full"    ? LineStage::kFull
+                  : request.lines == "local" ? LineStage::kLocal
+                                             : LineStage::kNone;
+  options.keep_going = [] { return !stop_was_asked_for(); };
+  options.report = request.report;
   FitReport report = fit_robot_campaign(linear.robot, campaign, options);
   for (const std::string& element : linear.left_out) {
     report.notes.push_back(
@@ -33,9 +31,9 @@ FitReport fit_robot(const FitArguments& arguments) {
                     "hold what it does to the responses",
                     element));
   }
-  report.model = arguments.model;
+  report.model = request.model;
   report.campaign = campaign.file.string();
   return report;
 }
 
-}  // namespace graybox::cli
+}  // namespace graybox
