@@ -1,16 +1,15 @@
-// The C++ side of scripts/python_overhead: does in C++ what a call from Python does, each time a
-// line comes on standard input, and answers with its wall seconds.
+// The C++ side of scripts/python_overhead, in the same process and on the same memory: does in C++
+// what a call from Python does, and answers with its wall seconds and the gap it proved.
 //
-//   python_call_timer SET.npy whole    the set from packed memory, validated; solved; certified
-//   python_call_timer SET.npy solve    solved and certified; the set was validated before
-#include <fmt/format.h>
+//   whole(packed)    the set from packed memory, validated; solved; certified
+//   solve(packed)    solved and certified; the set was validated before
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
 
 #include <chrono>
-#include <cstdio>
-#include <iostream>
-#include <string>
+#include <memory>
+#include <utility>
 
-#include "problems/formats/npy_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
 #include "problems/information/semidefinite_projection.hpp"
 #include "solvers/registry.hpp"
@@ -19,38 +18,38 @@
 namespace {
 
 using namespace graybox;
+using Packed = pybind11::array_t<double, pybind11::array::c_style>;
 
-ProjectedSet validated(const InformationSet& source) {
-  AlignedArray packed =
-      AlignedArray::borrowed(source.data(), source.candidate_count() * source.packed_size());
-  require_finite("information set", packed, source.dimension());
-  return project_semidefinite(InformationSet(source.dimension(), std::move(packed)));
+ProjectedSet validated(const Packed& packed) {
+  const std::size_t d = dimension_from_packed_size(static_cast<std::size_t>(packed.shape(1)));
+  AlignedArray values =
+      AlignedArray::borrowed(packed.data(), static_cast<std::size_t>(packed.size()));
+  require_finite("information set", values, d);
+  return project_semidefinite(InformationSet(d, std::move(values)));
 }
 
-double solved_and_certified(const Solver& solver, const InformationSet& set) {
-  const SolveReport report = judge(set, solver.name(), {}, solver.solve(set, {}));
-  return report.certificate.duality_gap;
+double solved_and_certified(const InformationSet& set) {
+  static const SolverRegistry registry = make_registry();
+  const Solver& solver = registry.at("column_generation");
+  return judge(set, solver.name(), {}, solver.solve(set, {})).certificate.duality_gap;
+}
+
+template <typename Work>
+std::pair<double, double> timed(Work&& work) {
+  const auto start = std::chrono::steady_clock::now();
+  const double gap = work();
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  return {wall.count(), gap};
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fputs("python_call_timer: give SET.npy and whole or solve\n", stderr);
-    return 2;
-  }
-  const InformationSet source = read_npy(argv[1]);
-  const ProjectedSet before = validated(source);
-  const SolverRegistry registry = make_registry();
-  const Solver& solver = registry.at("column_generation");
-  const bool whole = std::string(argv[2]) == "whole";
-  for (std::string line; std::getline(std::cin, line);) {
-    const auto start = std::chrono::steady_clock::now();
-    const double gap = whole ? solved_and_certified(solver, validated(source).set)
-                             : solved_and_certified(solver, before.set);
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    fmt::print("{} {}\n", wall.count(), gap);
-    std::fflush(stdout);
-  }
-  return 0;
+PYBIND11_MODULE(_call_timer, module) {
+  module.def("whole", [](const Packed& packed) {
+    return timed([&] { return solved_and_certified(validated(packed).set); });
+  });
+  module.def("solve", [](const Packed& packed) {
+    const ProjectedSet before = validated(packed);
+    return timed([&] { return solved_and_certified(before.set); });
+  });
 }

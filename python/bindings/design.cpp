@@ -110,12 +110,13 @@ py::dict solve_request(const PythonSet& python_set, const std::string& solver,
   return fields;
 }
 
-py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py::object& progress) {
+py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py::dict& asked,
+               const py::object& progress) {
   const InformationSet& set = python_set.set();
   const std::string name = py::cast<std::string>(arguments["solver"]);
   const Solver& solver = registry().at(name);
   const SolveOptions options = options_of(arguments, set);
-  DesignRequest request = request_of(arguments);
+  DesignRequest request = request_of(asked);
   require_regular(python_set, request);
   Call call(progress);
   if (request.any()) return solve_request(python_set, name, options, std::move(request), call);
@@ -140,14 +141,14 @@ py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py:
 
 // From numbers alone, whoever made them.
 py::dict certify_weights(const PythonSet& python_set, const py::object& weights,
-                         const py::dict& arguments) {
+                         const py::dict& arguments, const py::dict& asked) {
   const InformationSet& set = python_set.set();
   const Criterion criterion = criterion_of(arguments, set);
   const auto gap = py::cast<double>(arguments["gap"]);
   if (!(gap > 0.0 && std::isfinite(gap))) {
     throw InputError(fmt::format("gap {} must be positive and finite", gap));
   }
-  const DesignRequest request = request_of(arguments);
+  const DesignRequest request = request_of(asked);
   require_regular(python_set, request);
   Design design{.weights = number_list(weights, "weights")};
   if (arguments.contains("dual_matrix") && !arguments["dual_matrix"].is_none()) {

@@ -113,10 +113,11 @@ py::dict requested_exact(const InformationSet& set, const ConstrainedExactOption
   return fields;
 }
 
-py::dict exact(const PythonSet& python_set, const py::dict& arguments, const py::object& progress) {
+py::dict exact(const PythonSet& python_set, const py::dict& arguments, const py::dict& asked,
+               const py::object& progress) {
   const InformationSet& set = python_set.set();
   ExactOptions options = options_of(arguments);
-  DesignRequest request = request_of(arguments);
+  DesignRequest request = request_of(asked);
   const auto top = py::cast<std::size_t>(arguments["top"]);
   const auto method = py::cast<std::string>(arguments["method"]);
   const Criterion criterion = criterion_of(arguments, set);

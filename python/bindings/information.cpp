@@ -304,6 +304,7 @@ Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
 
 DesignRequest request_of(const py::dict& arguments) {
   DesignRequest request;
+  if (arguments.empty()) return request;
   const auto number = [&](const char* name, std::optional<double>& to) {
     const py::object value = argument(arguments, name);
     if (!value.is_none()) to = py::cast<double>(value);

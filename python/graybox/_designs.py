@@ -11,6 +11,8 @@ _REQUEST = ("experiments", "budget", "prior", "done", "costs", "stock", "require
 
 
 def _request(given):
+    if not given:
+        return given
     unknown = sorted(set(given) - set(_REQUEST))
     if unknown:
         raise TypeError(f"unknown argument '{unknown[0]}'; what the next experiments have to obey: "
@@ -43,7 +45,7 @@ def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, int
     run = {"solver": solver, "time_limit": time_limit, "iteration_limit": iteration_limit,
            "seed": seed, "threads": threads}
     with Line(progress) as show:
-        fields = _graybox.solve(information, {**asked, **run, **request}, show)
+        fields = _graybox.solve(information, {**asked, **run}, request, show)
     interrupted = fields.pop("interrupted")
     return finished(Design(information, {**asked, **request}, fields), interrupted)
 
@@ -62,8 +64,8 @@ def certify(H, weights, criterion="D", *, gap=1e-9, W=None, interest=None, dual_
             raise _graybox.InputError("weights: there is no design to certify")
     information = _information(H, request, psd_tolerance)
     return Certificate(**_graybox.certify(
-        information, weights, {"criterion": criterion, "W": W, "interest": interest,
-                               "gap": gap, "dual_matrix": dual_matrix, **request}))
+        information, weights, {"criterion": criterion, "W": W, "interest": interest, "gap": gap,
+                               "dual_matrix": dual_matrix}, request))
 
 
 def exact(H, experiments=None, criterion="D", *, method="branch_and_bound", gap=1e-6, W=None,
@@ -80,7 +82,7 @@ def exact(H, experiments=None, criterion="D", *, method="branch_and_bound", gap=
     asked = {"criterion": criterion, "W": W, "interest": interest, "gap": gap}
     run = {"method": method, "time_limit": time_limit, "seed": seed, "threads": threads, "top": top}
     with Line(progress) as show:
-        fields = _graybox.exact(information, {**asked, **run, **request}, show)
+        fields = _graybox.exact(information, {**asked, **run}, request, show)
     interrupted = fields.pop("interrupted")
     return finished(ExactDesign(information, {**asked, **request}, fields), interrupted)
 

@@ -17,33 +17,33 @@ def _in_notebook():
         return False
 
 
+def _is_watched():
+    return sys.stderr is not None and (sys.stderr.isatty() or _in_notebook())
+
+
 class Line:
     """One line that is rewritten on a terminal or in a notebook, and taken away at the end.
 
     `progress`: None for that, False for silence, True for the line wherever stderr leads, or a
-    callable that gets each line.
+    callable that gets each line. Called first when there is something to show, half a second on.
     """
 
     def __init__(self, progress=None):
+        self._progress = progress
         self._width = 0
-        if callable(progress):
-            self.show = progress
-        elif progress is False or (progress is None and not self._is_watched()):
-            self.show = None
-        else:
-            self.show = self._rewrite
 
-    @staticmethod
-    def _is_watched():
-        return sys.stderr is not None and (sys.stderr.isatty() or _in_notebook())
-
-    def _rewrite(self, line):
-        sys.stderr.write("\r" + line.ljust(self._width))
-        sys.stderr.flush()
-        self._width = len(line)
+    def __call__(self, line):
+        if self._progress is None:
+            self._progress = _is_watched()
+        if self._progress is True:
+            sys.stderr.write("\r" + line.ljust(self._width))
+            sys.stderr.flush()
+            self._width = len(line)
+        elif self._progress:
+            self._progress(line)
 
     def __enter__(self):
-        return self.show
+        return self
 
     def __exit__(self, *_):
         if self._width:
