@@ -90,9 +90,11 @@ def _write_yaml(path, value):
 
 
 def _absolute(model):
-    """Files that a model names, from here instead of from where it is written."""
-    return {key: os.path.abspath(value) if key in ("urdf", "base_model") and value else value
-            for key, value in model.items()}
+    """The URDF that a model names, from here instead of from where the model is written."""
+    urdf = model.get("urdf")
+    if not urdf or "${" in os.fspath(urdf):
+        return model
+    return {**model, "urdf": os.path.abspath(urdf)}
 
 
 class Files:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+import arm_log
 import graybox
 from sets import DRIVE, SOURCE, command, refusal
 
@@ -147,6 +148,28 @@ class Arrays(InFolder):
         self.refused(short, "speed: 499 samples, but 500 times")
         self.refused(text, "torque: .* numbers")
         self.refused(backwards, "time")
+
+    def test_a_models_urdf_is_found_from_here(self):
+        arm_log.write(self.folder)
+        before = os.getcwd()
+        self.addCleanup(os.chdir, before)
+        os.chdir(self.folder)
+        t, q, dq, ddq = arm_log.motion(20, 4)
+        tau = arm_log.torques(q, dq, ddq)
+        arm = {"format": "graybox-rigid-robot/1", "urdf": "arm.urdf", "base": "base",
+               "tip": "lower", "gravity": [0, 0, -9.81],
+               "joints": [{"name": name, "gear_ratio": 1, "rotor_inertia": 0}
+                          for name in ("shoulder", "elbow")],
+               "channels": {"torque": ["tau_1", "tau_2"], "torque_of": "arm",
+                            "position": ["q_1", "q_2"], "position_of": "arm"}}
+        recording = graybox.Recording(
+            t, inputs={f"tau_{k + 1}": (tau[:, k], "N m") for k in range(2)},
+            outputs={f"q_{k + 1}": (q[:, k], "rad") for k in range(2)})
+        # The made-up torques are those of the URDF: differentiating is all that is wrong.
+        self.assertLess(max(row["nrmse"] for row in graybox.predict(arm, recording).rows), 2)
+        os.remove("arm.urdf")
+        with self.assertRaisesRegex(graybox.InputError, "arm.urdf"):
+            graybox.predict(arm, recording)
 
     def test_recordings_must_belong_together(self):
         first, second = recordings()
