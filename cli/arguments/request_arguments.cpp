@@ -33,10 +33,7 @@ DesignRequest RequestArguments::read() const {
   return request;
 }
 
-bool RequestArguments::has_prior() const {
-  const DesignRequest request = read();
-  return !request.prior.empty() || !request.done.empty();
-}
+bool RequestArguments::has_prior() const { return read().has_prior(); }
 
 void add_request_options(CLI::App& command, RequestArguments& arguments,
                          ExperimentsOption experiments) {

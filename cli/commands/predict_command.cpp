@@ -13,13 +13,12 @@
 #include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/prediction/model_prediction.hpp"
+#include "diagnosis/prediction/prediction_json.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 
 namespace graybox::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct Arguments {
   std::string model, campaign, output;
@@ -27,29 +26,6 @@ struct Arguments {
   int threads = 1;
   bool json = false;
 };
-
-Json json_of(const ModelPrediction& prediction, const Arguments& arguments) {
-  Json rows = Json::array();
-  for (const RecordingPrediction& recording : prediction.recordings) {
-    for (const PredictedChannel& channel : recording.channels) {
-      Json row{{"recording", recording.recording}, {"role", name_of(recording.role)},
-               {"channel", channel.name},          {"unit", channel.unit},
-               {"seconds_ahead", nullptr},         {"error", nullptr},
-               {"deviation", channel.signal},      {"nrmse", nullptr}};
-      if (recording.ahead > 0.0) row["seconds_ahead"] = recording.ahead;
-      if (std::isfinite(channel.error)) {
-        row["error"] = channel.error;
-        if (channel.signal > 0.0) row["nrmse"] = channel.nrmse();
-      }
-      rows.push_back(std::move(row));
-    }
-  }
-  return {{"format", "graybox-prediction/1"},
-          {"model", arguments.model},
-          {"campaign", arguments.campaign},
-          {"predicted", prediction.of},
-          {"rows", rows}};
-}
 
 std::string cell(const PredictedChannel& channel) {
   if (std::isnan(channel.error)) return "too short";
@@ -114,7 +90,7 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
                                      .seconds = seconds.count()}));
   }
   if (arguments.json) {
-    fmt::print("{}\n", json_of(prediction, arguments).dump());
+    fmt::print("{}\n", prediction_json(prediction, arguments.model, arguments.campaign).dump());
   } else {
     fmt::print(
         "{} as the model stands, nothing fitted: error (rms) over the standard deviation "

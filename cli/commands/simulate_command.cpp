@@ -3,11 +3,9 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <sstream>
 #include <string>
 
 #include "bench/study/progress.hpp"
@@ -15,8 +13,8 @@
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/simulation/simulated_campaign.hpp"
+#include "diagnosis/simulation/simulation_identity.hpp"
 #include "problems/base/error.hpp"
-#include "problems/base/sha256.hpp"
 #include "problems/laws/law_catalogue.hpp"
 
 namespace graybox::cli {
@@ -33,21 +31,6 @@ struct SimulateArguments {
   bool json = false;
 };
 
-// Simulations are told apart by the bytes of their files.
-void add_file(Sha256& hash, const std::filesystem::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  hash.update(text.str());
-}
-
-std::string identity_of(const SimulatedSystem& system, const std::string& plan) {
-  Sha256 hash;
-  for (const auto& file : system.files) add_file(hash, file);
-  add_file(hash, plan);
-  return hash.hexadecimal();
-}
-
 SimulationOutcome run(const SimulateArguments& arguments) {
   std::optional<std::filesystem::path> hidden;
   if (!arguments.hidden.empty()) hidden = arguments.hidden;
@@ -60,7 +43,7 @@ SimulationOutcome run(const SimulateArguments& arguments) {
   const SimulationOptions options{
       .seed = arguments.seed,
       .threads = arguments.threads,
-      .identity = identity_of(system, arguments.plan),
+      .identity = simulation_identity(system, arguments.plan),
       .keep_going = [] { return !interrupted(); },
       .report = [&](std::size_t done, std::size_t) { (void)progress.update(done); },
       .forecast =

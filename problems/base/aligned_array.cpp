@@ -41,15 +41,28 @@ AlignedArray::AlignedArray(const AlignedArray& other) : AlignedArray(other.size_
   std::copy(other.begin(), other.end(), data_);
 }
 
+AlignedArray AlignedArray::borrowed(const double* data, std::size_t size) {
+  AlignedArray array;
+  array.data_ = const_cast<double*>(data);
+  array.size_ = size;
+  array.owns_ = false;
+  return array;
+}
+
 AlignedArray::AlignedArray(AlignedArray&& other) noexcept
-    : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+    : data_(std::exchange(other.data_, nullptr)),
+      size_(std::exchange(other.size_, 0)),
+      owns_(std::exchange(other.owns_, true)) {}
 
 AlignedArray& AlignedArray::operator=(AlignedArray other) noexcept {
   std::swap(data_, other.data_);
   std::swap(size_, other.size_);
+  std::swap(owns_, other.owns_);
   return *this;
 }
 
-AlignedArray::~AlignedArray() { std::free(data_); }
+AlignedArray::~AlignedArray() {
+  if (owns_) std::free(data_);
+}
 
 }  // namespace graybox

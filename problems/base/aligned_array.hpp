@@ -1,6 +1,9 @@
 // A contiguous array of doubles that starts on a cache line and is not initialised on allocation.
 // Large arrays ask the system for huge pages: one pass over a gigabyte is then not slowed by
 // address translation.
+//
+// An array may also borrow somebody else's memory, read only, which has to stay for as long as the
+// array lives. A copy of such an array has memory of its own.
 #pragma once
 
 #include <cstddef>
@@ -13,6 +16,8 @@ class AlignedArray {
   AlignedArray() = default;
   explicit AlignedArray(std::size_t size);  // uninitialised; throws std::bad_alloc
   AlignedArray(std::size_t size, double value);
+  // Not freed here, and not to be written to.
+  [[nodiscard]] static AlignedArray borrowed(const double* data, std::size_t size);
   AlignedArray(const AlignedArray& other);
   AlignedArray(AlignedArray&& other) noexcept;
   AlignedArray& operator=(AlignedArray other) noexcept;
@@ -34,6 +39,7 @@ class AlignedArray {
  private:
   double* data_ = nullptr;
   std::size_t size_ = 0;
+  bool owns_ = true;
 };
 
 }  // namespace graybox

@@ -33,7 +33,7 @@ void request_stop() noexcept;
 // All work of this process is to stop `seconds` from now.
 void limit_process(double seconds) noexcept;
 
-// As if neither of the two had been called: for tests.
+// As if neither of the two had been called: for tests, and for programs that go on after Ctrl-C.
 void forget_stops() noexcept;
 
 // The time at which this thread's work has to end, to be asked from any thread.

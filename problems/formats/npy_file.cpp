@@ -46,10 +46,7 @@ std::size_t item_bytes_of(const std::string& path, std::string_view value) {
        {std::pair{"'<f8'", std::size_t{8}}, {"'<f4'", std::size_t{4}}}) {
     if (value.starts_with(type)) return bytes;
   }
-  throw InputError(
-      fmt::format("{}: dtype {}: expected little-endian float64 or float32; save "
-                  "array.astype('<f8')",
-                  path, value.substr(0, value.find(','))));
+  throw InputError(wrong_dtype(path, value.substr(0, value.find(','))));
 }
 
 std::vector<std::size_t> shape_of(const std::string& path, std::string_view value) {
@@ -102,24 +99,6 @@ Layout read_layout(const InputFile& file) {
   layout.shape = shape_of(file.path(), value_of(file.path(), header, "shape"));
   layout.data_offset = header_offset + length;
   return layout;
-}
-
-// d, or an InputError naming what is wrong with the shape.
-std::size_t dimension_of(const std::string& path, const Layout& layout) {
-  const auto& shape = layout.shape;
-  const auto fail = [&](std::string_view problem) {
-    throw InputError(fmt::format("{}: shape ({}): {}; expected [Q x d x d] or packed [Q x p]", path,
-                                 fmt::join(shape, ", "), problem));
-  };
-  if (shape.size() != 2 && shape.size() != 3) fail("wrong number of axes");
-  if (std::ranges::count(shape, std::size_t{0}) > 0) fail("there are no candidates");
-  if (shape.size() == 3) {
-    if (shape[1] != shape[2]) fail("the matrices are not square");
-    return shape[1];
-  }
-  const std::size_t dimension = dimension_from_packed_size(shape[1]);
-  if (dimension == 0) fail(fmt::format("{} is no packed size d(d+1)/2", shape[1]));
-  return dimension;
 }
 
 void require_size(const InputFile& file, const Layout& layout) {
@@ -205,6 +184,28 @@ AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_
 
 }  // namespace
 
+std::string wrong_dtype(const std::string& source, std::string_view dtype) {
+  return fmt::format(
+      "{}: dtype {}: expected little-endian float64 or float32; save array.astype('<f8')", source,
+      dtype);
+}
+
+std::size_t dimension_of_shape(const std::string& source, const std::vector<std::size_t>& shape) {
+  const auto fail = [&](std::string_view problem) {
+    throw InputError(fmt::format("{}: shape ({}): {}; expected [Q x d x d] or packed [Q x p]",
+                                 source, fmt::join(shape, ", "), problem));
+  };
+  if (shape.size() != 2 && shape.size() != 3) fail("wrong number of axes");
+  if (std::ranges::count(shape, std::size_t{0}) > 0) fail("there are no candidates");
+  if (shape.size() == 3) {
+    if (shape[1] != shape[2]) fail("the matrices are not square");
+    return shape[1];
+  }
+  const std::size_t dimension = dimension_from_packed_size(shape[1]);
+  if (dimension == 0) fail(fmt::format("{} is no packed size d(d+1)/2", shape[1]));
+  return dimension;
+}
+
 NpyArray read_npy_array(const std::string& path) {
   const InputFile file(path);
   const Layout layout = read_layout(file);
@@ -220,7 +221,7 @@ NpyArray read_npy_array(const std::string& path) {
 InformationSet read_npy(const std::string& path) {
   const InputFile file(path);
   const Layout layout = read_layout(file);
-  const std::size_t dimension = dimension_of(path, layout);
+  const std::size_t dimension = dimension_of_shape(path, layout.shape);
   require_size(file, layout);
   AlignedArray information = read_values(file, layout, dimension);
   require_finite(path, information, dimension);

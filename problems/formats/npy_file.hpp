@@ -6,7 +6,9 @@
 // Format: numpy.lib.format, versions 1.0 to 3.0.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "problems/information/information_set.hpp"
@@ -23,6 +25,12 @@ struct NpyArray {
 // Little-endian float64 and float32. Throws InputError for a file that is no such array, or is
 // truncated.
 [[nodiscard]] NpyArray read_npy_array(const std::string& path);
+
+// What is said of an array that holds no information set, in a file or in memory.
+[[nodiscard]] std::string wrong_dtype(const std::string& source, std::string_view dtype);
+// d of an array of this shape, or throws InputError.
+[[nodiscard]] std::size_t dimension_of_shape(const std::string& source,
+                                             const std::vector<std::size_t>& shape);
 
 // Throws InputError for a file that is no such array.
 [[nodiscard]] InformationSet read_npy(const std::string& path);

@@ -22,18 +22,32 @@ Eigen::MatrixXd full_matrix(std::span<const double> packed, std::size_t dimensio
   return full;
 }
 
-// A quick sufficient test first: the matrix shifted by the tolerance has a Cholesky factor.
-bool is_positive_semidefinite(const Eigen::MatrixXd& matrix) {
-  const double scale = matrix.diagonal().cwiseAbs().maxCoeff();
-  if (scale == 0.0) return matrix.cwiseAbs().maxCoeff() == 0.0;
-  Eigen::MatrixXd shifted = matrix / scale;
-  shifted.diagonal().array() += kSemidefiniteRounding;
-  if (Eigen::LLT<Eigen::MatrixXd>(shifted).info() == Eigen::Success) return true;
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(matrix / scale, Eigen::EigenvaluesOnly);
-  return eigen.info() == Eigen::Success &&
-         eigen.eigenvalues()(0) >=
-             -kSemidefiniteRounding * std::abs(eigen.eigenvalues()(matrix.rows() - 1));
-}
+// Allocates once for all matrices: a process with threads pays for each time.
+class SemidefiniteTest {
+ public:
+  explicit SemidefiniteTest(std::size_t dimension)
+      : matrix_(static_cast<Eigen::Index>(dimension), static_cast<Eigen::Index>(dimension)),
+        shifted_(matrix_.rows(), matrix_.cols()) {}
+
+  // A quick sufficient test first: the matrix shifted by the tolerance has a Cholesky factor.
+  bool operator()(std::span<const double> packed) {
+    unpack(packed.data(), static_cast<std::size_t>(matrix_.rows()), matrix_.data());
+    const double scale = matrix_.diagonal().cwiseAbs().maxCoeff();
+    if (scale == 0.0) return matrix_.cwiseAbs().maxCoeff() == 0.0;
+    shifted_ = matrix_ / scale;
+    shifted_.diagonal().array() += kSemidefiniteRounding;
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> in_place(shifted_);
+    if (in_place.info() == Eigen::Success) return true;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(matrix_ / scale,
+                                                               Eigen::EigenvaluesOnly);
+    return eigen.info() == Eigen::Success &&
+           eigen.eigenvalues()(0) >=
+               -kSemidefiniteRounding * std::abs(eigen.eigenvalues()(matrix_.rows() - 1));
+  }
+
+ private:
+  Eigen::MatrixXd matrix_, shifted_;
+};
 
 std::string subject(const InformationSet& set) {
   return set.name().empty() ? "information set" : set.name();
@@ -85,6 +99,7 @@ std::string combination(const InformationSet& set, const Eigen::VectorXd& direct
 
 std::vector<std::size_t> indefinite_candidates(const InformationSet& set) {
   std::vector<std::size_t> indefinite;
+  SemidefiniteTest is_positive_semidefinite(set.dimension());
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
     const auto packed = set.information(i);
     const auto bad = std::ranges::find_if_not(packed, [](double x) { return std::isfinite(x); });
@@ -94,7 +109,7 @@ std::vector<std::size_t> indefinite_candidates(const InformationSet& set) {
                       "or repair that candidate",
                       subject(set), i, bad - packed.begin(), *bad));
     }
-    if (!is_positive_semidefinite(full_matrix(packed, set.dimension()))) indefinite.push_back(i);
+    if (!is_positive_semidefinite(packed)) indefinite.push_back(i);
   }
   return indefinite;
 }

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <utility>
 
 #include "problems/base/error.hpp"
@@ -15,6 +17,7 @@
 #include "problems/files/text_lines.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/formats/information_set_file.hpp"
+#include "problems/formats/symmetric_packer.hpp"
 #include "solvers/constrained/candidate_selection.hpp"
 #include "solvers/constrained/request_tables.hpp"
 
@@ -65,6 +68,7 @@ class Resolver {
     add_prior();
     for (const RequestedConstraint& wanted : request_.constraints) add_constraint(wanted);
     if (!request_.constraints_file.empty()) add_file();
+    std::ranges::copy(request_.numbers.rows, std::back_inserter(out_.rows));
     require_fits(out_, set_);
     return std::move(out_);
   }
@@ -75,14 +79,17 @@ class Resolver {
   }
 
   void require_consistent() const {
-    if (request_.budget.has_value() == request_.costs.empty()) {
+    const RequestedNumbers& numbers = request_.numbers;
+    if (request_.budget.has_value() == (request_.costs.empty() && numbers.costs.empty())) {
       throw InputError("costs and budget belong together; give both or neither");
     }
     if (request_.experiments.has_value() || request_.budget.has_value()) return;
-    for (const auto& [name, text] :
-         {std::pair{"prior", request_.prior}, std::pair{"done", request_.done},
-          std::pair{"stock", request_.stock}, std::pair{"require", request_.require}}) {
-      if (text.empty()) continue;
+    for (const auto& [name, none] :
+         {std::pair{"prior", request_.prior.empty() && numbers.prior.empty()},
+          std::pair{"done", request_.done.empty() && numbers.done.empty()},
+          std::pair{"stock", request_.stock.empty() && numbers.stock.empty()},
+          std::pair{"require", request_.require.empty()}}) {
+      if (none) continue;
       throw InputError(fmt::format(
           "{} counts experiments; say how many come next (experiments) or what they may cost "
           "(budget)",
@@ -95,18 +102,23 @@ class Resolver {
       out_ = number_of_experiments(set_, request_.experiments.value_or(1.0));
       return;
     }
-    double price = 0.0;
-    std::vector<double> costs =
-        parse_number(request_.costs, price)
-            ? std::vector<double>(set_.candidate_count(), price)
-            : candidate_numbers(set_, request_.costs, path(request_.costs), "costs");
-    out_ = cost_budget(std::move(costs), *request_.budget);
+    out_ = cost_budget(costs(), *request_.budget);
     if (request_.experiments.has_value()) {
       out_.rows.push_back(number_of_experiments(set_, *request_.experiments).rows.front());
     }
   }
 
+  [[nodiscard]] std::vector<double> costs() const {
+    if (!request_.numbers.costs.empty()) return request_.numbers.costs;
+    double price = 0.0;
+    if (parse_number(request_.costs, price)) {
+      return std::vector<double>(set_.candidate_count(), price);
+    }
+    return candidate_numbers(set_, request_.costs, path(request_.costs), "costs");
+  }
+
   void add_limits() {
+    out_.upper = request_.numbers.stock;
     if (!request_.stock.empty()) {
       double number = 0.0;
       out_.upper = parse_number(request_.stock, number)
@@ -123,21 +135,42 @@ class Resolver {
   }
 
   void add_prior() {
-    if (request_.prior.empty() && request_.done.empty()) return;
-    out_.prior.assign(set_.packed_size(), 0.0);
-    if (!request_.prior.empty()) {
-      const std::string file = path(request_.prior);
-      const InformationSet prior = read_information_set(file);
-      if (prior.candidate_count() != 1 || prior.dimension() != set_.dimension()) {
-        throw InputError(
-            fmt::format("{}: {} matrices of {} parameters; a prior is one matrix of the set's {}",
-                        file, prior.candidate_count(), prior.dimension(), set_.dimension()));
-      }
-      std::ranges::copy(prior.information(0), out_.prior.begin());
+    if (!request_.has_prior()) return;
+    out_.prior = request_.numbers.prior;
+    if (out_.prior.empty()) out_.prior.assign(set_.packed_size(), 0.0);
+    if (out_.prior.size() != set_.packed_size()) refuse_prior("prior", 1, out_.prior.size());
+    if (!request_.prior.empty()) add_prior_file(path(request_.prior));
+    std::vector<double> done = request_.numbers.done;
+    if (!request_.done.empty()) done = experiments_done(set_, path(request_.done));
+    if (!done.empty()) add_done(done);
+  }
+
+  [[noreturn]] void refuse_prior(const std::string& source, std::size_t count,
+                                 std::size_t packed) const {
+    throw InputError(
+        fmt::format("{}: {} matrices of {} parameters; a prior is one matrix of the set's {}",
+                    source, count, dimension_from_packed_size(packed), set_.dimension()));
+  }
+
+  void add_prior_file(const std::string& file) {
+    const InformationSet prior = read_information_set(file);
+    if (prior.candidate_count() != 1 || prior.dimension() != set_.dimension()) {
+      refuse_prior(file, prior.candidate_count(), prior.packed_size());
     }
-    if (request_.done.empty()) return;
-    const std::vector<double> done = experiments_done(set_, path(request_.done));
+    const auto h = prior.information(0);
+    for (std::size_t k = 0; k < h.size(); ++k) out_.prior[k] += h[k];
+  }
+
+  void add_done(std::span<const double> done) {
+    if (done.size() != set_.candidate_count()) {
+      throw InputError(fmt::format("done: {} numbers; the set has {} candidates", done.size(),
+                                   set_.candidate_count()));
+    }
     for (std::size_t i = 0; i < done.size(); ++i) {
+      if (!(done[i] >= 0.0 && std::isfinite(done[i]))) {
+        throw InputError(
+            fmt::format("done: candidate {}: {} is no number of experiments", i, done[i]));
+      }
       const auto h = set_.information(i);
       for (std::size_t k = 0; done[i] != 0.0 && k < h.size(); ++k) {
         out_.prior[k] += done[i] * h[k];
@@ -230,8 +263,12 @@ class Resolver {
 
 }  // namespace
 
+bool DesignRequest::has_prior() const {
+  return !(prior.empty() && done.empty() && numbers.prior.empty() && numbers.done.empty());
+}
+
 bool DesignRequest::any() const {
-  return experiments.has_value() || budget.has_value() || !constraints.empty() ||
+  return experiments.has_value() || budget.has_value() || !constraints.empty() || numbers.any() ||
          std::ranges::any_of(
              std::array{&prior, &done, &costs, &stock, &require, &forbid, &constraints_file},
              [](const std::string* text) { return !text->empty(); });

@@ -44,6 +44,18 @@ struct RequestedConstraint {
   std::string at_most, at_least, equal;
 };
 
+// Numbers in place of files, from programs that have them in memory.
+struct RequestedNumbers {
+  std::vector<double> prior = {};              // packed lower triangle
+  std::vector<double> done = {};               // how often each candidate was run, Q numbers
+  std::vector<double> costs = {}, stock = {};  // Q numbers
+  std::vector<LinearConstraint> rows = {};
+
+  [[nodiscard]] bool any() const {
+    return !(prior.empty() && done.empty() && costs.empty() && stock.empty() && rows.empty());
+  }
+};
+
 struct DesignRequest {
   std::optional<double> experiments = {};
   std::optional<double> budget = {};
@@ -51,9 +63,12 @@ struct DesignRequest {
   std::string constraints_file = {};
   std::vector<RequestedConstraint> constraints = {};
   std::filesystem::path folder = {};  // that file names are relative to
+  RequestedNumbers numbers = {};
 
   // Whether anything is asked for beyond the plain problem.
   [[nodiscard]] bool any() const;
+  // Whether there is information before the first experiment, so that a set may be singular.
+  [[nodiscard]] bool has_prior() const;
 };
 
 // Throws InputError, naming line and field.

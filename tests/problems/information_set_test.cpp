@@ -32,6 +32,17 @@ std::string error_of(const InformationSet& set) {
   return "";
 }
 
+TEST(InformationSet, MayUseSomebodyElsesMemory) {
+  const std::vector<double> packed{1.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  InformationSet set(2, AlignedArray::borrowed(packed.data(), packed.size()));
+  EXPECT_EQ(set.data(), packed.data());
+  const InformationSet moved = std::move(set);
+  EXPECT_EQ(moved.data(), packed.data());
+  const InformationSet copy = moved;
+  EXPECT_NE(copy.data(), packed.data());
+  EXPECT_EQ(copy.content_hash(), moved.content_hash());
+}
+
 TEST(InformationSet, AcceptsTwoOrthogonalCandidates) {
   const InformationSet set = make_set(2, {1, 0, 0, 0, 0, 1});
   EXPECT_EQ(set.candidate_count(), 2U);

@@ -7,12 +7,12 @@
 #include <optional>
 #include <utility>
 
-#include "cli/fit/fit_arguments.hpp"
-#include "cli/process/interrupt.hpp"
 #include "diagnosis/output_error/output_error_fit.hpp"
+#include "diagnosis/runs/model_fit.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
 
-namespace graybox::cli {
+namespace graybox {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -20,13 +20,13 @@ using Json = nlohmann::ordered_json;
 // Residuals of a sound model of white noise have no memory; above this, say so.
 constexpr double kNoticedCorrelation = 0.2;
 
-OutputErrorOptions options_of(const FitArguments& arguments) {
+OutputErrorOptions options_of(const ModelFitRequest& request) {
   OutputErrorOptions options;
-  options.starts = arguments.starts;
-  options.seed = arguments.seed;
-  options.keep_going = [] { return !interrupted(); };
-  if (arguments.initial_state == "measured") options.initial_state = InitialState::kMeasured;
-  if (arguments.initial_state == "rest") options.initial_state = InitialState::kRest;
+  options.starts = request.starts;
+  options.seed = request.seed;
+  options.keep_going = [] { return !stop_was_asked_for(); };
+  if (request.initial_state == "measured") options.initial_state = InitialState::kMeasured;
+  if (request.initial_state == "rest") options.initial_state = InitialState::kRest;
   return options;
 }
 
@@ -123,10 +123,10 @@ std::vector<std::string> notes_of(const OutputErrorFit& fit) {
   return notes;
 }
 
-FitReport report_of(const FitArguments& arguments, const OutputErrorProblem& problem,
+FitReport report_of(const ModelFitRequest& request, const OutputErrorProblem& problem,
                     const OutputErrorFit& fit) {
   FitReport report;
-  report.model = arguments.model;
+  report.model = request.model;
   report.method = "output error, time domain";
   report.status = to_string(fit.status);
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
@@ -154,20 +154,20 @@ FitReport report_of(const FitArguments& arguments, const OutputErrorProblem& pro
 
 }  // namespace
 
-FitReport fit_lumped(const FitArguments& arguments) {
+FitReport fit_lumped(const ModelFitRequest& request) {
   std::optional<std::filesystem::path> physics;
-  if (arguments.physics.size() > 1) {
+  if (request.physics.size() > 1) {
     throw InputError(
         "fit: a lumped model takes one --physics file; put the elements into one list");
   }
-  if (!arguments.physics.empty()) physics = arguments.physics.front();
-  const LumpedModel model = load_lumped_model(arguments.model, physics);
-  const Campaign campaign = read_campaign(arguments.campaign);
-  OutputErrorProblem problem(model, load_output_error_data(model, campaign), arguments.threads);
-  const OutputErrorFit fit = fit_output_error(problem, options_of(arguments));
-  FitReport report = report_of(arguments, problem, fit);
+  if (!request.physics.empty()) physics = request.physics.front();
+  const LumpedModel model = load_lumped_model(request.model, physics);
+  const Campaign campaign = read_campaign(request.campaign);
+  OutputErrorProblem problem(model, load_output_error_data(model, campaign), request.threads);
+  const OutputErrorFit fit = fit_output_error(problem, options_of(request));
+  FitReport report = report_of(request, problem, fit);
   report.campaign = campaign.file.string();
   return report;
 }
 
-}  // namespace graybox::cli
+}  // namespace graybox

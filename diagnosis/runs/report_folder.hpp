@@ -13,7 +13,7 @@
 
 #include "problems/files/folder_lock.hpp"
 
-namespace graybox::cli {
+namespace graybox {
 
 class ReportFolder {
  public:
@@ -43,4 +43,4 @@ class ReportFolder {
   std::set<std::string> ours_;  // what earlier runs list
 };
 
-}  // namespace graybox::cli
+}  // namespace graybox

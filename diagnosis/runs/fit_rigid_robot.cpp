@@ -7,12 +7,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "cli/fit/fit_arguments.hpp"
-#include "cli/process/interrupt.hpp"
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
+#include "diagnosis/runs/model_fit.hpp"
+#include "problems/base/stop.hpp"
 
-namespace graybox::cli {
+namespace graybox {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -114,20 +114,19 @@ void describe_forces(const InverseDynamicsFit& fit, FitReport& report) {
 
 }  // namespace
 
-FitReport fit_rigid_robot(const FitArguments& arguments) {
-  const std::vector<std::filesystem::path> physics(arguments.physics.begin(),
-                                                   arguments.physics.end());
-  const RigidRobotModel robot = load_rigid_robot(arguments.model, physics, arguments.refine);
-  const Campaign campaign = read_campaign(arguments.campaign);
+FitReport fit_rigid_robot(const ModelFitRequest& request) {
+  const std::vector<std::filesystem::path> physics(request.physics.begin(), request.physics.end());
+  const RigidRobotModel robot = load_rigid_robot(request.model, physics, request.refine);
+  const Campaign campaign = read_campaign(request.campaign);
   InverseDynamicsOptions options;
-  options.decimation = arguments.decimation;
-  if (arguments.equal_noise) options.noise = JointNoise::kEqual;
-  options.keep_going = [] { return !interrupted(); };
+  options.decimation = request.decimation;
+  if (request.equal_noise) options.noise = JointNoise::kEqual;
+  options.keep_going = [] { return !stop_was_asked_for(); };
   const InverseDynamicsFit fit =
       fit_inverse_dynamics(robot, read_motion_records(robot, campaign), options);
 
   FitReport report;
-  report.model = arguments.model;
+  report.model = request.model;
   report.campaign = campaign.file.string();
   report.method = "inverse dynamics, weighted least squares of base parameters";
   report.status = name_of(fit.status);
@@ -152,4 +151,4 @@ FitReport fit_rigid_robot(const FitArguments& arguments) {
   return report;
 }
 
-}  // namespace graybox::cli
+}  // namespace graybox

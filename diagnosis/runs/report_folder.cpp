@@ -1,4 +1,4 @@
-#include "cli/output/report_folder.hpp"
+#include "diagnosis/runs/report_folder.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"
 
-namespace graybox::cli {
+namespace graybox {
 namespace {
 
 namespace fs = std::filesystem;
@@ -100,4 +100,4 @@ void ReportFolder::write(const std::map<std::string, std::string>& texts, Json& 
   fs::remove(folder_ / kList);
 }
 
-}  // namespace graybox::cli
+}  // namespace graybox

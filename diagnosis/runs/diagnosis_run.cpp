@@ -1,0 +1,341 @@
+#include "diagnosis/runs/diagnosis_run.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/force_balance_data/measured_drive.hpp"
+#include "diagnosis/load/load_mismatch_problem.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/runs/report_folder.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/verdict/extended_model.hpp"
+#include "diagnosis/verdict/next_plan.hpp"
+#include "diagnosis/verdict/report_page.hpp"
+#include "diagnosis/verdict/verdict_file.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/laws/law_catalogue.hpp"
+#include "problems/laws/law_file.hpp"
+
+namespace graybox {
+namespace {
+
+[[noreturn]] void refuse_law(const std::string& law) {
+  throw InputError(fmt::format(
+      "--without {}: no hypothesis has such a law; 'graybox simulate --laws' lists the laws", law));
+}
+
+void require_known_laws(const std::vector<std::string>& laws,
+                        std::span<const Hypothesis> hypotheses) {
+  for (const std::string& law : laws) {
+    const auto names_it = [&](const Hypothesis& hypothesis) { return hypothesis.law == law; };
+    if (std::none_of(hypotheses.begin(), hypotheses.end(), names_it)) refuse_law(law);
+  }
+}
+
+// For a drive, whose two methods try different laws.
+void require_laws_of_the_catalogue(const std::vector<std::string>& laws) {
+  for (const std::string& law : laws) {
+    if (find_law(law, false) == nullptr && find_law(law, true) == nullptr) refuse_law(law);
+  }
+}
+
+// What every report may hold. Figures and plans have names of their own (report_folder.hpp).
+const std::vector<std::string> kReportFiles{"report.html", "verdict.json", "model_extended.yaml",
+                                            "physics.yaml"};
+
+// What `graybox simulate` needs to carry out the next experiment.
+void add_next_plans(const DiagnosisRequest& request, const Campaign& campaign,
+                    const Diagnosis& diagnosis, std::map<std::string, std::string>& texts) {
+  const NextQuestion question = next_question(diagnosis);
+  if (question.rival == nullptr) return;
+  const std::string format = YamlField::load(request.model).at("format").text();
+  int number = 0;
+  for (const std::string& plan :
+       next_plans(*question.rival->next, campaign, format == "graybox-robot/1")) {
+    texts[fmt::format("next_plan_{}.yaml", ++number)] = plan;
+  }
+}
+
+// What a reader may save from the page.
+ReportContext context_of(const std::map<std::string, std::string>& texts, PageOrigin origin) {
+  ReportContext context{.origin = std::move(origin)};
+  for (const auto& [name, text] : texts) {
+    if (name.starts_with("next_plan_")) {
+      context.plans.push_back({name, text, "the experiment to make"});
+    } else if (name == "model_extended.yaml") {
+      context.models.push_back({name, text, "the model with the laws found"});
+    } else if (name == "physics.yaml") {
+      context.models.push_back({name, text, "these laws alone, for --physics"});
+    }
+  }
+  return context;
+}
+
+void write_report(const DiagnosisRequest& request, const Campaign& campaign,
+                  const DiagnosedFiles& files, PageOrigin origin, ReportFolder& folder,
+                  DiagnosisAnswer& answer) {
+  std::map<std::string, std::string> texts;
+  for (auto& [name, svg] : answer.figures()) texts["figures/" + name + ".svg"] = svg;
+  if (answer.diagnosis.after.usable) {
+    texts["model_extended.yaml"] =
+        answer.extended_model(request.model, folder.file("model_extended.yaml"));
+    texts["physics.yaml"] = physics_text(answer.diagnosis.after, answer.hypotheses());
+  }
+  add_next_plans(request, campaign, answer.diagnosis, texts);
+  const ReportContext context = context_of(texts, std::move(origin));
+  texts["report.html"] = report_page(answer.diagnosis, answer.hypotheses(), files, context);
+  folder.write(texts, answer.verdict);
+}
+
+// Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
+// Files that were read are added to `origin`.
+std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origin) {
+  constexpr std::size_t kMost = 12;
+  std::vector<std::string> warnings;
+  CopyFinder copies;
+  for (const Finding& finding : examine_campaign(campaign)) warnings.push_back(finding.message);
+  for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
+    ExperimentRecording recording = load_experiment(campaign, i);
+    copies.examine(campaign.experiments[i], recording);
+    origin.files.push_back(
+        {campaign.experiments[i].name, name_of(campaign.experiments[i].role), recording.samples});
+    for (const Finding& finding : recording.findings) warnings.push_back(finding.message);
+  }
+  if (warnings.size() > kMost) {
+    const std::size_t more = warnings.size() - kMost;
+    warnings.resize(kMost);
+    warnings.push_back(
+        fmt::format("{} more; 'graybox recordings {}' lists all", more, campaign.file.string()));
+  }
+  return warnings;
+}
+
+// Null where it was stopped before there was a problem to search in.
+std::unique_ptr<MismatchProblem> load(const DiagnosisRequest& request, const Campaign& campaign,
+                                      const RigidRobotModel* drive) {
+  try {
+    if (drive != nullptr) {
+      return drive_balance_problem(*drive, campaign, {.threads = request.threads, .keep_going = [] {
+                                                        return !stop_requested();
+                                                      }});
+    }
+    return load_mismatch_problem(
+        request.model, campaign,
+        {.threads = request.threads,
+         .keep_going = [] { return !stop_requested(); },
+         .place_files = {request.place_files.begin(), request.place_files.end()}});
+  } catch (const Stopped&) {
+    return nullptr;
+  }
+}
+
+Diagnosis stopped_before_the_search(const SearchOptions& options) {
+  Diagnosis diagnosis;
+  diagnosis.interrupted = true;
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  return diagnosis;
+}
+
+// What a diagnosis goes by, and why, in one line.
+struct Method {
+  std::string name;  // periodic, force_balance, prediction_error
+  std::string reason;
+  bool is_lumped = false;                // the model's format, which leaves a choice
+  std::optional<RigidRobotModel> drive;  // a lumped model that is measured as a whole
+};
+
+// Why a lumped model and its recordings are none for harmonic balance; empty if they are.
+std::string why_not_periodic(const LumpedModel& model, const Campaign& campaign) {
+  const bool is_periodic = std::ranges::all_of(
+      campaign.experiments,
+      [](const Experiment& experiment) { return experiment.excitation.has_value(); });
+  if (!is_periodic) return "the recordings have no period ('excitation')";
+  if (campaign.hold != InputHold::kZero) {
+    return "the inputs are not held between samples ('hold')";
+  }
+  const bool has_accelerations = std::ranges::any_of(model.outputs, [](const LumpedOutput& output) {
+    return output.quantity == LumpedOutput::Quantity::kAcceleration;
+  });
+  return has_accelerations ? "accelerations are measured" : "";
+}
+
+Method chosen_method(const DiagnosisRequest& request, const Campaign& campaign) {
+  const std::string format = YamlField::load(request.model).at("format").text();
+  Method method{"", "it was asked for", format == "graybox-lumped/1", {}};
+  std::optional<LumpedModel> lumped;
+  if (method.is_lumped) {
+    lumped = load_lumped_model(request.model);
+    method.drive = measured_drive(*lumped);
+  }
+  if (request.method == "prediction_error" || (request.method == "force_balance" && method.drive)) {
+    method.name = request.method;
+    return method;
+  }
+  if (request.method == "force_balance" && method.is_lumped) {
+    throw InputError(fmt::format(
+        "--method force_balance: {} must be one mass whose only force and whose position or "
+        "velocity are recorded, without laws other than viscous, stiffness and offset: leave these "
+        "out, since they are looked for, or say prediction_error",
+        request.model));
+  }
+  const bool is_rigid = format == "graybox-rigid-robot/1";
+  method.name = is_rigid ? "force_balance" : "periodic";
+  if (request.method != "auto" && request.method != method.name) {
+    throw InputError(fmt::format("--method {}: {} is a {} model: say {}{}", request.method,
+                                 request.model, format, method.name,
+                                 method.is_lumped ? " or prediction_error" : ""));
+  }
+  if (request.method == "auto" && lumped) {
+    const std::string why_not = why_not_periodic(*lumped, campaign);
+    if (!why_not.empty()) {
+      method.name = "prediction_error";
+      method.reason = why_not;
+    }
+  }
+  return method;
+}
+
+// Where a lumped model leaves a choice.
+std::string method_line(const Method& method) {
+  if (!method.is_lumped || method.name == "periodic") return "";
+  const bool is_balance = method.name == "force_balance";
+  return fmt::format("By {}, since {}.", is_balance ? "the balance of forces" : "prediction error",
+                     method.reason);
+}
+
+DiagnosisAnswer answer_by_prediction(const DiagnosisRequest& request, const Campaign& campaign) {
+  DiagnosisAnswer answer;
+  answer.by_prediction =
+      diagnose_by_prediction(request.model, campaign, request.search, request.threads);
+  answer.diagnosis = answer.by_prediction.diagnosis;
+  return answer;
+}
+
+// `drive`, if not null: a lumped model as the force balance of its one mass.
+DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& campaign,
+                                  const RigidRobotModel* drive = nullptr) {
+  DiagnosisAnswer answer;
+  answer.problem = load(request, campaign, drive);
+  if (!answer.problem) {
+    answer.diagnosis = stopped_before_the_search(request.search);
+    return answer;
+  }
+  // Laws of signals, which the other method of a drive may leave out, are none of its balance.
+  if (drive == nullptr) {
+    require_known_laws(request.search.excluded_laws, answer.problem->hypotheses());
+  }
+  answer.diagnosis = diagnose(*answer.problem, request.search);
+  return answer;
+}
+
+// None where the balance finds nothing, or can't be set up: the drive stands still, say.
+std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
+                                                DiagnosisRequest& request,
+                                                const Campaign& campaign) {
+  try {
+    DiagnosisAnswer answer = answer_by_problem(request, campaign, &drive);
+    const Diagnosis& diagnosis = answer.diagnosis;
+    if (!diagnosis.channel_faults.empty() || !diagnosis.effects.empty()) return answer;
+  } catch (const InputError&) {
+  }
+  return {};
+}
+
+// By the method chosen. Where the prediction error leaves doubt, and the drive is measured as a
+// whole, its force balance is asked, too, and answers if it has found something.
+DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campaign& campaign) {
+  if (method.is_lumped && method.name != "periodic" && !request.place_files.empty()) {
+    throw InputError("--places: a lumped model in any motion is diagnosed at its own places alone");
+  }
+  if (method.is_lumped && method.name != "periodic") {
+    require_laws_of_the_catalogue(request.search.excluded_laws);
+  }
+  if (method.name != "prediction_error") {
+    return answer_by_problem(
+        request, campaign,
+        method.name == "force_balance" && method.drive ? &*method.drive : nullptr);
+  }
+  DiagnosisAnswer predicted = answer_by_prediction(request, campaign);
+  const std::string& doubt = predicted.by_prediction.doubt;
+  if (request.method != "auto" || doubt.empty() || !method.drive) return predicted;
+  std::optional<DiagnosisAnswer> balanced = found_by_balance(*method.drive, request, campaign);
+  if (!balanced) return predicted;
+  method.name = "force_balance";
+  method.reason = fmt::format("a diagnosis by prediction error is in doubt (failed: {})", doubt);
+  return *std::move(balanced);
+}
+
+// What a reader should know of the recordings.
+std::vector<std::string> all_warnings(const DiagnosisAnswer& answer, const Method& method,
+                                      const Campaign& campaign, PageOrigin& origin) {
+  std::vector<std::string> warnings = warnings_of(campaign, origin);
+  const bool has_load = std::ranges::any_of(
+      campaign.experiments, [](const Experiment& each) { return !each.load.empty(); });
+  if (method.is_lumped && has_load) {
+    warnings.push_back(
+        "load: models of masses know no loads, so all recordings were taken for one machine: "
+        "state it as a robot of one joint (graybox-rigid-robot/1), or diagnose those with a load "
+        "by themselves");
+  }
+  if (answer.problem) std::ranges::copy(answer.problem->remarks(), std::back_inserter(warnings));
+  return warnings;
+}
+
+}  // namespace
+
+std::vector<std::string> DiagnosisAnswer::words() const {
+  return verdict_words(diagnosis, hypotheses());
+}
+
+std::map<std::string, std::string> DiagnosisAnswer::figures() const {
+  std::map<std::string, std::string> figures;
+  for (ReportFigure& figure : report_figures(diagnosis, hypotheses())) {
+    figures[figure.name] = std::move(figure.svg);
+  }
+  return figures;
+}
+
+std::string DiagnosisAnswer::extended_model(const std::string& model,
+                                            const std::filesystem::path& target) const {
+  if (!diagnosis.after.usable) return {};
+  return extended_model_text(model, target, diagnosis.after, hypotheses());
+}
+
+DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
+  const auto start = std::chrono::steady_clock::now();
+  for (const std::string& file : request.law_files) add_law_file(file);
+  const Campaign campaign = read_campaign(request.campaign);
+  std::optional<ReportFolder> folder;
+  if (!request.report.empty()) folder.emplace(request.report, kReportFiles);
+  if (request.begin) request.begin();
+  request.search.proceed = [proceed = request.search.proceed](const std::string& step) {
+    return (!proceed || proceed(step)) && !stop_requested();
+  };
+  Method method = chosen_method(request, campaign);
+  DiagnosisAnswer answer = answer_by(method, request, campaign);
+  answer.method = method.name;
+  answer.method_line = method_line(method);
+  PageOrigin origin{.command = request.command,
+                    .files = {{request.model, "model"}, {campaign.file.string(), "campaign"}}};
+  answer.warnings = all_warnings(answer, method, campaign, origin);
+  const DiagnosedFiles files{request.model, campaign.file.string(), answer.warnings};
+  answer.verdict = verdict_json(answer.diagnosis, answer.hypotheses(), files);
+  answer.verdict["method"] = method.name;
+  origin.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (folder) write_report(request, campaign, files, std::move(origin), *folder, answer);
+  return answer;
+}
+
+}  // namespace graybox
