@@ -27,7 +27,8 @@
 //           Andrews (Econometrica 59, 1991, (6.2) and (6.4)), scores whitened first (Andrews and
 //           Monahan, Econometrica 60, 1992).
 // Residuals of real recordings are not white: the robust one is what is reported. From three
-// recordings on it is widened by the spread between them (recording_spread.hpp).
+// recordings on it is widened by the spread between them (recording_spread.hpp), and where what is
+// left drifts (lag-one correlation above 0.5) by that between eight batches of samples.
 //
 //   const OutputErrorFit fit = fit_output_error(problem);
 //   if (fit.status == OutputErrorStatus::kConverged) use(fit.theta, fit.covariance);

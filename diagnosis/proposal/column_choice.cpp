@@ -95,7 +95,14 @@ ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns) {
   for (const LogColumn* column : columns) {
     if (drives(column->words.quantity) && column->moves()) moving.push_back(column);
   }
-  if (moving.empty()) return {};
+  if (moving.empty()) {
+    // A step that began before the log is constant in it.
+    const auto stated = std::ranges::find_if(columns, [](const LogColumn* column) {
+      return drives(column->words.quantity) && column->answered;
+    });
+    if (stated == columns.end()) return {};
+    return {*stated, "you said so; it does not change in these logs", {}};
+  }
   const std::vector<const LogColumn*> best = best_of(moving);
   if (best.size() > 1 && !are_copies(best)) return {nullptr, "", best};
   return {best.front(), reason_of(*best.front(), moving.size())};

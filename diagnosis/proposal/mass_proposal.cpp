@@ -100,14 +100,33 @@ class MassProposal {
     });
   }
 
+  // Columns that do not move, for a message.
+  [[nodiscard]] std::string still_columns() const {
+    std::string names;
+    for (const LogColumn* column : columns_) {
+      if (column->moves()) continue;
+      names += fmt::format("{}'{}'", names.empty() ? "" : ", ", column->name);
+    }
+    return names.empty() ? names : fmt::format(" (constant here: {})", names);
+  }
+
+  [[nodiscard]] std::string words_of_accelerations() const {
+    const bool has_any = std::ranges::any_of(columns_, [](const LogColumn* column) {
+      return column->words.quantity == LogQuantity::kAcceleration && column->moves();
+    });
+    return has_any ? "; accelerations alone are not proposed: write the model by hand, with "
+                     "'quantity: acceleration' at its output"
+                   : "";
+  }
+
   void choose_the_drive() {
     ColumnChoice choice = choose_drive(columns_);
     if (choice.column == nullptr && choice.rivals.empty()) {
       if (open_.empty()) {
-        throw InputError(fmt::format(
-            "{}: no column is a force, torque, current, voltage or command that moves; say which "
-            "by --column NAME=torque",
-            log_.files.front().string()));
+        throw InputError(
+            fmt::format("{}: no column is a force, torque, current, voltage or command that moves; "
+                        "say which by --column NAME=torque{}",
+                        log_.files.front().string(), still_columns()));
       }
       const bool has_motion = !moving_columns(columns_, LogQuantity::kPosition).empty() ||
                               !moving_columns(columns_, LogQuantity::kVelocity).empty();
@@ -194,8 +213,8 @@ class MassProposal {
     std::erase(left, drive_);
     if (left.empty()) {
       throw InputError(fmt::format(
-          "{}: no column is a {} or velocity that moves; say which by --column NAME=position",
-          log_.files.front().string(), what));
+          "{}: no column is a {} or velocity that moves; say which by --column NAME=position{}",
+          log_.files.front().string(), what, words_of_accelerations()));
     }
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
     question.option = fmt::format("--column '{}=position:rad', say", left.front()->name);

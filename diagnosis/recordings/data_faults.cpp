@@ -73,24 +73,38 @@ std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spi
                      samples.channel->name, lowest - margin, highest + margin);
 }
 
+// A controller's derivative kicks its drive at every step of its command: spikes that the machine
+// felt. A drive that has more than a few keeps them.
+bool are_kicks(const ChannelSamples& samples, std::size_t spikes) {
+  constexpr std::size_t kFew = 3;
+  return samples.channel->role == ChannelRole::kInput && spikes > kFew;
+}
+
 void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings,
                 std::set<Index>& rows) {
   double strength = 1.0;
+  std::set<Index> spikes;
   for (const Spike& spike : find_spikes(samples.values)) {
-    rows.insert(spike.sample);
+    spikes.insert(spike.sample);
     strength = std::max(strength, spike.strength);
   }
-  for (const Index row : wild_samples(samples.values)) rows.insert(row);
-  if (rows.empty()) return;
-  const Index row = *rows.begin();
+  const bool is_kept = are_kicks(samples, spikes.size());
+  if (!is_kept) rows = spikes;
+  const auto wild = wild_samples(samples.values);
+  if (!are_kicks(samples, wild.size())) rows.insert(wild.begin(), wild.end());
+  spikes.insert(wild.begin(), wild.end());
+  if (spikes.empty()) return;
+  const Index row = *spikes.begin();
   const double before = samples.values(std::max<Index>(row - 1, 0));
   const double after = samples.values(std::min(row + 1, samples.values.size() - 1));
   const std::string more =
-      rows.size() > 1 ? fmt::format(" (and {} more)", rows.size() - 1) : std::string();
-  findings.push_back(finding_of(samples, row, "spike", strength,
-                                fmt::format("is {:g}, alone between {:g} and {:g}{}",
-                                            samples.values(row), before, after, more),
-                                "a knock or an impact", spike_mend(samples, rows)));
+      spikes.size() > 1 ? fmt::format(" (and {} more)", spikes.size() - 1) : std::string();
+  findings.push_back(
+      finding_of(samples, row, "spike", strength,
+                 fmt::format("is {:g}, alone between {:g} and {:g}{}", samples.values(row), before,
+                             after, more),
+                 is_kept ? "kicks of a controller, so these are kept" : "a knock or an impact",
+                 spike_mend(samples, spikes)));
 }
 
 // ---- stuck sensors ------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ struct DriveCase {
   unsigned seed = 1;
   double force_noise = 0.0;                 // N m rms, with a memory of 0.2 s, at the load
   double load_sign = 1.0, load_zero = 0.0;  // of the load's encoder
+  double stated_stiffness = 1.0;            // of the model's shaft, times the true one
 };
 
 class SimulatedDrive {
@@ -61,7 +62,8 @@ class SimulatedDrive {
         "{{damping: {{value: {:.6g}, unit: N m s/rad}}}}}}\n"
         "inputs:\n  - {{name: torque, mass: motor}}\noutputs:\n"
         "  - {{name: motor_angle, mass: motor, quantity: position}}\n{}",
-        off(kMotor), off(kLoad), off(kStiffness), off(kDamping), off(kBearing),
+        off(kMotor), off(kLoad), off(case_.stated_stiffness * kStiffness), off(kDamping),
+        off(kBearing),
         case_.both_encoders ? "  - {name: load_angle, mass: load, quantity: position}\n" : "");
   }
 

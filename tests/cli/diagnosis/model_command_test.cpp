@@ -171,6 +171,23 @@ TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
         return rows;
       }());
   expect_refused("model still.csv -o out", "no column is a force");
+  write_text(
+      folder_.file("step.csv"), "t,q,u\n" + [] {
+        std::string rows;
+        for (int k = 0; k < 100; ++k)
+          rows += std::to_string(0.01 * k) + "," + std::to_string(k * k) + ",0.7\n";
+        return rows;
+      }());
+  expect_refused("model step.csv -o out", "constant here: 'u'");
+  write_text(
+      folder_.file("steps.csv"), "Timestamp,q,tau\n" + [] {
+        std::string rows;
+        for (int k = 0; k < 100; ++k)
+          rows += std::to_string(100 * k) + "," + std::to_string(k) + "," + std::to_string(k % 7) +
+                  "\n";
+        return rows;
+      }());
+  EXPECT_EQ(graybox("model steps.csv -o asked").exit_code, 2) << "10 Hz or 10 kHz";
   write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare"));
   expect_refused("model log.csv --column z=position -o out", "no such column");
   expect_refused("model log.csv --column q=place -o out", "unknown quantity");

@@ -625,6 +625,34 @@ TEST(OutputErrorFit, StandardErrorsCoverTheTruth) {
   }
 }
 
+// What is left drifts for as long as the recording lasts: errors from samples that follow each
+// other alone are far too small.
+TEST(OutputErrorFit, StandardErrorsAllowForWhatDrifts) {
+  constexpr Eigen::Index kSamples = 1600;
+  constexpr int kFits = 40;
+  constexpr double kMemory = 0.998;
+  const LumpedModel truth = model_of(duffing(2.0, 0.8, 50.0, 0.0));
+  OutputErrorData exact =
+      data_of({recording_of(smooth_input(kSamples, 6, 30.0), 1)}, InputHold::kZero);
+  record(truth, exact, 0.0, 1);
+  int covered = 0;
+  for (int k = 0; k < kFits; ++k) {
+    OutputErrorData data = exact;
+    VectorXd drift = noise_of(kSamples, 3000 + static_cast<std::uint64_t>(k), 0.002);
+    for (Eigen::Index t = 1; t < kSamples; ++t) drift(t) += kMemory * drift(t - 1);
+    data.recordings[0].outputs.col(0) += drift;
+    LumpedModel start = truth;
+    start.parameters[3].fixed = true;
+    OutputErrorProblem problem(start, data);
+    const OutputErrorFit fit = fit_output_error(
+        problem, {.initial_state = InitialState::kRest, .equation_error = false, .starts = 0});
+    ASSERT_EQ(fit.status, OutputErrorStatus::kConverged);
+    ASSERT_GT(fit.lag_one_correlation, 0.9);
+    covered += std::abs(fit.theta(1) - 50.0) <= 1.96 * fit.standard_errors()(1) ? 1 : 0;
+  }
+  EXPECT_GE(covered, 34);  // of 40 at 95 %: fewer once in 100
+}
+
 // A spring that is not the same in every recording: errors inside each recording are far too small.
 TEST(OutputErrorFit, StandardErrorsAllowForTheSpreadBetweenRecordings) {
   constexpr Eigen::Index kSamples = 400;

@@ -371,6 +371,19 @@ void write_tachometer(const testing::TemporaryFolder& folder, bool unsigned_spee
   }
 }
 
+// A shaft with play that was fitted without it is stated too soft.
+TEST(PredictionDiagnosis, FindsPlayBesideAShaftThatIsStatedTooSoft) {
+  DriveCase drive{.hidden = "dead_zone at motor-load", .seed = 3};
+  drive.stated_stiffness = 0.4;
+  const PredictionDiagnosis result = diagnosis_of(drive);
+  ASSERT_TRUE(names(result, "backlash at motor-load") || names(result, "dead_zone at motor-load"));
+  for (const FoundEffect& effect : result.diagnosis.effects) {
+    if (result.hypotheses[effect.law.hypothesis].law != "backlash") continue;
+    EXPECT_NEAR(effect.law.parameters[0].value, 0.006, 6e-4);  // half gap, rad
+    EXPECT_NEAR(effect.law.parameters[1].value, 60.0, 6.0);    // N m/rad
+  }
+}
+
 TEST(PredictionDiagnosis, TellsATachometerThatReadsNoSign) {
   for (const double dry : {0.0, 0.05}) {
     for (const bool unsigned_speed : {true, false}) {

@@ -220,6 +220,25 @@ TEST(FaultMending, ReplacesSpikesAndCutsOutWhatIsNoData) {
       << data.remarks[1];
 }
 
+// A controller's derivative kicks its drive at every step of the command.
+TEST(DataFaults, KicksOfADriveAreNoFaults) {
+  for (const int count : {2, 10}) {
+    VectorXd values = motion(2000, 13);
+    for (int k = 0; k < count; ++k) values(300 + 150 * k) += 90.0;
+    for (const ChannelRole role : {ChannelRole::kInput, ChannelRole::kOutput}) {
+      Channel channel;
+      channel.name = "torque";
+      channel.role = role;
+      std::vector<Finding> findings;
+      const DataFaults faults =
+          find_data_faults({{"run.csv", &channel, values, times(2000), 0}}, findings);
+      EXPECT_FALSE(findings.empty());
+      const bool are_kicks = role == ChannelRole::kInput && count > 3;
+      EXPECT_EQ(faults.channels[0].spikes.size(), are_kicks ? 0U : static_cast<std::size_t>(count));
+    }
+  }
+}
+
 TEST(FaultMending, LeavesPeriodsWholeAndNeverMostOfARecordingOut) {
   Signals data;
   data.signals.push_back({"x", "rad", ChannelRole::kOutput});
