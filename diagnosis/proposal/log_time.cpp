@@ -75,7 +75,7 @@ std::string unit_of_step(double step) {
   if (step <= 0.1) return "s";
   if (step < 2.0) return "";  // 5 Hz in s or 5 kHz in ms; samples, ms or s
   if (step < 50.0) return "ms";
-  if (step < 500.0) return "";  // 10 Hz in ms or 10 kHz in us
+  if (step < 300.0) return "";  // 10 Hz in ms or 10 kHz in us
   if (step < 1e5) return "us";
   return step < 2e5 ? "" : "ns";
 }

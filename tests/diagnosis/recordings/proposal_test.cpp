@@ -168,6 +168,7 @@ TEST(LogTimes, UnitsOfTime) {
 TEST(LogTimes, WhatCouldBeTwoUnitsIsLeftOpen) {
   EXPECT_EQ(find_time(log_of("t", 0.0, 1.0), {}).sample_time, 0.0);
   EXPECT_EQ(find_time(log_of("t", 0.0, 0.2), {}).sample_time, 0.0);
+  EXPECT_EQ(find_time(log_of("t", 0.0, 100.0), {}).sample_time, 0.0);  // ms or us
   // With a position and its rate in SI there is one unit.
   LogRecording log = log_of("t", 0.0, 1.0);
   const auto add = [&](const char* title, const Eigen::VectorXd& values) {
