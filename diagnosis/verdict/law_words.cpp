@@ -15,7 +15,7 @@ struct Predicate {
   std::string_view law;
   bool at_signal = false;
   std::string_view words;
-  std::string_view if_negative = {};  // of the leading parameter; empty: the same
+  std::string_view if_negative = {};  // of its stiffness, or first parameter; empty: the same
 };
 
 constexpr std::array<Predicate, 32> kPredicates{{
@@ -189,7 +189,9 @@ std::string law_sentence(const Hypothesis& hypothesis, const FittedLaw& law) {
   });
   if (known == kPredicates.end())
     return fmt::format("{} follows the law {}", place, hypothesis.law);
-  const bool is_negative = !law.parameters.empty() && law.parameters.front().value < 0.0;
+  const LawParameterEstimate* size = parameter(law, "stiffness");  // a clearance comes before it
+  if (size == nullptr && !law.parameters.empty()) size = &law.parameters.front();
+  const bool is_negative = size != nullptr && size->value < 0.0;
   const bool other = is_negative && !known->if_negative.empty();
   return fmt::format("{} {}", place, other ? known->if_negative : known->words);
 }

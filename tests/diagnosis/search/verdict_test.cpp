@@ -213,6 +213,17 @@ TEST(VerdictWords, SayItAsAnEngineerWould) {
   }
 }
 
+// A clearance is never negative; what follows after it tells a stop from a spring that gives way.
+TEST(VerdictWords, CallNoStopWhatGivesWay) {
+  const auto sentence = [](double stiffness) {
+    return law_sentence(
+        {"axis", "", "dead_zone", {}},
+        {0, {{"clearance", "rad", 0.4, 0.03}, {"stiffness", "N m/rad", stiffness, 0.5}}});
+  };
+  EXPECT_EQ(sentence(-7.4), "axis loses stiffness beyond a clearance");
+  EXPECT_NE(sentence(7.4).find("a stop"), std::string::npos);
+}
+
 // newcomer.md 2.1, mend 4: words follow the numbers.
 TEST(VerdictWords, SayThatFrictionFallsWithSpeedOnlyWhereItDoes) {
   const auto sentence = [](const char* law, std::vector<LawParameterEstimate> parameters) {
