@@ -304,7 +304,7 @@ VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
   return deviations;
 }
 
-// The like of it on the recordings kept out.
+// The same windows, or whole runs, of the recordings kept out.
 PredictionTask FinalFit::held_out_task(const PredictionTask& task) const {
   return task.is_free() ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
                         : data_->windows(task.horizon, ExperimentRole::kValidation);
