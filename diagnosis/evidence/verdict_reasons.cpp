@@ -116,8 +116,8 @@ std::string why_not(const Diagnosis& diagnosis, const char* otherwise) {
   return diagnosis.interrupted ? kNoTime : otherwise;
 }
 
-// Of tests that need recordings kept out of the fit. A search that was stopped may have some that
-// it did not come to, and those that its first fit was compared with are there.
+// Why tests that need recordings kept out of the fit were not made. A search that was stopped may
+// have some that it did not come to, and those that its first fit was compared with are there.
 std::string why_not_kept_out(const Diagnosis& diagnosis) {
   const bool are_there = diagnosis.validation_before || !diagnosis.before.usable;
   return diagnosis.interrupted && are_there ? kNoTime : kNoneKeptOut;

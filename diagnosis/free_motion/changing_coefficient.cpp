@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kShareOfFree = 0.1;  // that laws may make of the free motion
 
-// Of the forces that act at its place: a change that makes less of a difference is small, as a law
-// is that explains less than a thousandth beside others.
+// A change is small that makes less than this share of the forces at its place, as a law is that
+// explains less than a thousandth beside others.
 constexpr double kSmallChange = 1e-3;
 
 std::string coefficient_name(Coefficient coefficient) {

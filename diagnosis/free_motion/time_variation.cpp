@@ -183,7 +183,7 @@ class VariationTest {
     return result;
   }
 
-  // Of springs, dampers or inertias, whichever is largest, along the place.
+  // The power of the forces along the place: springs, dampers or inertias, whichever is largest.
   [[nodiscard]] double force_power(const CandidatePlace& place, const SteadyState& state,
                                    const MeasuredRecord& record) const {
     const LinearPlant& plant = model_.positions[record.position].plant;

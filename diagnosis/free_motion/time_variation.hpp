@@ -46,8 +46,8 @@ struct VariationScore {
   // Rms of s over all records, less what noise adds. At least: free motion and noise were estimated
   // with the change.
   double deviation = 0.0;
-  // Of the change's force in the largest of those that act at the place: spring, damper, inertia;
-  // of a gain, the change itself.
+  // The share of the change's force in the largest of those that act at the place: spring, damper,
+  // inertia; the change itself for a gain.
   double force_share = 0.0;
   double free_power = 0.0;  // of the free motion between the lines of all records, in the noise's
   // Of the record that tells most:

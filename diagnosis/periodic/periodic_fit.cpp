@@ -67,8 +67,8 @@ constexpr double kEnough = 0.1;
 // leave it so large that no gain of that size can make them so.
 constexpr double kEnoughOfExcess = 1e-3;
 
-// The same where chi-square is so many times its expectation: another law is needed there first,
-// or instead, and the fits after that begin where this one ends.
+// A fit ends earlier where chi-square is so many times its expectation: another law is needed there
+// first, or instead, and the fits after that begin where this one ends.
 constexpr double kFarOff = 100.0;
 constexpr double kEnoughFarOff = 0.02;
 
