@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@ namespace {
 
 constexpr Eigen::Index kBins = 16;
 constexpr Eigen::Index kFolds = 5;
+constexpr double kClearly = 0.9;  // of the squares that steps leave
 
 // Contiguous fifths of consecutive samples: the fold of each.
 Eigen::Index fold_of(Eigen::Index sample, Eigen::Index samples) {
@@ -116,6 +118,37 @@ Eigen::VectorXd prediction_errors(const StepColumns& columns, const Eigen::Vecto
   return errors;
 }
 
+// Likewise by a constant, the velocity and its sign: few samples tell these and not thirty steps.
+Eigen::VectorXd friction_errors(const std::vector<double>& velocity,
+                                const Eigen::VectorXd& values) {
+  const Eigen::Index n = values.size();
+  const auto v = Eigen::Map<const Eigen::VectorXd>(velocity.data(), n);
+  Eigen::MatrixX3d columns(n, 3);
+  columns << Eigen::VectorXd::Ones(n), v / std::max(v.cwiseAbs().maxCoeff(), 1e-300),
+      v.array().sign().matrix();
+  std::array<Eigen::Matrix3d, kFolds> products;
+  std::array<Eigen::Vector3d, kFolds> right;
+  products.fill(Eigen::Matrix3d::Zero());
+  right.fill(Eigen::Vector3d::Zero());
+  for (Eigen::Index t = 0; t < n; ++t) {
+    const auto fold = static_cast<std::size_t>(fold_of(t, n));
+    products[fold] += columns.row(t).transpose() * columns.row(t);
+    right[fold] += columns.row(t).transpose() * values(t);
+  }
+  const Eigen::Matrix3d ridge = Eigen::Matrix3d::Identity();  // worth a sample
+  const Eigen::Matrix3d all =
+      std::accumulate(products.begin(), products.end(), Eigen::Matrix3d(ridge));
+  const Eigen::Vector3d sum =
+      std::accumulate(right.begin(), right.end(), Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  Eigen::VectorXd errors = values;
+  for (Eigen::Index t = 0; t < n; ++t) {
+    const auto fold = static_cast<std::size_t>(fold_of(t, n));
+    const Eigen::Matrix3d others = all - products[fold];
+    errors(t) -= columns.row(t).dot(others.ldlt().solve(sum - right[fold]));
+  }
+  return errors;
+}
+
 }  // namespace
 
 Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows, const Eigen::MatrixXd& residuals) {
@@ -124,8 +157,11 @@ Eigen::MatrixXd unpredicted(const ForceBalanceRows& rows, const Eigen::MatrixXd&
     for (const auto& [load, samples] : counting_samples(rows, joint)) {
       if (samples.rows.empty()) continue;
       const Eigen::VectorXd own = residuals.col(joint)(samples.rows);
-      rest.col(joint)(samples.rows) =
+      const Eigen::VectorXd by_steps =
           prediction_errors(step_columns(samples.position, samples.velocity), own);
+      const Eigen::VectorXd by_friction = friction_errors(samples.velocity, own);
+      const bool is_friction = by_friction.squaredNorm() < kClearly * by_steps.squaredNorm();
+      rest.col(joint)(samples.rows) = is_friction ? by_friction : by_steps;
     }
   }
   return rest;

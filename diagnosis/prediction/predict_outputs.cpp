@@ -12,7 +12,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kFewestWindows = 10;
 constexpr Index kSeenSamples = 200;  // before a recording runs free
 
 VectorXd deviations_of(const MatrixXd& values) {
@@ -24,16 +23,16 @@ class OutputPrediction {
  public:
   OutputPrediction(const LumpedModel& model, const Campaign& campaign, int threads)
       : model_(as_given(model, kSearchFactor)), data_(model, campaign, threads), threads_(threads) {
-    const PredictionTask task = data_.windows(kFirstHorizon);
+    const PredictionTask task = data_.windows(data_.first_horizon());
     intensity_ = best_intensity(model_, data_, task, 0, threads).intensity;
   }
 
   ModelPrediction run() {
     result_.of = "outputs";
-    for (Index horizon = kFirstHorizon; data_.window_count(horizon) >= kFewestWindows;
-         horizon *= 10) {
+    for (Index horizon = data_.first_horizon();
+         data_.window_count(horizon) >= kFewestHorizonWindows; horizon *= 10) {
       add(horizon, false);
-      if (data_.window_count(3 * horizon) >= kFewestWindows) add(3 * horizon, false);
+      if (data_.window_count(3 * horizon) >= kFewestHorizonWindows) add(3 * horizon, false);
     }
     add(0, true);
     return std::move(result_);

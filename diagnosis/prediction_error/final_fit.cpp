@@ -94,6 +94,13 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
     found_.deviations =
         with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
   } while (drop_undetermined_law());
+  // Without laws both are fits of one model, from other starts.
+  if (found_.fit.model.laws.empty() && as_given_.fit.usable &&
+      as_given_.fit.cost < found_.fit.cost) {
+    found_ = as_given_;
+    found_.deviations =
+        with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
+  }
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   judge_held_out(as_given_);
@@ -127,13 +134,14 @@ void FinalFit::fit_beside_disturbance() {
   if (findings_->has_free_run) return;
   const UnmodelledForce rest(*data_, *findings_, found_.fit.model, threads_);
   if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoiseMultiple) return;
-  const Index longest = rest.foreseeable(kDisturbed).value_or(kFirstHorizon);
+  const Index first = data_->first_horizon();
+  const Index longest = rest.foreseeable(kDisturbed).value_or(first);
   remaining_ = rest.force()->disturbance;
   const JudgedModel before = found_;
   Beside best{task_, weights_, {}, found_, rest.force()->log_likelihood};
-  for (const Index ahead : {kFirstHorizon, 3 * kFirstHorizon}) {
+  for (const Index ahead : {first, 3 * first}) {
     const Index horizon = findings_->samples_of(*data_, ahead);
-    if (horizon > longest && ahead > kFirstHorizon) break;
+    if (horizon > longest && ahead > first) break;
     std::optional<Beside> beside = follow_disturbance(before, rest, horizon);
     if (!beside || !(beside->log_likelihood > best.log_likelihood)) continue;
     const double limit = judged_by_.is_free() ? kWorseFree : kWorse;
@@ -194,9 +202,9 @@ ExtendedLumpedModel FinalFit::climbed(ExtendedLumpedModel model) const {
   std::vector<double> intensities{findings_->intensity};
   if (!(findings_->intensity > 0.0)) intensities = force_noise_intensities(*data_);
   for (const Index times : {1, 3, 10, 30, 100}) {
-    const Index samples = findings_->samples_of(*data_, times * kFirstHorizon);
+    const Index samples = findings_->samples_of(*data_, times * data_->first_horizon());
     if (!task_.is_free() && samples >= task_.horizon) break;
-    if (data_->window_count(samples) < kFewestRungWindows) break;
+    if (data_->window_count(samples) < kFewestHorizonWindows) break;
     const PredictionTask task = data_->windows(samples);
     PredictionFit best;
     for (const double intensity : intensities) {
@@ -518,7 +526,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
       near.fit(without_part(with.model, law.part), weights, with.initials, kIterations);
   if (!with.usable || !without.usable || is_idle(without, with)) return -kMissed;
   if (!is_told(with, law)) return -kMissed;
-  return z_between(without, with);
+  return z_of_law(without, with);
 }
 
 // What the search found on one rung and neither that rung bears out beside the others nor the
@@ -637,7 +645,7 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
            std::sqrt(2.0 * trial.share) * force.rms() < kLeastForce * data_->force_scale();
   });
   if (trials.empty()) return {};
-  const PredictionTask task = data_->windows(kFirstHorizon);
+  const PredictionTask task = data_->windows(data_->first_horizon());
   const PredictionFitter near(*data_, task, findings_->intensity, threads_, disturbance_);
   const VectorXd& scale = data_->output_scale();
   const PredictionFit present = near.fit(found_.fit.model, scale, {}, 0);
@@ -656,7 +664,7 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
       if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
     }
   }
-  if (!best.usable || !(z_between(poorer, best) > kErrors)) return {};
+  if (!best.usable || !(z_of_law(poorer, best) > kErrors)) return {};
   if (is_idle(poorer, best)) return {};
   return best.model;
 }
@@ -691,7 +699,11 @@ JudgedModel FinalFit::without(std::size_t law) const {
 }
 
 double FinalFit::z_over(const JudgedModel& poorer) const {
-  return z_between(poorer.fit, found_.fit);
+  return z_of_law(poorer.fit, found_.fit);
+}
+
+double FinalFit::z_over_rival(const JudgedModel& rival) const {
+  return z_between(rival.fit, found_.fit);
 }
 
 MatrixXd FinalFit::motion() const { return fitter(task_).motion(found_.fit); }

@@ -216,7 +216,7 @@ class DiagnosisBuilder {
       const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
       Rival rival = rival_of(tried);
       if (exchanged.fit.usable) {
-        const double z = final_->z_over(exchanged);
+        const double z = final_->z_over_rival(exchanged);
         rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
         rival.bic_difference = z * std::abs(z);
         const bool stands = z < kExcluded;
@@ -247,7 +247,7 @@ class DiagnosisBuilder {
       if (is_named(other, effect)) continue;
       const JudgedModel exchanged = final_->with_law(without, other);
       if (!exchanged.fit.usable) continue;
-      const double z = final_->z_over(exchanged);
+      const double z = final_->z_over_rival(exchanged);
       if (z >= kExcluded) continue;
       Rival rival;
       rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
@@ -686,16 +686,36 @@ std::string hold_scale(const PredictionData& data, LumpedModel& model) {
   return {};
 }
 
+// What the fit moved far from what the model states, in a sentence; or nothing. A damping may
+// vanish: it often stands in for friction that was found.
+std::string moved_words(const LumpedModel& stated,
+                        const std::vector<LawParameterEstimate>& fitted) {
+  constexpr double kFar = 10.0;  // times
+  std::string words;
+  for (std::size_t i = 0; i < std::min(stated.parameters.size(), fitted.size()); ++i) {
+    const LumpedParameter& parameter = stated.parameters[i];
+    if (parameter.fixed || !(parameter.value > 0.0)) continue;
+    const double ratio = fitted[i].value / parameter.value;
+    const bool may_vanish = parameter.range == ParameterRange::kNonNegative;
+    if (ratio < kFar && (may_vanish || ratio > 1.0 / kFar)) continue;
+    const double error = fitted[i].standard_error;
+    words += fmt::format("{}{} from {:.3g} to {:.3g}{} {}", words.empty() ? "" : "; ",
+                         fitted[i].name, parameter.value, fitted[i].value,
+                         error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
+  }
+  return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";
+}
+
 // A plant that does not forget is searched over windows only.
 void require_windows(const LumpedModel& model, const PredictionData& data,
                      const Campaign& campaign) {
   const double duration = data.sample_time() * static_cast<double>(data.shortest());
-  const Index windows = data.window_count(kFirstHorizon);
-  if (forgets(model, duration) || windows >= kFewestRungWindows) return;
+  const Index windows = data.window_count(kShortestHorizon);
+  if (forgets(model, duration) || windows >= kFewestHorizonWindows) return;
   throw InputError(fmt::format(
       "{}: experiments: a diagnosis by prediction error needs {} windows of {} samples, and these "
       "recordings have {}: add longer ones",
-      campaign.file.string(), kFewestRungWindows, kFirstHorizon, windows));
+      campaign.file.string(), kFewestHorizonWindows, kShortestHorizon, windows));
 }
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
@@ -724,10 +744,12 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
                     model.string(), format));
   }
   LumpedModel stated = load_lumped_model(model);
-  const PredictionData data(stated, campaign, threads);
+  PredictionData data(stated, campaign, threads);
   const std::string held = hold_scale(data, stated);
-  const PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  PredictionData searched(stated, campaign, threads, kSearchedSamples);
   require_windows(stated, searched, campaign);
+  limit_noise(searched, stated, threads);
+  data.limit_noise(searched.noise());
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;
   search_options.threads = threads;
@@ -751,7 +773,10 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
       const FinalFit final(data, hypotheses, findings, threads);
       if (final.found().fit.usable) {
         result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
-        if (!held.empty()) result.diagnosis.assumptions.push_back(held);
+        for (const std::string& words :
+             {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
+          if (!words.empty()) result.diagnosis.assumptions.push_back(words);
+        }
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);
         return result;
       }

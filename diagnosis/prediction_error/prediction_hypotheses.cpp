@@ -107,6 +107,7 @@ bool tells_scale(const LumpedParameter& parameter) {
 struct PredictionHypotheses::MotionAt {
   std::vector<double> sizes, rates;  // |z - median|, |z'|, sorted
   double range = 0.0, largest = 0.0, rms_rate = 0.0, force = 0.0;
+  double lesser_way = 0.0;       // of the sum of squared velocities: the direction that has less
   bool is_of_free_mass = false;  // against the ground
   [[nodiscard]] double size(double share) const { return quantile_of(sizes, share); }
   [[nodiscard]] double rate(double share) const { return quantile_of(rates, share); }
@@ -284,6 +285,8 @@ PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
   at.range = z.maxCoeff() - z.minCoeff();
   at.largest = std::max(z.cwiseAbs().maxCoeff(), 1e-300);
   at.rms_rate = std::max(std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size())), 1e-300);
+  at.lesser_way = std::min(rate.cwiseMax(0.0).squaredNorm(), rate.cwiseMin(0.0).squaredNorm()) /
+                  std::max(rate.squaredNorm(), 1e-300);
   at.force = data_->force_scale();
   return at;
 }
@@ -294,8 +297,9 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   constexpr double kTransition = 1e-3;  // of the rms velocity
   constexpr double kImposedTransition = 0.05;
   constexpr std::array kWideTransitions{0.1, 0.4};
-  constexpr double kSpeeds = 1.5;  // a motion of one speed tells no law of speeds
-  constexpr double kSlides = 0.4;  // of the fastest motion; what needs more is viscous
+  constexpr double kSpeeds = 1.5;     // a motion of one speed tells no law of speeds
+  constexpr double kBothWays = 0.02;  // of the squared velocity, in the direction that has less
+  constexpr double kSlides = 0.4;     // of the fastest motion; what needs more is viscous
   const Location& place = plain.location;
   const LumpedModel& model = present.model;
   bool is_imposed = true;
@@ -318,7 +322,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
       law.fixed[1] = false;
       if (!is_imposed) list.push_back(law);
     }
-  } else if (plain.law == "asymmetric_viscous" && viscous) {
+  } else if (plain.law == "asymmetric_viscous" && viscous && at.lesser_way > kBothWays) {
     const bool found = is_found(present, *viscous);
     const double damping = found ? value_of(present, *viscous, 0) : 0.0;
     LawExtension law = amplitude(plain, {damping, damping}, 1, at.force / at.rms_rate, false);

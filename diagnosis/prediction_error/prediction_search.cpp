@@ -84,7 +84,7 @@ ExtendedLumpedModel without_laws(ExtendedLumpedModel model) {
 
 bool is_idle(const PredictionFit& without, const PredictionFit& with) {
   if (!without.usable) return false;
-  const double gain = 1.0 - with.cost / without.cost, z = z_between(without, with);
+  const double gain = 1.0 - with.cost / without.cost, z = z_of_law(without, with);
   return gain < kNoGain || z < 0.0 || (gain < kPruneGain && z < kPruneErrors);
 }
 
@@ -123,9 +123,9 @@ PredictionFitter PredictionSearch::fitter(const State& state) const {
 
 std::vector<Index> PredictionSearch::window_ladder() const {
   std::vector<Index> horizons;
-  for (Index decade = 10;; decade *= 10) {
+  for (Index decade = data_->first_horizon();; decade *= 10) {
     for (const Index horizon : {decade, 3 * decade}) {
-      if (data_->window_count(horizon) < kFewestRungWindows) return horizons;
+      if (data_->window_count(horizon) < kFewestHorizonWindows) return horizons;
       horizons.push_back(horizon);
     }
   }
@@ -193,7 +193,11 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
 }
 
 bool PredictionSearch::is_noise(const State& state) const {
-  return (state.error.array() < options_.at_noise * state.by_noise.array()).all();
+  for (Index j = 0; j < state.error.size(); ++j) {
+    const double limit = data_->is_rounded(j) ? options_.at_rounding : options_.at_noise;
+    if (!(state.error(j) < limit * state.by_noise(j))) return false;
+  }
+  return true;
 }
 
 bool PredictionSearch::has_wandered(const ExtendedLumpedModel& model) const {
@@ -271,7 +275,7 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     if (gain(one) >= kRace * best) {
       one.fit = fitter(state).fit_on(one.fit, state.weights, kRefitIterations);
     }
-    one.z = z_between(state.fit, one.fit);
+    one.z = z_of_law(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);
@@ -282,15 +286,19 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
 std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
                                        const std::vector<LawExtension>& extensions,
                                        const State& state) const {
-  // Near the noise of a sensor, which may be rounding and not white, more is asked for.
-  const bool is_near_noise =
-      (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
+  // Rounding follows the motion, and a law may take some of it.
+  double rounding = 0.0;
+  for (Index k = 0; k < state.error.size(); ++k) {
+    if (!data_->is_rounded(k)) continue;
+    rounding +=
+        std::pow(state.by_noise(k) / state.error(k), 2) / static_cast<double>(state.error.size());
+  }
   const auto least_gain = [&](const TriedLaw& law) {
     const std::string& name = hypotheses_->hypotheses()[law.hypothesis].law;
     double least =
         hypotheses_->is_plain(law.hypothesis) ? options_.least_gain : options_.least_gain_rare;
     if (name == "mode" || name == "resonance") least = options_.least_gain_mode;
-    return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
+    return std::max(least, options_.least_gain_of_rounding * rounding);
   };
   const auto is_good = [&](const TriedLaw& law) {
     return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law);
@@ -435,13 +443,14 @@ void PredictionSearch::search_rung(State& state) {
 
 void PredictionSearch::search_beside_disturbance() {
   constexpr int kRounds = 2;
+  const Index first = data_->first_horizon();
   for (int round = 0; round < kRounds; ++round) {
     const std::optional<LatentForce> force =
         likeliest_force(*data_, findings_.found, findings_.intensity, options_.threads);
     if (!force) return;
     disturbance_ = force->disturbance;
     const std::vector<std::size_t> before = laws_of(findings_.found);
-    for (const Index horizon : {kFirstHorizon, 3 * kFirstHorizon}) {
+    for (const Index horizon : {first, 3 * first}) {
       State state;
       if (!proceed(fmt::format("{} samples ahead, beside a disturbance: fitting", horizon))) return;
       if (!climb(horizon, findings_.found, state)) return;
@@ -482,8 +491,12 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
                                                   *hypotheses_, options_.threads)
                           : as_given(model, kSearchFactor);
   for (const PlacedFinding& zero : findings_.found.laws) {
-    findings_.laws.push_back(
-        {zero.hypothesis, kFirstHorizon, options_.errors_of_gain, options_.least_gain, {}, {}});
+    findings_.laws.push_back({zero.hypothesis,
+                              data_->first_horizon(),
+                              options_.errors_of_gain,
+                              options_.least_gain,
+                              {},
+                              {}});
   }
   start_ = findings_.found;
   disturbance_ = {};
@@ -491,7 +504,7 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
   findings_.has_free_run = !horizons.empty() && horizons.front() == 0;
   State state;
   if (findings_.has_free_run && moves) {  // a start for it
-    if (climb(kFirstHorizon, findings_.found, state)) findings_.found = state.fit.model;
+    if (climb(data_->first_horizon(), findings_.found, state)) findings_.found = state.fit.model;
   }
   for (const Index horizon : horizons) {
     if (!proceed(fmt::format("{} samples ahead: fitting", horizon))) break;

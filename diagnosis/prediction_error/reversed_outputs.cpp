@@ -41,7 +41,7 @@ bool has_one_force(const LumpedModel& model) {
 PredictionFit with_springs(const PredictionFit& stated, const PredictionData& data,
                            const PredictionHypotheses& hypotheses, int threads) {
   constexpr double kStart = 0.01;  // of the forces that act
-  const PredictionTask task = data.windows(kFirstHorizon);
+  const PredictionTask task = data.windows(data.first_horizon());
   const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
   ExtendedLumpedModel model = stated.model;
   for (const LawExtension& law : hypotheses.extensions(stated.model, fitter.motion(stated))) {
@@ -65,7 +65,7 @@ std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
 }
 
 double share_left(const PredictionFit& fit, const PredictionData& data) {
-  const PredictionTask task = data.windows(kFirstHorizon);
+  const PredictionTask task = data.windows(data.first_horizon());
   const VectorXd& scale = data.output_scale();
   const VectorXd error = PredictionFitter(data, task, 0.0, 1).errors(fit, scale);
   return std::sqrt((error.array() / scale.array()).square().mean());
@@ -100,7 +100,7 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
   return {fault_of({model.input_names.front()},
                    fmt::format("the motion goes against it, and the other sign predicts {} samples "
                                "ahead",
-                               kFirstHorizon),
+                               data.first_horizon()),
                    stated, reversed, data)};
 }
 
@@ -137,7 +137,7 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
     if (reversed[j]) channels.push_back(model.output_names[j]);
   }
   return {fault_of(std::move(channels),
-                   fmt::format("the other one is predicted {} samples ahead", kFirstHorizon),
+                   fmt::format("the other one is predicted {} samples ahead", data.first_horizon()),
                    stated, best, data)};
 }
 

@@ -120,7 +120,24 @@ std::optional<LawExtension> missing_at_sensor(const LumpedModel& model, std::siz
 }
 
 PredictionFit short_fit(const ExtendedLumpedModel& start, const PredictionData& data, int threads) {
-  return best_intensity(start, data, data.windows(kFirstHorizon), kShortIterations, threads).fit;
+  return best_intensity(start, data, data.windows(data.first_horizon()), kShortIterations, threads)
+      .fit;
+}
+
+void limit_noise(PredictionData& data, const LumpedModel& model, int threads) {
+  const VectorXd& scale = data.output_scale();
+  VectorXd most = data.noise();
+  for (const Index horizon : {Index{1}, data.first_horizon()}) {
+    const PredictionTask task = data.windows(horizon);
+    const IntensityFit ahead =
+        best_intensity(as_given(model, kSearchFactor), data, task, kShortIterations, threads);
+    if (!ahead.fit.usable) continue;
+    const PredictionFitter fitter(data, task, ahead.intensity, threads);
+    const VectorXd share =
+        fitter.errors(ahead.fit, scale).cwiseQuotient(fitter.errors_by_noise(ahead.fit, scale));
+    most = most.cwiseMin(data.noise().cwiseProduct(share));
+  }
+  data.limit_noise(most);
 }
 
 bool is_clearly_better(const PredictionFit& other, const PredictionFit& stated) {
@@ -149,7 +166,7 @@ ExtendedLumpedModel with_zeros(const LumpedModel& model, const PredictionData& d
 
 ExtendedLumpedModel scaled_to_predict(const ExtendedLumpedModel& model, const PredictionData& data,
                                       int threads) {
-  const PredictionTask task = data.windows(kFirstHorizon);
+  const PredictionTask task = data.windows(data.first_horizon());
   const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
   ExtendedLumpedModel best = model;
   double least = std::numeric_limits<double>::infinity();

@@ -22,7 +22,6 @@ namespace graybox {
 
 // How far masses and springs may move from there.
 inline constexpr double kSearchFactor = 10.0;
-inline constexpr Eigen::Index kFirstHorizon = 10;  // samples
 
 // Intensities of the force noise that are tried: decades about that of the forces.
 [[nodiscard]] std::vector<double> force_noise_intensities(const PredictionData& data);
@@ -37,9 +36,12 @@ struct IntensityFit {
                                           const PredictionData& data, const PredictionTask& task,
                                           int iterations, int threads);
 
-// A few iterations, kFirstHorizon samples ahead.
+// A few iterations, first_horizon() samples ahead.
 [[nodiscard]] PredictionFit short_fit(const ExtendedLumpedModel& start, const PredictionData& data,
                                       int threads);
+// Noise that is not stated is no larger than what leaves the model's errors, one sample and
+// first_horizon() ahead.
+void limit_noise(PredictionData& data, const LumpedModel& model, int threads);
 // How a fault of a channel must show in short fits: less than half of the cost is left, and the
 // blocks are better predicted by z > 3.
 [[nodiscard]] bool is_clearly_better(const PredictionFit& other, const PredictionFit& stated);

@@ -10,23 +10,25 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kVanishing = 1e-9;    // of a stated damping
-constexpr double kLargest = 30.0;      // of the rms of what acts
-constexpr double kShapeFactor = 20.0;  // how far a gap, a velocity or a time may move
+constexpr double kVanishing = 1e-9;        // of a stated damping
+constexpr double kBearingFactor = 1000.0;  // how far its damping may rise: it is often a guess
+constexpr double kLargest = 30.0;          // of the rms of what acts
+constexpr double kShapeFactor = 20.0;      // how far a gap, a velocity or a time may move
 
 std::size_t mass_count(const LumpedModel& model) {
   return static_cast<std::size_t>((model.masses.array() != 0.0).count());
 }
 
-bool is_damping(const LumpedModel& model, std::size_t parameter) {
+// The viscous element whose parameter it is, if any.
+const Element* damper_of(const LumpedModel& model, std::size_t parameter) {
   std::size_t next = mass_count(model);
   for (const Element& part : model.parts) {
     if (parameter >= next && parameter < next + part.parameters.size()) {
-      return part.law_name == "viscous";
+      return part.law_name == "viscous" ? &part : nullptr;
     }
     next += part.parameters.size();
   }
-  return false;
+  return nullptr;
 }
 
 bool has_free_motion(const LumpedModel& model) {
@@ -40,8 +42,13 @@ ParameterSpace stated_space(const LumpedModel& model, std::size_t index, double 
   const bool is_scaled = parameter.value > 0.0 && has_free_motion(model);
   const bool is_positive = parameter.range == ParameterRange::kPositive;
   if (parameter.value > 0.0 && (is_scaled || is_positive)) {
-    const double low = is_damping(model, index) ? kVanishing * size : size / factor;
-    return {true, size, low, size * factor};
+    if (const Element* const damper = damper_of(model, index)) {
+      // One between masses would rise until it locks them together.
+      const bool is_bearing = (damper->location.output.array() != 0.0).count() == 1;
+      const double most = is_bearing ? std::max(factor, kBearingFactor) : factor;
+      return {true, size, kVanishing * size, size * most};
+    }
+    return {true, size, size / factor, size * factor};
   }
   double low = -kInfinite;
   if (parameter.range == ParameterRange::kNonNegative) low = 0.0;

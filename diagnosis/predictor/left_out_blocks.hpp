@@ -17,6 +17,18 @@
 //
 // V the long-run variance of d over neighbouring blocks (Newey and West, Econometrica 55, 1987,
 // lags 1 and 2). The logarithm of each block keeps a loud one from deciding.
+//
+// This z asks whether another block would gain. So it is small where a law acts in a few blocks
+// only, as a delay does at the few jumps of a drive, however sure it is there. Where the richer
+// model is the poorer with a law more, the motion can be taken as given. With l and m the
+// residuals of the poorer and the richer, left out, block b gains (l_b - m_b)'(l_b + m_b). Only
+// what noise does to that counts as its error:
+//
+//   u_b = 2 (l_b - m_b)'m_b,   z = sum over b of (l_b - m_b)'(l_b + m_b) / sqrt(V_u),
+//
+// V_u the long-run variance of the sum of u, about zero. Blocks are finer here. Few of them may
+// hold nearly all of V_u: then the ratio follows Student's t with (sum u^2)^2 / sum u^4 degrees of
+// freedom. (As White, Econometrica 48, 1980, for errors of changing size.)
 #pragma once
 
 #include <Eigen/Core>
@@ -24,7 +36,7 @@
 
 namespace graybox {
 
-inline constexpr Eigen::Index kLeftOutBlocks = 24;  // at most
+inline constexpr Eigen::Index kLeftOutBlocks = 24, kFineBlocks = 960;  // at most
 
 // First rows of blocks, and the number of rows behind the last.
 using BlockEdges = std::vector<Eigen::Index>;
@@ -32,20 +44,27 @@ using BlockEdges = std::vector<Eigen::Index>;
 // errors follow each other.
 // `unit_starts`: first row of each unit.
 [[nodiscard]] BlockEdges block_edges(const std::vector<Eigen::Index>& unit_starts,
-                                     Eigen::Index rows);
+                                     Eigen::Index rows, Eigen::Index most_blocks = kLeftOutBlocks);
 
-// Sums of squares of each block without it. The last `local` columns are of what one block alone
+// Each block's residuals without it. The last `local` columns are of what one block alone
 // tells (initial states): they are fitted with all blocks. `variance`: of a residual; 0: neither
 // prior nor limit.
-[[nodiscard]] Eigen::VectorXd left_out_squares(const Eigen::VectorXd& residuals,
-                                               const Eigen::MatrixXd& jacobian,
-                                               const BlockEdges& edges, Eigen::Index local,
-                                               double variance);
+[[nodiscard]] Eigen::VectorXd left_out_residuals(const Eigen::VectorXd& residuals,
+                                                 const Eigen::MatrixXd& jacobian,
+                                                 const BlockEdges& edges, Eigen::Index local,
+                                                 double variance);
+// Sums of squares of each block.
+[[nodiscard]] Eigen::VectorXd block_squares(const Eigen::VectorXd& residuals,
+                                            const BlockEdges& edges);
 
-// z of the richer over the poorer, from both left_out_squares(). `rows` a block. With few blocks
-// the ratio follows Student's t: z is the normal quantile of the same probability (Abramowitz and
-// Stegun, 26.7.8).
+// z of the richer over the poorer, from the squares of both, left out. `rows` a block. With few
+// blocks the ratio follows Student's t: z is the normal quantile of the same probability
+// (Abramowitz and Stegun, 26.7.8).
 [[nodiscard]] double left_out_z(const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer,
                                 double rows);
+
+// z of what the richer has more, the motion as given, from the residuals of both, left out.
+[[nodiscard]] double added_z(const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer,
+                             const BlockEdges& edges);
 
 }  // namespace graybox

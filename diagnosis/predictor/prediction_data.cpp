@@ -290,10 +290,10 @@ Index PredictionTask::rows(Index outputs) const {
   return count;
 }
 
-BlockEdges PredictionTask::edges(Index outputs) const {
+BlockEdges PredictionTask::edges(Index outputs, Index most_blocks) const {
   std::vector<Index> starts;
   const Index whole = rows(1);
-  const Index length = is_free() ? std::max<Index>(whole / kLeftOutBlocks, 1) : horizon;
+  const Index length = is_free() ? std::max<Index>(whole / most_blocks, 1) : horizon;
   Index first = 0;
   for (const PredictionRun& run : runs) {
     for (Index k = run.first; k + length / 2 < run.samples; k += length) {
@@ -303,7 +303,7 @@ BlockEdges PredictionTask::edges(Index outputs) const {
   }
   if (starts.empty()) starts.push_back(0);
   starts.front() = 0;
-  return block_edges(starts, whole * outputs);
+  return block_edges(starts, whole * outputs, most_blocks);
 }
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
@@ -329,6 +329,13 @@ PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, i
                       hold() == InputHold::kBandLimited ? 2 : 1, kMostSteps);
   nodes_ = recorded_nodes(recordings(), hold(), steps_);
   estimate_noise();
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    bool is_rounded = model.outputs[j].quantity == LumpedOutput::Quantity::kPosition;
+    for (const OutputErrorRecording& recording : recordings()) {
+      is_rounded |= encoder_step(recording.outputs.col(static_cast<Index>(j))) > 0.0;
+    }
+    rounded_.push_back(is_rounded);
+  }
   for (const OutputErrorRecording& recording : recordings()) {
     standing_.push_back(standing_samples(model, recording.outputs, noise_));
   }
@@ -347,6 +354,14 @@ void PredictionData::estimate_noise() {
     stated_.push_back(noise_(j) > 0.0);
     if (!stated_.back()) noise_(j) = least;
     noise_(j) = std::max({noise_(j), kLeastNoise * output_scale()(j), 1e-300});
+  }
+}
+
+void PredictionData::limit_noise(const Eigen::VectorXd& most) {
+  for (Index j = 0; j < noise_.size(); ++j) {
+    if (states_noise(j)) continue;
+    const double least = std::max(kLeastNoise * output_scale()(j), 1e-300);
+    noise_(j) = std::min(noise_(j), std::max(most(j), least));
   }
 }
 
@@ -431,6 +446,12 @@ Index PredictionData::window_count(Index horizon) const {
     count += std::max<Index>(samples - seen_before(horizon, samples), 0) / horizon;
   }
   return count;
+}
+
+Index PredictionData::first_horizon() const {
+  Index horizon = kFirstHorizon;
+  while (horizon > kShortestHorizon && window_count(horizon) < kFewestHorizonWindows) --horizon;
+  return horizon;
 }
 
 PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const {

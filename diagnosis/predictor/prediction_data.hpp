@@ -48,8 +48,12 @@ struct PredictionTask {
       Eigen::Index outputs) const;             // samples times outputs, of all runs
   [[nodiscard]] Eigen::Index counted() const;  // samples
   // Edges of blocks for left_out_blocks.hpp: of whole windows; in free run runs cut evenly.
-  [[nodiscard]] BlockEdges edges(Eigen::Index outputs) const;
+  [[nodiscard]] BlockEdges edges(Eigen::Index outputs,
+                                 Eigen::Index most_blocks = kLeftOutBlocks) const;
 };
+
+inline constexpr Eigen::Index kFewestHorizonWindows = 10;                // of a horizon
+inline constexpr Eigen::Index kFirstHorizon = 10, kShortestHorizon = 3;  // samples
 
 class PredictionData {
  public:
@@ -82,6 +86,14 @@ class PredictionData {
   // of samples, rms / sqrt(binomial(2 m, m)), the least of m = 2 ... 8. Never below 1e-7 of the
   // scale.
   [[nodiscard]] const Eigen::VectorXd& noise() const { return noise_; }
+  // Noise that is not stated is no larger than this of each output: where samples are far apart,
+  // the differences that it is read from are of the motion.
+  void limit_noise(const Eigen::VectorXd& most);
+  // Whether an output's noise may be rounding, which follows the motion: of a position, and of what
+  // often repeats its value.
+  [[nodiscard]] bool is_rounded(Eigen::Index output) const {
+    return rounded_[static_cast<std::size_t>(output)];
+  }
   [[nodiscard]] bool states_noise(Eigen::Index output) const {
     return stated_[static_cast<std::size_t>(output)];
   }
@@ -98,6 +110,8 @@ class PredictionData {
   [[nodiscard]] bool has_validation() const;
   // Whole windows of a horizon in the recordings of the fit.
   [[nodiscard]] Eigen::Index window_count(Eigen::Index horizon) const;
+  // How far ahead a search begins: ten samples, or as many as leave ten windows, three at least.
+  [[nodiscard]] Eigen::Index first_horizon() const;
 
   // Free run after so many samples that the predictor sees.
   [[nodiscard]] PredictionTask free_after(Eigen::Index seen, ExperimentRole role) const;
@@ -116,6 +130,7 @@ class PredictionData {
   RecordedNodes nodes_;
   Eigen::VectorXd noise_;
   std::vector<bool> stated_;                         // of each output's
+  std::vector<bool> rounded_;
   std::vector<std::vector<std::uint8_t>> standing_;  // by recording: samples
   bool moves_freely_ = false;
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();

@@ -30,17 +30,29 @@ bool wants_out(const ParameterSpace& space, double value, double slope) {
   return (value <= low && slope > 0.0) || (value >= high && slope < 0.0);
 }
 
+double counted_rows(const PredictionFit& fit) {
+  return static_cast<double>((fit.residuals.array() != 0.0).count());
+}
+
+VectorXd left_out(const PredictionFit& fit, const BlockEdges& edges) {
+  return left_out_residuals(fit.residuals, fit.jacobian, edges, fit.initial_columns(),
+                            fit.cost / std::max(counted_rows(fit), 1.0));
+}
+
 }  // namespace
 
 double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
   const BlockEdges& edges = richer.edges;
-  const auto counted = static_cast<double>((richer.residuals.array() != 0.0).count());
-  const auto squares = [&](const PredictionFit& fit) {
-    return left_out_squares(fit.residuals, fit.jacobian, edges, fit.initial_columns(),
-                            fit.cost / std::max(counted, 1.0));
-  };
-  return left_out_z(squares(poorer), squares(richer),
-                    counted / static_cast<double>(edges.size() - 1));
+  return left_out_z(block_squares(left_out(poorer, edges), edges),
+                    block_squares(left_out(richer, edges), edges),
+                    counted_rows(richer) / static_cast<double>(edges.size() - 1));
+}
+
+double z_of_law(const PredictionFit& poorer, const PredictionFit& richer) {
+  const BlockEdges& edges = richer.fine_edges;
+  const double z = z_between(poorer, richer);
+  if (edges.size() < 2) return z;
+  return std::max(z, added_z(left_out(poorer, edges), left_out(richer, edges), edges));
 }
 
 PredictionFitter::PredictionFitter(const PredictionData& data, const PredictionTask& task,
@@ -343,6 +355,7 @@ PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int 
   result.initials = at.initials;
   result.gain = at.gain;
   result.edges = task_->edges(data_->output_count());
+  result.fine_edges = task_->edges(data_->output_count(), kFineBlocks);
   if (!result.usable) return result;
   result.cost = at.cost;
   result.residuals = std::move(at.residuals);

@@ -40,9 +40,9 @@ struct PredictionFit {
   Eigen::MatrixXd jacobian;  // by the coordinates of the free parameters, then the initial states
   std::vector<std::size_t> free;
   InitialStates initials;
-  Eigen::MatrixXd gain;        // empty in free run
-  std::vector<bool> at_bound;  // of each free parameter
-  BlockEdges edges;            // of the residuals
+  Eigen::MatrixXd gain;          // empty in free run
+  std::vector<bool> at_bound;    // of each free parameter
+  BlockEdges edges, fine_edges;  // of the residuals
   [[nodiscard]] Eigen::Index initial_columns() const {
     return jacobian.cols() - static_cast<Eigen::Index>(free.size());
   }
@@ -50,6 +50,9 @@ struct PredictionFit {
 
 // z of the richer fit over the poorer one, by blocks left out (left_out_blocks.hpp).
 [[nodiscard]] double z_between(const PredictionFit& poorer, const PredictionFit& richer);
+// Where the richer is the poorer with a law more: the larger of that and added_z(), by which a law
+// that acts in a few blocks only is seen too.
+[[nodiscard]] double z_of_law(const PredictionFit& poorer, const PredictionFit& richer);
 
 class PredictionFitter {
  public:

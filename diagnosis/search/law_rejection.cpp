@@ -15,8 +15,10 @@
 namespace graybox {
 namespace {
 
-constexpr double kSignal = 100.0;    // %
-constexpr double kLeastGain = 0.03;  // of the squared error, where the noise is not known
+constexpr double kSignal = 100.0;         // %
+constexpr double kMostIsTaken = 0.5;      // of the error without laws
+constexpr double kHardlyChanges = 250.0;  // %; what is nearly constant tells no law
+constexpr double kLeastGain = 0.03;       // of the squared error, where the noise is not known
 // So much of it says that a force of such a shape is there, whatever its parameters are.
 constexpr double kDecisiveGain = 0.3;
 
@@ -187,19 +189,26 @@ double error_where_it_acts(const std::vector<ChannelRest>& channels, const Hypot
   return least;
 }
 
-// As large an error as with no model at all: nothing is found there then.
+// As large an error as with no model at all: nothing is found there then. The signal is what
+// changes; a stroke in one direction hardly does, and the error may well be as large as that. So
+// laws that take most of the error stay.
 bool reject_hopeless(SearchState& state) {
   const ExtendedFit& after = state.result.after;
   if (after.laws.empty()) return false;
   const std::optional<Assessment> held_out = state.problem->validate(after);
   const double pooled = held_out.value_or(after.estimation).nrmse;
   const std::vector<ChannelRest> channels = state.problem->channel_rests(after);
+  const ExtendedFit bare = state.without_laws();
+  const std::vector<ChannelRest> bare_channels = state.problem->channel_rests(bare);
+  const double bare_pooled = state.problem->validate(bare).value_or(bare.estimation).nrmse;
   std::vector<LawStart> kept = starts_of(after);
   std::vector<RejectedLaw> rejected;
   for (std::size_t law = after.laws.size(); law-- > 0;) {
-    const double error =
-        error_where_it_acts(channels, state.hypothesis(after.laws[law].hypothesis), pooled);
-    if (error <= kSignal) continue;
+    const Hypothesis& hypothesis = state.hypothesis(after.laws[law].hypothesis);
+    const double error = error_where_it_acts(channels, hypothesis, pooled);
+    const double bare_error = error_where_it_acts(bare_channels, hypothesis, bare_pooled);
+    const bool takes_most = error < kMostIsTaken * bare_error && error <= kHardlyChanges;
+    if (error <= kSignal || takes_most) continue;
     kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(law));
     rejected.push_back(
         {after.laws[law],

@@ -17,6 +17,7 @@
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/force_balance/remaining_structure.hpp"
 #include "diagnosis/force_balance_data/derivative_noise.hpp"
 #include "diagnosis/force_balance_data/force_balance_data.hpp"
 #include "diagnosis/force_balance_data/standstill.hpp"
@@ -348,6 +349,49 @@ TEST_F(ForceBalance, LeavesOutWhatWasClipped) {
   const LawParameterEstimate& level = diagnosis.effects[0].law.parameters[0];
   EXPECT_NEAR(level.value, 4.0, 4.0 * level.standard_error);
   EXPECT_LT(level.standard_error, 0.4);
+}
+
+// A valve that is opened and closed for the fit and opened again, for recordings kept out: there
+// the force of its friction hardly changes, and the error is as large as what changes.
+TEST_F(ForceBalance, FindsFrictionThoughTheStrokeKeptOutGoesOneWay) {
+  record([](double, double) { return 0.0; }, 0.1, 6);  // the campaign and its channels
+  Random random(6);
+  for (const auto& [name, strokes] : {std::pair{"run_1.csv", 2}, std::pair{"run_2.csv", 1}}) {
+    std::ofstream file(folder_ / name);
+    file << "force,x,v,a\n";
+    double disturbance = 0.0;
+    for (int k = 20; k < 200 * strokes - 20; ++k) {
+      const double w = std::numbers::pi / 2.0, t = 0.01 * k;  // a stroke takes two seconds
+      const double x = 0.2 * (1.0 - std::cos(w * t)), v = 0.2 * w * std::sin(w * t),
+                   a = 0.2 * w * w * std::cos(w * t);
+      disturbance = 0.9 * disturbance + std::sqrt(0.19) * 5.0 * random.normal();
+      file << 12.0 * a + 60.0 * std::tanh(v / 0.01) + disturbance << ',' << x << ',' << v << ','
+           << a << '\n';
+    }
+  }
+  const Diagnosis diagnosis = diagnose(*problem());
+  ASSERT_EQ(diagnosis.effects.size(), 1U);
+  EXPECT_EQ(named(*problem(), diagnosis.effects[0]).law, "coulomb");
+  ASSERT_TRUE(diagnosis.validation_after.has_value());
+  EXPECT_GT(diagnosis.validation_after->nrmse, 100.0) << "the case is too easy to test anything";
+}
+
+// Sixty samples do not tell thirty steps, and tell that friction is left.
+TEST(RemainingStructure, FewSamplesTellFriction) {
+  Random random(8);
+  ForceBalanceRows rows;
+  Motion motion;
+  constexpr Eigen::Index kSamples = 60;
+  motion.time = Eigen::VectorXd::LinSpaced(kSamples, 0.0, 5.9);
+  motion.position = (0.9 * motion.time).array().sin().matrix();
+  motion.velocity = 0.9 * (0.9 * motion.time).array().cos().matrix();
+  rows.measured = motion.velocity.array().sign().matrix();
+  for (Eigen::Index k = 0; k < kSamples; ++k) rows.measured(k, 0) += 0.3 * random.normal();
+  rows.pieces.push_back(motion);
+  EXPECT_GT(remaining_structure(rows, rows.measured), 0.8);
+  Eigen::MatrixXd noise(kSamples, 1);
+  for (Eigen::Index k = 0; k < kSamples; ++k) noise(k, 0) = random.normal();
+  EXPECT_LT(remaining_structure(rows, noise), 0.1);
 }
 
 TEST_F(ForceBalance, WithoutItsLawTheRestIsUnknown) {
