@@ -1,6 +1,6 @@
 // The search for missing physics by prediction errors.
 //
-// The ladder: horizons of 10, 30, 100, 300, ... samples (first_horizon() where there are few), short
+// The ladder: horizons of 10, 30, 100, 300, ... samples (first_horizon() where few), short
 // ones first. Over a long horizon a
 // model that lacks friction predicts best by ignoring its own input; over a short one it can't. A
 // plant that forgets (springs and dampers on every coordinate), and imposed motion, are searched in
