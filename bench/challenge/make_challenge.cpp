@@ -20,6 +20,7 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/folder_lock.hpp"
+#include "problems/files/json_file.hpp"
 #include "problems/files/temporary_name.hpp"
 
 namespace graybox::bench {
@@ -172,10 +173,7 @@ void claim_folders(const MakeOptions& options) {
 }
 
 CaseTruth read_truth(const fs::path& file) {
-  std::ifstream stream(file);
-  const Json json = Json::parse(stream, nullptr, false);
-  if (json.is_discarded()) throw InputError(fmt::format("{}: is no JSON", file.string()));
-  return truth_from_json(json, file.string());
+  return truth_from_json(read_json_file<Json>(file.string()), file.string());
 }
 
 // ---- the two rounds: truths, then recordings ----------------------------------------------------

@@ -17,6 +17,7 @@
 #include "problems/base/distributions.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/json_file.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -224,9 +225,8 @@ Answer read_answer(const fs::path& folder) {
   answer.seconds = record.value("seconds", 0.0);
   answer.confined = record.value("confined", false);
   const fs::path file = folder / "verdict.json";
-  std::ifstream stream(file);
+  const Json verdict = read_json_file<Json>(file.string());
   try {
-    const Json verdict = Json::parse(stream);
     answer.verdict = verdict.at("verdict").get<std::string>();
     answer.predicts = verdict.value("predicts_kept_out", true);
     for (const Json& effect : verdict.at("physics")) {

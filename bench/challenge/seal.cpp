@@ -9,6 +9,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/sha256.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/json_file.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -109,7 +110,8 @@ UnsealedTruth unseal(const fs::path& folder, const ChallengeHeader& header) {
     if (digest(case_text) != sha256.get<std::string>()) {
       throw InputError(fmt::format("{}: was changed after it was sealed", case_file.string()));
     }
-    truth.cases.push_back(truth_from_json(Json::parse(case_text), case_file.string()));
+    truth.cases.push_back(
+        truth_from_json(parse_json<Json>(case_text, case_file.string()), case_file.string()));
   }
   return truth;
 }

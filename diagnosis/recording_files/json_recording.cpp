@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -11,6 +10,7 @@
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
+#include "problems/files/json_file.hpp"
 #include "problems/files/text_lines.hpp"
 
 namespace graybox::formats {
@@ -20,11 +20,6 @@ using Json = nlohmann::json;
 
 constexpr int kDeepest = 64;
 constexpr std::size_t kBytesAByte = 10;  // of memory, parsed: 16 for a number of two characters
-
-Json parsed_file(const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  return Json::parse(stream, nullptr, false);
-}
 
 [[noreturn]] void fail(const std::string& path, const std::string& name, const char* problem) {
   throw InputError(fmt::format("{}: {}: {}", path, name.empty() ? "the array" : name, problem));
@@ -80,11 +75,7 @@ void add_value(const std::string& name, const Json& value, int depth, RecordingF
 RecordingFile read_json_recording(const std::string& path, PackedText text) {
   require_memory(kBytesAByte * (text ? text->size() : InputFile(path).size()), path,
                  "write it as CSV or JSON lines, or use a part of it");
-  const Json root = text ? Json::parse(*text, nullptr, false) : parsed_file(path);
-  if (root.is_discarded()) {
-    throw InputError(path +
-                     ": not valid JSON, or truncated; note that JSON has no NaN, write null");
-  }
+  const Json root = text ? parse_json<Json>(*text, path) : read_json_file<Json>(path);
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
   if (root.is_array() && !root.empty() && root.front().is_object()) {
     RecordColumns records(path);
@@ -102,14 +93,7 @@ RecordingFile read_json_lines(const std::string& path, PackedText text) {
   RecordColumns records(path);
   std::string_view line;
   while (lines.next(line)) {
-    const Json record = Json::parse(line, nullptr, false);
-    if (record.is_discarded()) {
-      throw InputError(
-          fmt::format("{}: line {}: not valid JSON, or truncated; write one object a "
-                      "line, and null for NaN",
-                      path, lines.number()));
-    }
-    records.add(record);
+    records.add(parse_json<Json>(line, fmt::format("{}: line {}", path, lines.number())));
   }
   file.columns = records.columns();
   return file;

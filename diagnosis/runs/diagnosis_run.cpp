@@ -99,17 +99,23 @@ void write_report(const DiagnosisRequest& request, const Campaign& campaign,
 }
 
 // Clipped, constant or jittering channels: a saturated sensor looks like missing physics, too.
-// Files that were read are added to `origin`.
+// Files are added to `origin`. Those that there is no time to read are counted in a warning.
 std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origin) {
   constexpr std::size_t kMost = 12;
   std::vector<std::string> warnings;
   CopyFinder copies;
   for (const Finding& finding : examine_campaign(campaign)) warnings.push_back(finding.message);
+  std::size_t unread = 0;
   for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
+    const Experiment& experiment = campaign.experiments[i];
+    origin.files.push_back({experiment.name, name_of(experiment.role)});
+    if (stop_requested()) {
+      ++unread;
+      continue;
+    }
     ExperimentRecording recording = load_experiment(campaign, i);
-    copies.examine(campaign.experiments[i], recording);
-    origin.files.push_back(
-        {campaign.experiments[i].name, name_of(campaign.experiments[i].role), recording.samples});
+    copies.examine(experiment, recording);
+    origin.files.back().samples = recording.samples;
     for (const Finding& finding : recording.findings) warnings.push_back(finding.message);
   }
   if (warnings.size() > kMost) {
@@ -117,6 +123,12 @@ std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origi
     warnings.resize(kMost);
     warnings.push_back(
         fmt::format("{} more; 'graybox recordings {}' lists all", more, campaign.file.string()));
+  }
+  if (unread > 0) {
+    warnings.push_back(fmt::format(
+        "{} of {} were not looked at for faults: there was no time; 'graybox recordings "
+        "{}' does",
+        unread, campaign.experiments.size(), campaign.file.string()));
   }
   return warnings;
 }

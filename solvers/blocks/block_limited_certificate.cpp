@@ -55,20 +55,6 @@ std::string broken_limit(const CandidateBlocks& blocks, const std::vector<double
 
 }  // namespace
 
-void check_block_limit(const CandidateBlocks& blocks, double limit) {
-  constexpr double kFreedom = 1e-6;
-  if (!(limit > 0.0) || !std::isfinite(limit)) {
-    throw InputError(fmt::format("limit: the share of a block must be positive, is {}", limit));
-  }
-  const auto count = static_cast<double>(blocks.count);
-  if (!(limit * count > 1.0 + kFreedom)) {
-    throw InputError(fmt::format(
-        "limit: {} blocks with at most {:.6g} of the weight each can't share it freely; "
-        "the limit must exceed 1/{} = {:.6g}",
-        blocks.count, limit, blocks.count, 1.0 / count));
-  }
-}
-
 Certificate certify_block_limited(const InformationSet& set, const Design& design,
                                   const CandidateBlocks& blocks, double limit) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -37,10 +37,6 @@ namespace graybox {
 // A share may exceed the limit by this, as the sum of the weights may differ from one.
 inline constexpr double kShareTolerance = 1e-9;
 
-// Throws InputError where the limit is not a positive number, or so small that the blocks together
-// can't hold a weight of one with any freedom: c B must exceed 1 by more than 1e-6.
-void check_block_limit(const CandidateBlocks& blocks, double limit);
-
 // max over L of sum_i lambda_i w_i from the largest w_i of each block, which are reordered.
 template <class Real>
 [[nodiscard]] Real largest_limited_mean(std::span<Real> block_maxima, double limit) {

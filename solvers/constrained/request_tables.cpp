@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
+#include "problems/files/json_file.hpp"
 #include "problems/files/text_lines.hpp"
 
 namespace graybox {
@@ -74,8 +74,7 @@ void require_lines(const TextTable& table, const InformationSet& set, const std:
 }
 
 std::vector<double> done_in_design(const InformationSet& set, const std::string& path) {
-  std::ifstream stream(path, std::ios::binary);
-  const auto root = nlohmann::json::parse(stream, nullptr, false);
+  const auto root = read_json_file<nlohmann::json>(path);
   if (!root.is_object() || !root.contains("counts") || !root["counts"].is_array()) {
     throw InputError(fmt::format(
         "{}: no design with counts; write one by 'graybox exact -o', or CSV lines index,count",

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "problems/base/error.hpp"
 
 namespace graybox {
@@ -32,6 +34,20 @@ void check_blocks(const InformationSet& set, const CandidateBlocks& blocks) {
   }
   for (std::size_t b = 0; b < blocks.count; ++b) {
     if (!seen[b]) throw InputError(fmt::format("blocks: block {} has no candidate", b));
+  }
+}
+
+void check_block_limit(const CandidateBlocks& blocks, double limit) {
+  constexpr double kFreedom = 1e-6;
+  if (!(limit > 0.0) || !std::isfinite(limit)) {
+    throw InputError(fmt::format("limit: the share of a block must be positive, is {}", limit));
+  }
+  const auto count = static_cast<double>(blocks.count);
+  if (!(limit * count > 1.0 + kFreedom)) {
+    throw InputError(fmt::format(
+        "limit: {} blocks with at most {:.6g} of the weight each can't share it freely; "
+        "the limit must exceed 1/{} = {:.6g}",
+        blocks.count, limit, blocks.count, 1.0 / count));
   }
 }
 

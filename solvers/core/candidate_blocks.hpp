@@ -26,6 +26,10 @@ struct CandidateBlocks {
 // no block is empty.
 void check_blocks(const InformationSet& set, const CandidateBlocks& blocks);
 
+// Throws InputError where the limit is not a positive number, or so small that the blocks together
+// can't hold a weight of one with any freedom: c B must exceed 1 by more than 1e-6.
+void check_block_limit(const CandidateBlocks& blocks, double limit);
+
 // The candidates of each block in order: block b has members[first[b]] to members[first[b + 1] -
 // 1].
 struct BlockMembers {

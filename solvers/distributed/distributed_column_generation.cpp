@@ -1,24 +1,27 @@
 #include "solvers/distributed/distributed_column_generation.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <span>
 #include <string>
 #include <utility>
 
+#include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
+#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/sensitivity_sample.hpp"
+#include "solvers/column_generation/well_conditioned_start.hpp"
+#include "solvers/conditioning/extended_information.hpp"
+#include "solvers/conditioning/twofold_congruence.hpp"
 #include "solvers/core/tracer.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
-#include "solvers/exact_bounds/relaxation.hpp"
-#include "solvers/exact_bounds/whitened_pool.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 #include "solvers/report/solve_report.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
@@ -27,7 +30,15 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNegativeGap = 1e-9;  // less is rounding, which the checker judges
+constexpr double kNegativeGap = 1e-9;   // less is rounding, which the checker judges
+constexpr double kForgivenShare = 0.1;  // of the gap asked for that rounding may hide
+
+// As of column_generation: a run leaves the set's own coordinates where rounding hides too much.
+enum class Coordinates : std::int8_t { kOwn, kWhitened };
+
+std::string rounding_message(double error) {
+  return fmt::format("rounding hides up to {:.1e} of the gap", error);
+}
 
 // What the first process asks of all.
 enum Command : std::uint64_t { kPriceSlice, kPriceList, kFinish };
@@ -123,26 +134,48 @@ std::vector<double> gather_sample(MPI_Comm communicator, const InformationSet& s
   return mpi::gather(communicator, rows);
 }
 
-// First working set: the sample, solved roughly. False if the sample sees too few directions.
-bool start(WorkingSet& working, const std::vector<double>& sample, std::size_t p) {
-  const std::size_t count = sample.size() / (p + 1);
-  working.clear();
+// The sample as a set of its own, and the global index of each of its candidates.
+struct Sample {
+  InformationSet set;
+  std::vector<std::size_t> indices;
+};
+
+Sample sample_of(const std::vector<double>& records, std::size_t dimension) {
+  const std::size_t p = packed_size(dimension), count = records.size() / (p + 1);
+  AlignedArray rows(count * p);
+  std::vector<std::size_t> indices(count);
   for (std::size_t k = 0; k < count; ++k) {
-    const double* record = sample.data() + k * (p + 1);
-    working.add(static_cast<std::size_t>(record[0]), record + 1, 1.0);
+    const double* record = records.data() + k * (p + 1);
+    indices[k] = static_cast<std::size_t>(record[0]);
+    std::copy_n(record + 1, p, rows.begin() + k * p);
+  }
+  return {InformationSet(dimension, std::move(rows)), std::move(indices)};
+}
+
+// First working set: well conditioned, and solved roughly. False if the sample sees too few
+// directions.
+bool start(WorkingSet& working, const Sample& sample, const SolveOptions& options, Random& random) {
+  Tracer unheard(sample.set, options, nullptr);  // the run counts passes over all slices
+  WorkingSet chosen(sample.set.dimension());
+  CandidatePool pool = sample_pool(sample.indices.size(), sample.indices.size(), random);
+  if (!well_conditioned_start(sample.set, pool, random, unheard, chosen)) return false;
+  working.clear();
+  for (std::size_t k = 0; k < chosen.size(); ++k) {
+    const std::size_t i = chosen.indices()[k];
+    working.add(sample.indices[i], sample.set.information(i).data(), chosen.weights()[k]);
   }
   if (!working.refresh()) return false;
-  working.optimise(0.03, 8);
-  working.drop_below(kInfinity);
+  working.optimise(0.03, 4);
   return true;
 }
 
 class Coordinator {
  public:
   Coordinator(MPI_Comm communicator, const InformationSet& set, std::size_t first_index,
-              const SolveOptions& options, Tracer& tracer)
+              Coordinates coordinates, const SolveOptions& options, Tracer& tracer)
       : communicator_(communicator),
         set_(set),
+        coordinates_(coordinates),
         options_(options),
         tracer_(tracer),
         slice_(set, first_index, options.threads),
@@ -174,7 +207,10 @@ class Coordinator {
       const std::vector<double> sample =
           gather_sample(communicator_, set_, first_index_, total_, wanted, random_);
       count(static_cast<double>(sample.size() / (set_.packed_size() + 1)));
-      std::uint64_t started = rank_ == 0 && start(working_, sample, set_.packed_size()) ? 1U : 0U;
+      std::uint64_t started = 0;
+      if (rank_ == 0 && start(working_, sample_of(sample, set_.dimension()), options_, random_)) {
+        started = 1;
+      }
       mpi::broadcast(communicator_, started);
       if (started != 0) return true;
       if (wanted >= total_) return false;
@@ -252,34 +288,52 @@ class Coordinator {
     return added > 0 || status == WorkingSetStatus::kConverged;
   }
 
-  // First process only: passes over the slices, with rounds on the lists between them.
+  // First process only: passes over the slices, with rounds on the lists between them. The rules
+  // are those of column_generation.
   void steer() {
-    double best_gap = kInfinity;
     for (int without_progress = 0;;) {
+      const double asked = options_.duality_gap, error = working_.sensitivity_error();
+      if (coordinates_ == Coordinates::kOwn && error > kForgivenShare * asked) {
+        if (design_.support.empty()) remember();
+        return set_status(SolveStatus::kNumericalFailure, rounding_message(error));
+      }
       const double gap = gap_of(kPriceSlice);
       tracer_.record(gap, iterations_);
-      // The largest sensitivity is at least d for every design.
-      if (gap < -std::min(options_.duality_gap, kNegativeGap)) {
-        return set_status(SolveStatus::kNumericalFailure,
-                          "a negative gap: the arithmetic broke down");
-      }
-      without_progress = gap < 0.9 * best_gap ? 0 : without_progress + 1;
-      if (gap < best_gap) {
-        best_gap = gap;
+      without_progress = gap < 0.9 * best_gap_ ? 0 : without_progress + 1;
+      if (gap < best_gap_) {
+        best_gap_ = gap;
         remember();
       }
-      if (gap <= options_.duality_gap) return set_status(SolveStatus::kSolved);
-      if (tracer_.out_of_time()) return set_status(SolveStatus::kTimeLimit);
-      if (without_progress > 8) {
-        return set_status(SolveStatus::kNumericalFailure, "rounding keeps the gap from falling");
-      }
-      improve(gap, options_.duality_gap);
+      if (ends(gap, error, without_progress)) return;
+      improve(gap, asked);
       for (int round = 0; round < 30 && !tracer_.out_of_time(); ++round) {
         const double list_gap = gap_of(kPriceList);
-        if (list_gap <= 0.5 * options_.duality_gap) break;
-        if (!improve(list_gap, 0.5 * options_.duality_gap)) break;
+        if (list_gap <= 0.5 * asked) break;
+        if (!improve(list_gap, 0.5 * asked)) break;
       }
     }
+  }
+
+  // Sets the status after a pass over all slices if the run ends there.
+  bool ends(double gap, double error, int without_progress) {
+    const double asked = options_.duality_gap;
+    SolveStatus status = SolveStatus::kNumericalFailure;
+    std::string message;
+    if (gap < -error - kNegativeGap) {  // the largest sensitivity is at least d for every design
+      message = "a negative gap: the arithmetic broke down";
+    } else if (gap + error <= asked) {
+      status = SolveStatus::kSolved;
+    } else if (gap <= asked && error >= 0.5 * asked) {
+      message = rounding_message(error);
+    } else if (tracer_.out_of_time()) {
+      status = SolveStatus::kTimeLimit;
+    } else if (without_progress > 8) {
+      message = fmt::format("rounding keeps the gap at {:.1e}", best_gap_);
+    } else {
+      return false;
+    }
+    set_status(status, std::move(message));
+    return true;
   }
 
   void set_status(SolveStatus status, std::string message = {}) {
@@ -300,6 +354,7 @@ class Coordinator {
 
   MPI_Comm communicator_;
   const InformationSet& set_;
+  Coordinates coordinates_;
   const SolveOptions& options_;
   Tracer& tracer_;
   Slice slice_;
@@ -310,6 +365,7 @@ class Coordinator {
   std::size_t rank_;
   std::size_t total_;
   std::int64_t iterations_ = 0;
+  double best_gap_ = kInfinity;
   std::vector<double> dual_;
   std::vector<double> mine_;
   std::vector<double> records_;
@@ -335,10 +391,8 @@ void publish(MPI_Comm communicator, DistributedDesign& design) {
   }
 }
 
-// The slice in coordinates where the mean of all candidates is the identity. Nothing where that
-// mean is singular even in extended precision.
-std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationSet& slice,
-                                       int threads) {
+// The mean of all candidates, rounded to double precision at last.
+InformationSet mean_of_all(MPI_Comm communicator, const InformationSet& slice) {
   const std::size_t p = slice.packed_size(), count = slice.candidate_count();
   std::vector<long double> sum(p, 0.0L);
   for (std::size_t i = 0; i < count; ++i) {
@@ -349,19 +403,31 @@ std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationS
   const auto total = static_cast<long double>(mpi::sum(communicator, count));
   AlignedArray mean(p);
   for (std::size_t k = 0; k < p; ++k) mean[k] = static_cast<double>(sum[k] / total);
-  const InformationSet one(slice.dimension(), std::move(mean));
+  return InformationSet(slice.dimension(), std::move(mean));
+}
+
+// The slice in coordinates where that mean is the identity. Nothing where it is singular even in
+// extended precision, or where a process has no time for it.
+std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationSet& slice,
+                                       int threads) {
+  const InformationSet mean = mean_of_all(communicator, slice);
   const Extended all = 1;
-  const ExtendedInformation information(one, {&all, 1});
+  const ExtendedInformation information(mean, {&all, 1});
   if (!information.regular()) return std::nullopt;
-  Relaxation coordinates;
-  coordinates.inverse_factor.assign(information.inverse_factor().begin(),
-                                    information.inverse_factor().end());
-  std::vector<std::size_t> candidates(count);
-  std::iota(candidates.begin(), candidates.end(), std::size_t{0});
-  const WhitenedPool pool(slice, coordinates, candidates, threads);
-  AlignedArray rows(count * p);
-  std::copy_n(pool.rows(), count * p, rows.begin());
+  const std::vector<double> coordinates(information.inverse_factor().begin(),
+                                        information.inverse_factor().end());
+  AlignedArray rows(slice.candidate_count() * slice.packed_size());
+  const bool done = twofold_congruence(slice.data(), slice.candidate_count(), slice.dimension(),
+                                       coordinates, rows.data(), threads);
+  if (mpi::sum(communicator, done ? 0U : 1U) > 0) return std::nullopt;
   return InformationSet(slice.dimension(), std::move(rows));
+}
+
+// What the checker does not confirm is not claimed.
+void withdraw_unproven_claim(double asked_gap, DistributedDesign& design) {
+  if (design.status != SolveStatus::kSolved || proves(design.certificate, asked_gap)) return;
+  design.status = SolveStatus::kNumericalFailure;
+  design.message = fmt::format("rounding keeps the gap at {:.1e}", largest_gap(design.certificate));
 }
 
 }  // namespace
@@ -370,15 +436,15 @@ DistributedDesign solve_distributed(MPI_Comm communicator, const InformationSet&
                                     std::size_t first_index, const SolveOptions& options,
                                     SolveObserver* observer) {
   Tracer tracer(slice, options, observer);
-  const auto attempt = [&](const InformationSet& coordinates) {
+  const auto attempt = [&](const InformationSet& set, Coordinates coordinates) {
     DistributedDesign design =
-        Coordinator(communicator, coordinates, first_index, options, tracer).run();
+        Coordinator(communicator, set, first_index, coordinates, options, tracer).run();
     publish(communicator, design);
     design.certificate = certify_distributed(communicator, slice, first_index, design.support,
                                              options.duality_gap, options.threads);
     return design;
   };
-  DistributedDesign design = attempt(slice);
+  DistributedDesign design = attempt(slice, Coordinates::kOwn);
   const bool falls_short =
       judge(design.status, options.duality_gap, design.certificate) != ReportStatus::kSolved;
   std::uint64_t goes_on = falls_short && !tracer.out_of_time() ? 1U : 0U;
@@ -387,13 +453,14 @@ DistributedDesign solve_distributed(MPI_Comm communicator, const InformationSet&
     const auto better = whitened(communicator, slice, options.threads);
     tracer.count_passes(2.0);
     if (better) {
-      DistributedDesign again = attempt(*better);
+      DistributedDesign again = attempt(*better, Coordinates::kWhitened);
       if (again.certificate.duality_gap + again.certificate.rounding_bound <=
           design.certificate.duality_gap + design.certificate.rounding_bound) {
         design = std::move(again);
       }
     }
   }
+  withdraw_unproven_claim(options.duality_gap, design);
   Solution timing = tracer.finish({}, design.status, design.counters.iterations, {});
   design.counters = timing.counters;
   design.trace = std::move(timing.trace);

@@ -18,7 +18,10 @@
 namespace graybox {
 namespace {
 
-constexpr std::size_t kChunk = 65536;  // candidates that are looked at together
+constexpr std::size_t kChunkNumbers = std::size_t{1} << 22;  // that are sent together
+
+// Candidates of p numbers that are sent together.
+std::size_t chunk_of(std::size_t p) { return std::max(kChunkNumbers / p, std::size_t{1}); }
 
 // Throws what any process has caught on all of them.
 void agree(MPI_Comm communicator, const std::string& error) {
@@ -89,10 +92,11 @@ void check_sum(MPI_Comm communicator, const DistributedSet& set) {
 std::string hash_of_all(MPI_Comm communicator, const DistributedSet& set) {
   const std::size_t p = set.slice.packed_size();
   const std::size_t processes = mpi::size_of(communicator), rank = mpi::rank_of(communicator);
+  const std::size_t chunk = chunk_of(p);
   const std::span<const double> mine(set.slice.data(), set.slice.candidate_count() * p);
   if (rank != 0) {
-    for (std::size_t from = 0; from < mine.size(); from += kChunk * p) {
-      mpi::send(communicator, mine.subspan(from, std::min(kChunk * p, mine.size() - from)), 0);
+    for (std::size_t from = 0; from < mine.size(); from += chunk * p) {
+      mpi::send(communicator, mine.subspan(from, std::min(chunk * p, mine.size() - from)), 0);
     }
     return {};
   }
@@ -100,12 +104,12 @@ std::string hash_of_all(MPI_Comm communicator, const DistributedSet& set) {
   const std::uint64_t shape[2] = {set.total, set.slice.dimension()};
   hash.update(shape, sizeof shape);
   hash.update(mine.data(), mine.size_bytes());
-  std::vector<double> chunk(kChunk * p);
+  std::vector<double> received(chunk * p);
   for (std::size_t other = 1; other < processes; ++other) {
     const std::size_t begin = set.total * other / processes;
     const std::size_t end = set.total * (other + 1) / processes;
-    for (std::size_t from = begin; from < end; from += kChunk) {
-      const auto part = std::span(chunk).first(std::min(kChunk, end - from) * p);
+    for (std::size_t from = begin; from < end; from += chunk) {
+      const auto part = std::span(received).first(std::min(chunk, end - from) * p);
       mpi::receive(communicator, part, other);
       hash.update(part.data(), part.size_bytes());
     }

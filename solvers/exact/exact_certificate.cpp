@@ -36,18 +36,7 @@ std::string find_fault(const InformationSet& set, const ExactDesign& design,
 // where the relaxed optimum is the identity, pivots at the rounding of double are none.
 bool well_conditioned(const InformationSet& set, const ExactDesign& design,
                       const Relaxation& relaxation) {
-  std::vector<std::size_t> support;
-  for (std::size_t i = 0; i < design.counts.size(); ++i) {
-    if (design.counts[i] > 0) support.push_back(i);
-  }
-  const WhitenedPool pool(set, relaxation, support, 1);
-  std::vector<double> sum(set.packed_size(), 0.0);
-  for (std::size_t k = 0; k < support.size(); ++k) {
-    const auto row = pool.row(k);
-    const auto count = static_cast<double>(design.counts[support[k]]);
-    for (std::size_t j = 0; j < sum.size(); ++j) sum[j] += count * row[j];
-  }
-  return InverseCholesky(set.dimension()).factor(sum);
+  return InverseCholesky(set.dimension()).factor(whitened_sum(set, relaxation, design.counts));
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ bool LocalExchange::best_addition(std::span<const double> base, Best& best) {
   bool found = false;
   double least = needed();
   const auto consider = [&](std::size_t j) {
-    if (!(prices_[j] > least)) return;
+    if (!(prices_[j] > least) || clock_.stops()) return;
     std::ranges::copy(base, trial_.begin());
     add_scaled(pool_.row(j), 1.0, trial_);
     const double value = trial_factor_.log_det_of(trial_);

@@ -11,6 +11,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 
 namespace graybox {
@@ -35,12 +36,13 @@ std::vector<Extended> whitening_transform(const InformationSet& set,
   return {transform.data(), transform.data() + transform.size()};
 }
 
-// d as soon as one matrix has it.
+// d as soon as one matrix has it, and where there is no time to look at all: more is safe.
 std::size_t largest_rank(const InformationSet& set) {
   const auto d = static_cast<Eigen::Index>(set.dimension());
   Eigen::MatrixXd full(d, d);
   Eigen::Index largest = 0;
   for (std::size_t i = 0; i < set.candidate_count() && largest < d; ++i) {
+    if (stop_requested()) return set.dimension();
     unpack(set.information(i).data(), set.dimension(), full.data());
     // Rank does not depend on the units of the parameters; the threshold does.
     const Eigen::VectorXd scale = full.diagonal().unaryExpr(
@@ -93,6 +95,7 @@ Relaxation certified_relaxation(const InformationSet& set, Design design, int th
 
 Relaxation solve_relaxation(const InformationSet& set, const RelaxationOptions& options) {
   const auto start = std::chrono::steady_clock::now();
+  const TimeLimit limit(options.time_limit);
   Solution solution = ColumnGeneration().solve(set, {.duality_gap = options.duality_gap,
                                                      .time_limit = options.time_limit,
                                                      .seed = options.seed,

@@ -12,12 +12,23 @@ namespace {
 
 using ExtendedMatrix = Eigen::Matrix<Extended, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-void unpack_extended(std::span<const double> packed, ExtendedMatrix& full) {
+template <class Number>
+void unpack_extended(std::span<const Number> packed, ExtendedMatrix& full) {
   const Eigen::Index d = full.rows();
   for (Eigen::Index i = 0, k = 0; i < d; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j, ++k) {
       full(i, j) = full(j, i) = packed[static_cast<std::size_t>(k)];
     }
+  }
+}
+
+// X full X^T, rounded and packed into `row`; left in `full`.
+void whiten(const Eigen::Map<const ExtendedMatrix>& transform, ExtendedMatrix& full,
+            ExtendedMatrix& product, double* row) {
+  product.noalias() = transform.triangularView<Eigen::Lower>() * full;
+  full.noalias() = product * transform.transpose().triangularView<Eigen::Upper>();
+  for (Eigen::Index i = 0; i < full.rows(); ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) *row++ = static_cast<double>(full(i, j));
   }
 }
 
@@ -46,17 +57,30 @@ WhitenedPool::WhitenedPool(const InformationSet& set, const Relaxation& relaxati
       if (clock.stops()) continue;
       const auto at = static_cast<std::size_t>(k);
       unpack_extended(set.information(candidates_[at]), full);
-      product.noalias() = transform.triangularView<Eigen::Lower>() * full;
-      full.noalias() = product * transform.transpose().triangularView<Eigen::Upper>();
-      double* row = rows_.data() + at * packed_size_;
-      for (Eigen::Index i = 0; i < d; ++i) {
-        for (Eigen::Index j = 0; j <= i; ++j) *row++ = static_cast<double>(full(i, j));
-      }
+      whiten(transform, full, product, rows_.data() + at * packed_size_);
       norms[at] = static_cast<double>(full.norm());
     }
   }
   if (clock.stops()) throw Stopped();
   for (const double norm : norms) largest_norm_ = std::max(largest_norm_, norm);
+}
+
+std::vector<double> whitened_sum(const InformationSet& set, const Relaxation& relaxation,
+                                 std::span<const std::int64_t> counts) {
+  std::vector<Extended> sum(set.packed_size(), 0);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    const auto row = set.information(i);
+    for (std::size_t k = 0; k < sum.size(); ++k)
+      sum[k] += static_cast<Extended>(counts[i]) * row[k];
+  }
+  const auto d = static_cast<Eigen::Index>(set.dimension());
+  ExtendedMatrix full(d, d), product(d, d);
+  unpack_extended(std::span<const Extended>(sum), full);
+  std::vector<double> whitened(set.packed_size());
+  whiten(Eigen::Map<const ExtendedMatrix>(relaxation.inverse_factor.data(), d, d), full, product,
+         whitened.data());
+  return whitened;
 }
 
 double WhitenedPool::sensitivity_rounding() const {

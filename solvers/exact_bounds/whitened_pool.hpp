@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -52,5 +53,11 @@ class WhitenedPool {
   double largest_norm_ = 0.0;
   double log_det_shift_ = 0.0;
 };
+
+// sum_i counts_i B_i, packed, of all candidates of the set. The sum is formed before it is
+// whitened: O(d^3) however many candidates there are.
+[[nodiscard]] std::vector<double> whitened_sum(const InformationSet& set,
+                                               const Relaxation& relaxation,
+                                               std::span<const std::int64_t> counts);
 
 }  // namespace graybox

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exchange/exchange_loop.hpp"
 
 namespace graybox {
@@ -28,6 +29,7 @@ class Mixture {
     std::ranges::sort(chain_);  // an order that does not depend on how points came and went
     bool exchanged = false;
     for (std::size_t k = 0; k + 1 < chain_.size(); ++k) {
+      if (stop_requested()) return exchanged;
       const std::size_t next = nearest_after(at.set, k);
       at.design.note_candidates_read(chain_.size() - k);
       exchanged |= at.design.exchange(next, chain_[k]).step != 0.0;

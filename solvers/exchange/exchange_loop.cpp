@@ -78,9 +78,10 @@ Solution run_exchange_method(const InformationSet& set, const SolveOptions& opti
       return finish(SolveStatus::kNumericalFailure, "the sensitivities are not finite");
     }
     ++iteration;
-    if (!advance({conditioned.set(), design, extremes, sensitivities,
-                  conditioned.uniform_information()}) ||
-        watch.stalled(design.log_det(), iteration)) {
+    const bool moved = advance(
+        {conditioned.set(), design, extremes, sensitivities, conditioned.uniform_information()});
+    if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);  // moves were left out
+    if (!moved || watch.stalled(design.log_det(), iteration)) {
       return finish(SolveStatus::kNumericalFailure, "no move gains in double precision any more");
     }
     if (!design.refresh()) {

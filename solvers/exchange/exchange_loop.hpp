@@ -25,7 +25,8 @@ struct ExchangeIteration {
   std::span<const double> uniform_information;  // of the uniform design, packed
 };
 
-// The moves of one iteration. Returns false if not one of them could improve the design.
+// The moves of one iteration. Returns false if not one of them could improve the design. An
+// iteration of many moves leaves out the rest when it is asked to stop (stop.hpp).
 using AdvanceFunction = std::function<bool(const ExchangeIteration&)>;
 
 // Statuses as in solver.hpp; numerical_failure where no move gains in double precision. Throws

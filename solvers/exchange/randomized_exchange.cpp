@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "problems/base/random.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/exchange/exchange_loop.hpp"
 
 namespace graybox {
@@ -33,6 +34,7 @@ class SubspaceAscent {
     bool moved = leading.step != 0.0;
     for (const std::size_t leader : leaders_) {
       for (const std::size_t member : support_) {
+        if (stop_requested()) return moved;
         moved |= exchange(at.design, leader, member, leading.nullifying);
       }
     }

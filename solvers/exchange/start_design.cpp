@@ -39,7 +39,7 @@ std::vector<std::size_t> start_design(const ConditionedSet& conditioned, Tracer&
   Eigen::MatrixXd weighing = r.transpose() * r;                        // v v^T, or I at first
   std::vector<double> dual(set.packed_size()), value(set.candidate_count());
   std::vector<std::size_t> choices;
-  for (std::size_t k = 0; k < d; ++k) {
+  for (std::size_t k = 0; k < d && !tracer.out_of_time(); ++k) {
     pack_trace_dual(weighing.data(), d, dual.data());
     sensitivities(set, dual, value);
     tracer.count_passes(1.0);

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "problems/base/error.hpp"
-#include "solvers/blocks/block_limited_certificate.hpp"
 #include "solvers/core/candidate_blocks.hpp"
 
 namespace graybox {
@@ -54,19 +53,6 @@ std::string describe(const DesignLimits& limits) {
                        limits.block_share->share, limits.block_share->block_size);
   }
   return "no limits";
-}
-
-Certificate certify_limited(const InformationSet& set, const Design& design,
-                            const DesignLimits& limits) {
-  require_fits(limits, set);
-  if (limits.concentration.has_value()) {
-    return certify_concentrated(set, design, *limits.concentration).certificate;
-  }
-  if (limits.block_share.has_value()) {
-    return certify_block_limited(set, design, blocks_of(set, *limits.block_share),
-                                 limits.block_share->share);
-  }
-  return certify(set, design);
 }
 
 nlohmann::ordered_json to_json(const DesignLimits& limits) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "problems/base/stop.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
@@ -76,7 +77,7 @@ bool NonnegativeQuadratic::solve(std::span<const double> matrix, std::span<const
     for (std::size_t i = 0; i < n; ++i) {
       if (is_free_[i]) free_.push_back(i);
     }
-    if (!solve_free_block(matrix, linear)) return false;
+    if (stop_requested() || !solve_free_block(matrix, linear)) return false;
     const std::size_t wrong = find_wrong_signs(matrix, linear, tolerance);
     if (wrong == 0) {
       std::ranges::fill(mu, 0.0);

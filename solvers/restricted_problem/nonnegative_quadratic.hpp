@@ -20,8 +20,8 @@ class NonnegativeQuadratic {
   void reserve(std::size_t variables);
 
   // matrix: lower triangle, column-major n x n. On entry mu > 0 marks the guessed free set; on
-  // return mu is the solution. False where the factorisation or the pivoting failed; mu is then
-  // unchanged.
+  // return mu is the solution. False where factorisation or pivoting failed, or it was asked to
+  // stop (stop.hpp); mu is then unchanged.
   [[nodiscard]] bool solve(std::span<const double> matrix, std::span<const double> linear,
                            std::span<double> mu);
 

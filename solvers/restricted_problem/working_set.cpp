@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "problems/base/packed_matrix.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 
@@ -112,6 +113,7 @@ bool WorkingSet::newton_target() {
   dense_kernels().whiten(rows_.data(), active_.data(), n, dimension_,
                          inverse_.inverse_factor().data(), whitened_.data(), stride_,
                          active_sensitivity_.data(), scratch_.data());
+  if (stop_requested()) return false;
   dense_kernels().gram(whitened_.data(), n, stride_, hessian_.data());
   double trace = 0.0;
   for (std::size_t i = 0; i < n; ++i) trace += hessian_[i * n + i];
@@ -193,13 +195,14 @@ WorkingSetStatus WorkingSet::optimise(double tolerance, int step_limit) {
                d -
            1.0;
     if (gap_ <= tolerance) return WorkingSetStatus::kConverged;
-    if (step == step_limit) return WorkingSetStatus::kStopped;
+    if (step == step_limit || stop_requested()) return WorkingSetStatus::kStopped;
     stalled = gap_ < 0.9 * best_gap ? 0 : stalled + 1;
     best_gap = std::min(best_gap, gap_);
     if (stalled > 12) return WorkingSetStatus::kNoProgress;
     ++newton_steps_;
     choose_active();
     if (!newton_target() || !search_line()) {
+      if (stop_requested()) return WorkingSetStatus::kStopped;
       if (!multiplicative_steps(10)) return WorkingSetStatus::kSingular;
     }
   }

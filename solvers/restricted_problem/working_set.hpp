@@ -39,7 +39,7 @@ namespace graybox {
 
 enum class WorkingSetStatus {
   kConverged,   // max w_i / d - 1 over the working set is at most the tolerance
-  kStopped,     // the step limit came first
+  kStopped,     // the step limit came first, or it was asked to stop
   kNoProgress,  // rounding: no step increases log det any more
   kSingular,    // M is singular on this working set
 };

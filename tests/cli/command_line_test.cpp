@@ -245,6 +245,7 @@ TEST_F(CommandLine, WrongFilesAreOneLine) {
   write_text(folder_.file("indefinite.csv"), "1,0,1\n1,2,1\n");
   write_text(folder_.file("singular.csv"), "1,0,0\n2,0,0\n");
   write_text(folder_.file("bad.json"), "{");
+  write_text(folder_.file("huge.json"), R"({"support": [{"index": 0, "weight": 1E1000}]})");
   const std::string by = " -o x.json --solver " + solver();
   expect_refused("solve nothere.h5" + by, "nothere.h5: can't be opened");
   expect_refused("solve bad.csv" + by, "bad.csv: line 2, column 3");
@@ -258,6 +259,7 @@ TEST_F(CommandLine, WrongFilesAreOneLine) {
   expect_refused("solve set.h5 --variable Hi" + by, ".mat files only");
   expect_refused("check set.h5 other.json", "another problem");
   expect_refused("check set.h5 bad.json", "not valid JSON");
+  expect_refused("check set.h5 huge.json", "huge.json: support[0].weight: the number 1E1000 is");
   expect_refused("check set.h5 nothere.json", "nothere.json: can't be opened");
   expect_refused("problem subset set.h5 --candidates 31 -o x.h5", "subset of 31");
 }

@@ -26,6 +26,12 @@ code=0
 [[ "$code" == 2 ]] || fail "an indefinite matrix gave exit code $code, not 2"
 grep -q 'candidate 2' "$folder/errors" || fail "the candidate is not named: $(cat "$folder/errors")"
 
+# Large matrices take the memory of the set and of a few candidates beside it.
+"$graybox" problem random --family wis --candidates 300 --dimension 150 -o "$folder/large.h5"
+"$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/large.h5" --gap 0.1 --json > "$folder/line"
+bytes="$(sed -n 's/.*"peak_memory_bytes":\([0-9]*\).*/\1/p' "$folder/line")"
+((bytes > 0 && bytes < 1000000000)) || fail "a set of 27 MB took $bytes bytes"
+
 # As the other commands: the version with its commit, and a word where standard output fails.
 "$graybox_mpi" --version | grep -q '^graybox [0-9.]* (commit ' || fail "no version"
 [[ "$("$graybox_mpi" --version)" == "$("$graybox" --version)" ]] || fail "another version"

@@ -149,6 +149,9 @@ TEST_F(EllipsoidCommand, RefusesWhatIsNoEllipsoidFile) {
   refuse("contact", {{{"index", 10}, {"weight", 1.0}}}, "index must be an integer from 0 to 9");
   refuse("dropped", {{{"index", -1}}}, "dropped[0]: index must be an integer from 0 to 9");
   refuse("centred", true, "the centre is not zero");
+  testing::write_text(folder_.file("bad.json"), R"({"centre": [0, 1E1000, 0]})");
+  expect_refused("ellipsoid points.csv --check bad.json",
+                 "bad.json: centre[1]: the number 1E1000 is too large");
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -116,6 +117,11 @@ TEST_F(StopCommand, ADiagnosisHandsOverWhatItHasAtItsTimeLimit) {
     EXPECT_EQ(found["interrupted"].get<bool>(), found["verdict"] == "unknown") << outcome.out;
     EXPECT_EQ(Json::parse(read_text(folder_.file("report/verdict.json"))), found);
   }
+  // Then no recording is read once more, and the user is told so.
+  const Json found =
+      Json::parse(graybox("diagnose rotor.yaml campaign --json --time-limit 0.01").out);
+  EXPECT_NE(found["recording_warnings"].dump().find("not looked at for faults"), std::string::npos)
+      << found["recording_warnings"];
 }
 
 // Finding S5.
@@ -139,6 +145,26 @@ TEST_F(StopCommand, TheExchangeThatNeverEndedEnds) {
   const Outcome outcome = graybox("exact set.csv -M 3 --json --time-limit 5", kAtMost);
   EXPECT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1 || outcome.exit_code == 2)
       << outcome.exit_code << outcome.err;
+}
+
+// At d = 150 one step of an exchange, or of a certificate, is a matter of milliseconds to seconds.
+TEST_F(StopCommand, LargeMatricesStopInTime) {
+  constexpr double kPatience = 3.0;  // s beyond the limit; a second would do on an idle machine
+  make("problem random --family wis --candidates 1500 --dimension 150 -o set.h5");
+  for (const char* command :
+       {"solve set.h5 --gap 1e-12 --solver vertex_exchange --time-limit 2",
+        "solve set.h5 --gap 1e-12 --solver randomized_exchange --time-limit 10",
+        "exact set.h5 -M 200 --gap 1e-9 --time-limit 6",
+        "exact set.h5 -M 200 --gap 1e-9 --method exchange --time-limit 6"}) {
+    SCOPED_TRACE(command);
+    const std::string text = command;
+    const double limit = std::stod(text.substr(text.rfind(' ')));
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome = graybox(text, kAtMost);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    EXPECT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1) << outcome.err;
+    EXPECT_LE(taken.count(), limit + kPatience);
+  }
 }
 
 // Reading counts.

@@ -26,7 +26,9 @@
 #include "problems/mechanisms/lumped_model.hpp"
 #include "problems/mechanisms/rigid_robot_model.hpp"
 #include "problems/mechanisms/robot_elements.hpp"
+#include "problems/mechanisms/urdf_chain.hpp"
 #include "problems/robot_information/robot_grid.hpp"
+#include "solvers/ellipsoid/ellipsoid.hpp"
 #include "solvers/ellipsoid/ellipsoid_file.hpp"
 #include "solvers/report/design_file.hpp"
 
@@ -85,7 +87,10 @@ void read_ellipsoid_file(const fs::path& file) {
   points.count = 4;
   points.dimension = 2;
   points.values = {1, 1, -1, 1, 1, -1, -1, -1};
-  (void)read_ellipsoid(file.string(), points);
+  const EllipsoidFile found = read_ellipsoid(file.string(), points);
+  (void)log_volume(found.ellipsoid);
+  (void)shape_matrix(found.ellipsoid);
+  (void)semi_axes(found.ellipsoid);
 }
 
 void read_robot(const fs::path& file) {
@@ -93,8 +98,15 @@ void read_robot(const fs::path& file) {
   (void)load_linear_robot(file);
 }
 
-// The model beside it names input.urdf.
+// As `graybox model` reads it, then as the model beside it does, which names input.urdf.
 void read_urdf(const fs::path& file) {
+  for (const UrdfJoint& joint : read_urdf_tree(file)) {
+    (void)read_urdf_body(file, joint.child);
+    try {
+      (void)read_urdf_joints(file, joint.parent, joint.child);
+    } catch (const InputError&) {  // a joint that can't move
+    }
+  }
   (void)load_robot_model(file.parent_path() / "model_of_input.yaml");
 }
 

@@ -9,15 +9,20 @@
 #include <numeric>
 #include <vector>
 
+#include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/distributed/distributed_column_generation.hpp"
+#include "solvers/report/solve_report.hpp"
+#include "tests/hostile_sets/hostile_sets.hpp"
 
 namespace {
 
 using namespace graybox;
+
+constexpr double kGap = 1e-9;
 
 InformationSet wishart_set(std::size_t d, std::size_t count, std::size_t rank, std::uint64_t seed) {
   Random random(seed);
@@ -47,7 +52,8 @@ InformationSet needle_set(std::size_t d, std::size_t count) {
   return InformationSet(d, std::move(information));
 }
 
-bool agrees(const InformationSet& whole, const char* what) {
+// Of the set's slices, one for each process.
+DistributedDesign solve_slices(const InformationSet& whole) {
   int rank = 0, processes = 1;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
   MPI_Comm_size(MPI_COMM_WORLD, &processes);
@@ -57,25 +63,63 @@ bool agrees(const InformationSet& whole, const char* what) {
                          static_cast<std::size_t>(processes);
   std::vector<std::size_t> mine(to - from);
   std::iota(mine.begin(), mine.end(), from);
-  const DistributedDesign answer =
-      solve_distributed(MPI_COMM_WORLD, whole.subset(mine), from, {.duality_gap = 1e-9});
+  return solve_distributed(MPI_COMM_WORLD, whole.subset(mine), from, {.duality_gap = kGap});
+}
+
+bool agrees(const InformationSet& whole, const char* what) {
+  const DistributedDesign answer = solve_slices(whole);
   Design design{std::vector<double>(whole.candidate_count(), 0.0)};
   for (const auto& [index, weight] : answer.support) design.weights[index] = weight;
   const Certificate proof = certify(whole, design);
   const Certificate local =
-      certify(whole, ColumnGeneration().solve(whole, {.duality_gap = 1e-9}).design);
+      certify(whole, ColumnGeneration().solve(whole, {.duality_gap = kGap}).design);
   const bool good =
-      answer.status == SolveStatus::kSolved && proof.duality_gap <= 1e-9 + 1e-12 &&
+      answer.status == SolveStatus::kSolved && proof.duality_gap <= kGap + 1e-12 &&
       std::abs(proof.log_det - local.log_det) <= proof.log_det_gap + local.log_det_gap + 1e-10 &&
       std::abs(answer.certificate.log_det - proof.log_det) < 1e-8 &&
       std::abs(answer.certificate.duality_gap - proof.duality_gap) <=
           answer.certificate.rounding_bound + proof.rounding_bound;
   if (!good) {
-    std::printf("process %d of %d: %s: status %d, gap %.3e, log det %.12g against %.12g\n", rank,
-                processes, what, static_cast<int>(answer.status), proof.duality_gap, proof.log_det,
-                local.log_det);
+    std::printf("%s: status %d, gap %.3e, log det %.12g against %.12g\n", what,
+                static_cast<int>(answer.status), proof.duality_gap, proof.log_det, local.log_det);
   }
   return good;
+}
+
+bool is_sound(const InformationSet& set) {
+  try {
+    set.validate();
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+// What is claimed of sets made to be hard is true, and few are left that one process solves.
+bool claims_only_what_is_so() {
+  constexpr std::size_t kFewest = 8;  // candidates, for three processes
+  Random random(29);
+  std::size_t solvable = 0, solved = 0;
+  bool good = true;
+  for (std::size_t n = 0; n < 8 * testing_sets::hostile_kinds().size(); ++n) {
+    const InformationSet set =
+        testing_sets::hostile_set(n % testing_sets::hostile_kinds().size(), random);
+    if (set.candidate_count() < kFewest || !is_sound(set)) continue;
+    const Solution local = ColumnGeneration().solve(set, {.duality_gap = kGap});
+    const DistributedDesign answer = solve_slices(set);
+    const bool is_solved = judge(answer.status, kGap, answer.certificate) == ReportStatus::kSolved;
+    if (answer.status == SolveStatus::kSolved && !is_solved) {
+      std::printf("%s: claims to be solved, gap %.3e\n", set.name().c_str(),
+                  answer.certificate.duality_gap);
+      good = false;
+    }
+    if (local.status != SolveStatus::kSolved) continue;
+    ++solvable;
+    solved += is_solved ? 1U : 0U;
+  }
+  std::printf("%zu of %zu hostile sets solved\n", solved, solvable);
+  return good && solvable > 50 &&
+         static_cast<double>(solved) >= 0.97 * static_cast<double>(solvable);
 }
 
 }  // namespace
@@ -86,6 +130,7 @@ int main(int argc, char** argv) {
   good &= agrees(wishart_set(8, 3000, 1, 2), "rank one");
   good &= agrees(wishart_set(1, 7, 1, 3), "one parameter");
   good &= agrees(needle_set(4, 20000), "a needle");
+  good &= claims_only_what_is_so();
   MPI_Finalize();
   return good ? 0 : 1;
 }
