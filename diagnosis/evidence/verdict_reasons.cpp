@@ -173,6 +173,27 @@ VerdictReason rivals_reason(const Diagnosis& diagnosis) {
                  Verdict::kAmbiguous);
 }
 
+// Friction and a late channel look alike: laws that were found beside a channel of which being late
+// would take most of the error are not sure. Nothing where there is none.
+std::vector<VerdictReason> lateness_reasons(const Diagnosis& diagnosis) {
+  constexpr double kMost = 0.5;  // of the squared error kept out
+  std::vector<VerdictReason> reasons;
+  for (const ChannelRest& rest : diagnosis.channels_after) {
+    if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;
+    const double left = std::pow(*rest.held_out_nrmse_in_time / *rest.held_out_nrmse, 2);
+    if (left > kMost) continue;
+    const double seconds = *rest.late_by;
+    reasons.push_back(failed(
+        fmt::format("{} would take {:.0f} % of the squared error kept out of {}", kLateTest,
+                    100.0 * (1.0 - left), rest.channel),
+        fmt::format("advance {} by {:.2g} s (preprocess: advance) and diagnose again: the laws "
+                    "found may stand in for it",
+                    seconds > 0.0 ? "it" : "the positions", std::abs(seconds)),
+        Verdict::kAmbiguous));
+  }
+  return reasons;
+}
+
 std::vector<VerdictReason> law_reasons(const Diagnosis& diagnosis) {
   std::vector<VerdictReason> reasons;
   const bool has_late_channels = !diagnosis.late_channels.empty();
@@ -260,6 +281,13 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
           at_least(of_fit, diagnosis.fit_p_value, options.verification_level, look)};
 }
 
+VerdictReason nothing_kept_out() {
+  return failed(kKeptOutTest,
+                "keep some of them out (role: validation) and diagnose again: nothing has tested "
+                "what was found",
+                Verdict::kAmbiguous);
+}
+
 std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
                                            const SearchOptions& options) {
   std::vector<VerdictReason> reasons;
@@ -298,6 +326,10 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     reasons.push_back(std::move(predicts));
   }
   reasons.push_back(determination_reason(diagnosis));
+  append(lateness_reasons(diagnosis), reasons);
+  if (!diagnosis.noise_is_known && !diagnosis.validation_after && !diagnosis.interrupted) {
+    reasons.push_back(nothing_kept_out());
+  }
   reasons.push_back(rivals_reason(diagnosis));
   return reasons;
 }

@@ -25,6 +25,14 @@ namespace graybox {
 
 [[nodiscard]] Verdict verdict_of(std::span<const VerdictReason> reasons);
 
+// How the texts of these tests begin.
+inline constexpr const char* kLateTest = "being late";
+inline constexpr const char* kKeptOutTest = "recordings that were kept out of the fit";
+
+// Where the noise is not known, what was found is not sure before recordings that were kept out of
+// the fit have tested it.
+[[nodiscard]] VerdictReason nothing_kept_out();
+
 [[nodiscard]] inline bool has_failed(const VerdictReason& reason) {
   return !reason.passed && reason.not_tested.empty();
 }

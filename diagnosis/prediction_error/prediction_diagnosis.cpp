@@ -631,6 +631,7 @@ class DiagnosisBuilder {
     add_against_as_given(list);
     add_rest(list);
     add_determination(list, Verdict::kAmbiguous);
+    if (!result_.validation_after) list.push_back(nothing_kept_out());
     std::size_t rivals = 0;
     for (const FoundEffect& effect : result_.effects) rivals += effect.rivals.size();
     list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals),

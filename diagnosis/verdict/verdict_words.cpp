@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
 #include "diagnosis/verdict/friction_words.hpp"
@@ -43,6 +44,12 @@ std::string part_words(const Diagnosis& diagnosis) {
       is_kept_out ? " of recordings kept out" : "");
 }
 
+bool fails(const Diagnosis& diagnosis, const char* test) {
+  return std::ranges::any_of(diagnosis.reasons, [&](const VerdictReason& reason) {
+    return has_failed(reason) && reason.test.starts_with(test);
+  });
+}
+
 // The headline where what was found fits and yet is not all: what the tests that failed say.
 std::string ambiguity_words(const Diagnosis& diagnosis) {
   if (!diagnosis.predicts) {
@@ -52,6 +59,15 @@ std::string ambiguity_words(const Diagnosis& diagnosis) {
   const bool has_rivals = std::ranges::any_of(diagnosis.effects, [](const FoundEffect& effect) {
     return !effect.rivals.empty() || !effect.same_at.empty();
   });
+  if (!has_rivals && fails(diagnosis, kLateTest)) {
+    return "Physics is missing; a channel that comes late or early may be part of it, or what was "
+           "found stands in for that.";
+  }
+  if (!has_rivals && fails(diagnosis, kKeptOutTest)) {
+    return "Physics is missing, and what was found explains it; no recordings were kept out to "
+           "test "
+           "that.";
+  }
   return has_rivals ? "Physics is missing; the recordings can't tell all explanations apart."
                     : "Physics is missing, and what was found explains it; the recordings do not "
                       "determine every parameter.";

@@ -97,6 +97,19 @@ const Change kOfUnknownNoise[] = {
     {"a channel that was not seen", [](Diagnosis& d) { d.channels_after[0].held_out_nrmse = 6.0; },
      Verdict::kUnknown},
     {"own past", [](Diagnosis& d) { d.autocorrelated_error = 30.0; }, Verdict::kUnknown},
+    {"late",
+     [](Diagnosis& d) {
+       d.channels_after[0].late_by = -0.0011;
+       d.channels_after[0].held_out_nrmse = 4.0;
+       d.channels_after[0].held_out_nrmse_in_time = 2.0;
+     },
+     Verdict::kAmbiguous},
+    {"nothing kept out",
+     [](Diagnosis& d) {
+       d.validation_after.reset();
+       for (ChannelRest& rest : d.channels_after) rest.held_out_nrmse.reset();
+     },
+     Verdict::kAmbiguous},
 };
 const Change kOfKnownNoise[] = {
     {"rest", [](Diagnosis& d) { d.rest_p_value = 1e-5; }, Verdict::kUnknown},
