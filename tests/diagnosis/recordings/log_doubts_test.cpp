@@ -332,16 +332,17 @@ TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {
 
 // ---- uneven times, short logs, gears ------------------------------------------------------------
 
-// Steps of 60 and 120 ms, of which one part of the log has more short ones.
+// Steps of 120 ms, and later of 60 and 120 ms: the median is none that the second half allows.
 TEST_F(LogDoubts, StepsOfTwoSizesMakeACampaignThatCanBeRead) {
-  const Axis m = axis(6000, 0.01);
+  constexpr int kLong = 400, kAll = 780;
+  const Axis m = axis(8200, 0.01);
   std::vector<Column> columns{{"time [s]", {}}, {"angle [rad]", {}}, {"torque [Nm]", {}}};
-  for (std::size_t k = 0, n = 0; k < m.time.size(); ++n) {
+  std::size_t k = 0;
+  for (int n = 0; n < kAll; ++n) {
     columns[0].second.push_back(m.time[k]);
     columns[1].second.push_back(m.position[k]);
     columns[2].second.push_back(m.force[k]);
-    const bool is_first_part = k < m.time.size() / 2;
-    k += n % (is_first_part ? 3 : 8) == 0 ? (is_first_part ? 6 : 6) : (is_first_part ? 12 : 6);
+    k += n < kLong || n % 5 > 2 ? 12 : 6;
   }
   const ModelProposal proposal = written({write("uneven.csv", columns)});
   EXPECT_NE(value_of(proposal, "time").find("every 0.06 s"), std::string::npos)
