@@ -12,13 +12,13 @@ using Index = Eigen::Index;
 
 constexpr double kGap = 3.0;  // sample times
 
-struct Stretch {
+struct GaplessSamples {
   Index first = 0, count = 0;
 };
 
 // The longest one whose steps are at most that long.
-Stretch longest_stretch(const Eigen::VectorXd& times, double longest_step) {
-  Stretch best;
+GaplessSamples longest_stretch(const Eigen::VectorXd& times, double longest_step) {
+  GaplessSamples best;
   for (Index first = 0, end = 0; first < times.size(); first = end) {
     for (end = first + 1; end < times.size() && times(end) - times(end - 1) <= longest_step;) ++end;
     if (end - first > best.count) best = {first, end - first};
@@ -35,7 +35,7 @@ EvenSamples::EvenSamples(const LogRecording& recording, const LogTime& time)
   const Eigen::VectorXd all = time.seconds() * column.values;
   const Index kept = (all.size() - from_ + every_ - 1) / every_;
   times_ = all(Eigen::seqN(from_, kept, every_));
-  const Stretch stretch = longest_stretch(times_, kGap * step_);
+  const GaplessSamples stretch = longest_stretch(times_, kGap * step_);
   constexpr Index kFewest = 5;
   if (stretch.count < kFewest) {
     times_.resize(0);
