@@ -8,11 +8,12 @@
 #include <set>
 
 #include "diagnosis/proposal/motion_span.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {
 
-constexpr double kShareOfFit = 0.5;
+constexpr double kShareOfFit = 0.5, kMostOfFit = 0.75;
 constexpr double kWorthCutting = 0.02;  // of a recording
 
 std::string behind(const std::string& line, const std::string& comment) {
@@ -45,6 +46,16 @@ std::string time_text(const LogTime& time) {
                                  : time.why);
 }
 
+// Of a unit with a factor, "[0.1 deg]": what one recorded number is; else empty.
+std::string gain_of_factor(const DraftChannel& channel, const LogRecording& recording) {
+  if (!channel.gain.empty() || channel.column == "ANSWER") return "";
+  const double factor = recording.at(channel.file, channel.column).words.unit_factor;
+  const Unit* unit = find_unit(channel.unit);
+  if (factor == 1.0 || unit == nullptr) return "";
+  return fmt::format("{{value: {:.8g}, unit: {}/{}}}", factor * unit->factor, unit->base,
+                     channel.unit);
+}
+
 std::string channel_text(const DraftChannel& channel, const LogRecording& recording) {
   std::string line = fmt::format("  - {{name: {}, ", channel.name);
   const std::string key = recording.keys[channel.file];
@@ -52,7 +63,9 @@ std::string channel_text(const DraftChannel& channel, const LogRecording& record
   line += fmt::format(
       "column: {}, unit: {}, ", in_quotes(channel.column),
       channel.unit == "1" || channel.unit == "%" ? in_quotes(channel.unit) : channel.unit);
+  const std::string factor = gain_of_factor(channel, recording);
   if (!channel.gain.empty()) line += fmt::format("gain: {}, ", channel.gain);
+  if (!factor.empty()) line += fmt::format("gain: {}, ", factor);
   return behind(line + fmt::format("is: {}}}", channel.is), channel.comment);
 }
 
@@ -62,17 +75,21 @@ std::string preprocess_text(const CampaignDraft& draft) {
     text += behind(fmt::format("  - {{kind: valid, of: [{}]}}", fmt::join(draft.gapped, ", ")),
                    "rows without a number are left out");
   }
-  if (!draft.wrapped.empty()) {
-    text += behind(fmt::format("  - {{kind: unwrap, of: [{}]}}", fmt::join(draft.wrapped, ", ")),
-                   "jumps by whole turns");
+  for (const DraftWrap& wrap : draft.wrapped) {
+    text += behind(fmt::format("  - {{kind: unwrap, of: [{}]{}}}", wrap.channel, wrap.period),
+                   wrap.period.empty() ? "jumps by whole turns" : "jumps by whole periods");
   }
   if (!draft.time.is_even) {
     text += behind(fmt::format("  - {{kind: resample, sample_time: {:g}}}", draft.time.sample_time),
-                   "the median step");
+                   draft.time.of_step);
   }
   if (draft.low_pass) {
     text += behind(fmt::format("  - {{kind: low_pass, frequency: {:g}}}", *draft.low_pass),
                    "Hz; " + draft.low_pass_reason);
+  }
+  if (draft.decimation > 1) {
+    text += behind(fmt::format("  - {{kind: decimate, factor: {}}}", draft.decimation),
+                   "each value is held so long");
   }
   return text.empty() ? text : "preprocess:\n" + text;
 }
@@ -106,7 +123,12 @@ std::string experiments_text(const CampaignDraft& draft,
     text += "  - " + files_text(draft, recordings[each.recording], folder) + "\n";
     if (!each.is_whole) {
       text += behind(fmt::format("    segments: [[{}, {}]]", each.first, each.last),
-                     "samples that move, from 0");
+                     draft.keeps_standstill ? "samples, from 0" : "samples that move, from 0");
+    }
+    if (draft.time.every > 1 && draft.decimation == 1) {
+      text +=
+          behind(fmt::format("    every: {{samples: {}, from: {}}}", draft.time.every, each.from),
+                 "each value is held so long");
     }
     if (each.is_validation) text += behind("    role: validation", "kept out of the fit");
   }
@@ -137,7 +159,8 @@ std::string campaign_text(const CampaignDraft& draft, const std::vector<LogRecor
 
 std::vector<DraftExperiment> draft_experiments(const std::vector<LogRecording>& recordings,
                                                const std::vector<const LogColumn*>& columns,
-                                               bool are_velocities, double sample_time) {
+                                               bool are_velocities, double sample_time,
+                                               SplitPlan plan) {
   std::vector<DraftExperiment> experiments;
   const double step = sample_time > 0.0 ? sample_time : 1.0;
   for (std::size_t k = 0; k < recordings.size(); ++k) {
@@ -147,18 +170,22 @@ std::vector<DraftExperiment> draft_experiments(const std::vector<LogRecording>& 
     }
     const Eigen::Index last = recordings[k].samples() - 1;
     MotionSpan span{0, last};
-    if (!motions.empty()) span = motion_span(motions, are_velocities, step);
+    if (!motions.empty() && plan == SplitPlan::kMovingHalves) {
+      span = motion_span(motions, are_velocities, step);
+    }
     const auto rest = static_cast<double>(last - (span.last - span.first));
     if (rest < kWorthCutting * static_cast<double>(last)) span = {0, last};
     experiments.push_back({k, span.first, span.last, span.first == 0 && span.last == last, false});
   }
+  if (plan == SplitPlan::kNoValidation) return experiments;
   if (experiments.size() > 1) {
     experiments.back().is_validation = true;
     return experiments;
   }
+  const double share = plan == SplitPlan::kMostInFit ? kMostOfFit : kShareOfFit;
   DraftExperiment whole = experiments.front();
   const auto count = static_cast<double>(whole.last - whole.first);
-  const Eigen::Index cut = whole.first + static_cast<Eigen::Index>(kShareOfFit * count);
+  const Eigen::Index cut = whole.first + static_cast<Eigen::Index>(share * count);
   return {{0, whole.first, cut, false, false}, {0, cut + 1, whole.last, false, true}};
 }
 

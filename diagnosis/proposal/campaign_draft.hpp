@@ -27,16 +27,32 @@ struct DraftExperiment {
   Eigen::Index first = 0, last = 0;  // samples, both included
   bool is_whole = true;
   bool is_validation = false;
+  Eigen::Index from = 0;  // of LogTime::every samples of the segment
+};
+
+// What of the logs goes where, each leaving more samples to the fit than the one before it.
+enum class SplitPlan {
+  kMovingHalves,  // what moves; of one log half is kept out, of several the last
+  kWholeHalves,   // standstill, too
+  kMostInFit,     // of one log the last quarter is kept out
+  kNoValidation   // nothing is
+};
+
+struct DraftWrap {
+  std::string channel;
+  std::string period;  // ", bits: 16", ", period: 3600", or empty for a whole turn
 };
 
 struct CampaignDraft {
   std::string heading;  // comment lines without their sign
   LogTime time;
   std::vector<DraftChannel> channels;
-  std::vector<std::string> wrapped;  // channels that are kept within a turn
-  std::vector<std::string> gapped;   // channels with values that are no numbers
-  std::optional<double> low_pass;    // Hz
+  std::vector<DraftWrap> wrapped;   // channels that jump by whole periods
+  std::vector<std::string> gapped;  // channels with values that are no numbers
+  std::optional<double> low_pass;   // Hz
   std::string low_pass_reason;
+  Eigen::Index decimation = 1;  // of even samples without a column of times
+  bool keeps_standstill = false;
   std::string hold = "zero";
   std::vector<DraftExperiment> experiments;
   std::vector<std::string> unused;  // "column: why not", for the comment at the end
@@ -47,11 +63,11 @@ struct CampaignDraft {
                                         const std::vector<LogRecording>& recordings,
                                         const std::filesystem::path& folder);
 
-// What moves of each recording: with several, the last checks the fit; one is cut in two
-// halves. `columns` are the motions that decide, of the first recording.
+// What each recording gives to the fit and to its check, by the plan. `columns` are the motions
+// that decide what moves, of the first recording.
 [[nodiscard]] std::vector<DraftExperiment> draft_experiments(
     const std::vector<LogRecording>& recordings, const std::vector<const LogColumn*>& columns,
-    bool are_velocities, double sample_time);
+    bool are_velocities, double sample_time, SplitPlan plan = SplitPlan::kMovingHalves);
 
 // A name in double quotes, as YAML reads it.
 [[nodiscard]] std::string in_quotes(const std::string& text);

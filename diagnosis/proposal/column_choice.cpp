@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/recordings/late_signal.hpp"
 
 namespace graybox {
@@ -63,6 +64,60 @@ const LogColumn* follower(const LogColumn& a, const LogColumn& b) {
   return fit.late > 0.0 ? &b : &a;
 }
 
+// Those that do not hardly move, and those of which the user said what they are.
+std::vector<const LogColumn*> without_supplies(const std::vector<const LogColumn*>& moving,
+                                               const std::vector<LogRecording>& recordings) {
+  std::vector<const LogColumn*> lively;
+  for (const LogColumn* column : moving) {
+    if (column->answered || !manner_of_drive(*column, recordings).hardly_moves) {
+      lively.push_back(column);
+    }
+  }
+  return lively;
+}
+
+bool is_measured_force(const LogColumn& column) {
+  const LogQuantity quantity = column.words.quantity;
+  return !column.words.is_reference && column.words.sure &&
+         (quantity == LogQuantity::kForce || quantity == LogQuantity::kCurrent);
+}
+
+// A column that may be the drive as well as the chosen one.
+const LogColumn* rival_of(const LogColumn& chosen, const DriveManner& manner,
+                          const std::vector<const LogColumn*>& lively,
+                          const std::vector<LogRecording>& recordings) {
+  for (const LogColumn* other : lively) {
+    if (other == &chosen || other->words.is_reference || !disagree(chosen, *other)) continue;
+    const bool is_like = is_measured_force(chosen) && is_measured_force(*other) &&
+                         chosen.words.quantity != other->words.quantity;
+    const bool has_the_sign =
+        manner.has_one_sign && !manner_of_drive(*other, recordings).has_one_sign;
+    if (is_like || has_the_sign) return other;
+  }
+  return nullptr;
+}
+
+bool is_doubtful(const DriveManner& manner) {
+  constexpr double kFollows = 0.3;
+  return manner.hardly_moves ||
+         (manner.has_one_sign && !manner.lost_sign && manner.follows < kFollows);
+}
+
+std::string doubt_of(const LogColumn& drive, const DriveManner& manner) {
+  if (manner.lost_sign) {
+    return fmt::format(
+        "'{}' is never of the other sign while the axis moves both ways, and its size follows the "
+        "motion: its sign seems lost; log its direction, too, and multiply the two (kind: product)",
+        drive.name);
+  }
+  if (!manner.has_one_sign) return "";
+  return fmt::format(
+      "'{}' never changes its sign while the axis moves both ways: so it is where it bears a "
+      "weight "
+      "or a spring; else another column drives, or its sign was lost",
+      drive.name);
+}
+
 }  // namespace
 
 double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
@@ -90,7 +145,8 @@ std::vector<const LogColumn*> moving_columns(const std::vector<const LogColumn*>
   return moving;
 }
 
-ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns) {
+ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns,
+                          const std::vector<LogRecording>& recordings) {
   std::vector<const LogColumn*> moving;
   for (const LogColumn* column : columns) {
     if (drives(column->words.quantity) && column->moves()) moving.push_back(column);
@@ -103,9 +159,17 @@ ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns) {
     if (stated == columns.end()) return {};
     return {*stated, "you said so; it does not change in these logs", {}};
   }
-  const std::vector<const LogColumn*> best = best_of(moving);
+  const std::vector<const LogColumn*> lively = without_supplies(moving, recordings);
+  const std::vector<const LogColumn*> best = best_of(lively.empty() ? moving : lively);
   if (best.size() > 1 && !are_copies(best)) return {nullptr, "", best};
-  return {best.front(), reason_of(*best.front(), moving.size())};
+  const LogColumn* chosen = best.front();
+  if (chosen->answered) return {chosen, reason_of(*chosen, moving.size())};
+  const DriveManner manner = manner_of_drive(*chosen, recordings);
+  if (const LogColumn* rival = rival_of(*chosen, manner, lively, recordings); rival != nullptr) {
+    return {nullptr, "", {chosen, rival}};
+  }
+  if (is_doubtful(manner)) return {nullptr, "", {chosen}, doubt_words(*chosen, manner)};
+  return {chosen, reason_of(*chosen, moving.size()), {}, doubt_of(*chosen, manner)};
 }
 
 ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns, LogQuantity quantity) {

@@ -14,11 +14,19 @@ struct ColumnChoice {
   const LogColumn* column = nullptr;
   std::string reason;
   std::vector<const LogColumn*> rivals = {};
+  std::string doubt = {};  // of the only rival, or of the column: what its samples say against it
 };
 
 // Forces before currents, voltages and commands; measured before reference; whole words before
 // letters. Columns that don't move are none. Of columns that are the same the first is taken.
-[[nodiscard]] ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns);
+//
+// The samples are heard, too (drive_manner.hpp), where the user said nothing of the column. What
+// hardly moves and keeps its sign gives way to any other column, and alone it is a question. So is
+// what keeps its sign while the axis moves both ways and does not follow the motion. A force and a
+// current that disagree are rivals, and so is a column of one sign beside another that changes its
+// sign.
+[[nodiscard]] ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns,
+                                        const std::vector<LogRecording>& recordings);
 
 // Chooses among columns of one quantity: measured before reference, raw before filtered. Where two
 // describe one motion without such words, the later one is measured.

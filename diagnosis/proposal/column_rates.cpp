@@ -16,7 +16,9 @@
 namespace graybox {
 namespace {
 
-constexpr Eigen::Index kFewestSamples = 200;
+constexpr Eigen::Index kFewestSamples = 50;
+constexpr Eigen::Index kFewestOfComparison = 200;  // compare_late()
+
 constexpr double kWorstMisfit = 0.5;
 constexpr double kTolerance = 1.125;  // a factor; the candidates' are further apart
 
@@ -79,6 +81,36 @@ std::string time_unit_of_rate(double factor, const ColumnWords& position,
   return "";
 }
 
+// Means over so many samples, those beside each where there are as many.
+Eigen::VectorXd smoothed(const Eigen::VectorXd& values, Eigen::Index over) {
+  Eigen::VectorXd means(values.size());
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    const Eigen::Index from = std::max<Eigen::Index>(0, k - over / 2),
+                       to = std::min(values.size() - 1, k + over / 2);
+    means(k) = values.segment(from, to - from + 1).mean();
+  }
+  return means;
+}
+
+// Least squares of the rate on the velocity, shifted by whole samples: for short logs.
+RateFit fit_short_rate(const Eigen::VectorXd& rate, const Eigen::VectorXd& velocity, double step) {
+  constexpr Eigen::Index kOver = 5, kLatest = 8, kEarliest = 2;
+  const Eigen::VectorXd x = smoothed(velocity, kOver), y = smoothed(rate, kOver);
+  RateFit best{0.0, 0.0, INFINITY};
+  for (Eigen::Index late = -kEarliest; late <= kLatest; ++late) {
+    const Eigen::Index n = x.size() - kEarliest - kLatest;
+    Eigen::ArrayXd a = x.segment(kEarliest + late, n), b = y.segment(kEarliest, n);
+    a -= a.mean();
+    b -= b.mean();
+    const double square = a.square().sum();
+    if (!(square > 0.0) || !(b.square().sum() > 0.0)) continue;
+    const double factor = (a * b).sum() / square;
+    const double misfit = std::sqrt((b - factor * a).square().sum() / b.square().sum());
+    if (misfit < best.misfit) best = {factor, static_cast<double>(late) * step, misfit};
+  }
+  return best;
+}
+
 }  // namespace
 
 std::pair<Eigen::VectorXd, bool> without_wraps(const Eigen::VectorXd& position, double turn) {
@@ -134,6 +166,11 @@ std::optional<RateFit> fit_rate(const Eigen::VectorXd& position, const Eigen::Ve
     return (x.array() - x.mean()).square().mean();
   };
   if (!(moves(rate) > 0.0) || !(moves(inner) > 0.0)) return {};
+  if (n - 2 < kFewestOfComparison) {
+    const RateFit fit = fit_short_rate(rate, inner, step);
+    if (!(fit.misfit < kWorstMisfit) || fit.factor == 0.0) return {};
+    return fit;
+  }
   const LateFit fit = compare_late(rate, inner, step).best();
   if (!(fit.misfit < kWorstMisfit) || fit.gain == 0.0) return {};
   return RateFit{1.0 / fit.gain, fit.late, fit.misfit};

@@ -23,7 +23,7 @@ struct RateFit {
 };
 
 // `step`: between samples. None where one is not the rate of the other (more than half is left),
-// or below 200 samples.
+// or below 50 samples. Below 200 the velocity is late by whole samples.
 [[nodiscard]] std::optional<RateFit> fit_rate(const Eigen::VectorXd& position,
                                               const Eigen::VectorXd& velocity, double step);
 

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
+#include <cstdlib>
 #include <initializer_list>
+#include <regex>
 #include <span>
 #include <utility>
 
@@ -58,6 +61,37 @@ constexpr auto kUnitWords = std::to_array<UnitWord>({
     {"usec", "us"},         {"micros", "us"},
     {"microseconds", "us"}, {"ns", "ns"},
     {"nsec", "ns"},         {"nanoseconds", "ns"},
+    {"m nm", "mN m"},       {"m n m", "mN m"},
+    {"m a", "mA"},          {"m v", "mV"},
+    {"k n", "kN"},          {"k nm", "kN m"},
+    {"k n m", "kN m"},
+});
+
+// Units that units.hpp has no name for, as a multiple of one that it has.
+struct ScaledUnit {
+  std::string_view words, unit;
+  double factor;
+};
+constexpr double kStandardGravity = 9.80665;
+constexpr auto kScaledUnits = std::to_array<ScaledUnit>({
+    {"cm", "m", 0.01},
+    {"cm s", "m/s", 0.01},
+    {"km h", "m/s", 1.0 / 3.6},
+    {"mrad s", "rad/s", 1e-3},
+    {"m n", "N", 1e-3},
+    {"mn", "N", 1e-3},
+    {"kgf", "N", kStandardGravity},
+    {"kg f", "N", kStandardGravity},
+    {"n cm", "N m", 0.01},
+    {"ncm", "N m", 0.01},
+    {"n mm", "N m", 1e-3},
+    {"nmm", "N m", 1e-3},
+    {"u nm", "N m", 1e-6},
+    {"u n m", "N m", 1e-6},
+    {"kg cm", "N m", 0.01 * kStandardGravity},
+    {"kgf cm", "N m", 0.01 * kStandardGravity},
+    {"u a", "A", 1e-6},
+    {"ua", "A", 1e-6},
 });
 
 struct QuantityWord {
@@ -215,10 +249,56 @@ std::string joined_words(std::span<const std::string> words) {
   return text;
 }
 
-std::string_view unit_of_words(std::string_view words) {
-  const auto* const found =
-      std::ranges::find_if(kUnitWords, [&](const auto& row) { return row.first == words; });
-  return found == kUnitWords.end() ? std::string_view{} : found->second;
+WrittenUnit unit_of_words(std::string_view words) {
+  for (const auto& [written, unit] : kUnitWords) {
+    if (written == words) return {std::string(unit), 1.0};
+  }
+  for (const ScaledUnit& row : kScaledUnits) {
+    if (row.words == words) return {std::string(row.unit), row.factor};
+  }
+  return {};
+}
+
+// A unit without a number.
+WrittenUnit plain_unit(const std::string& text) {
+  const std::string plain(trimmed(text));
+  if (find_unit(plain) != nullptr) return {plain, 1.0};
+  return unit_of_words(joined_words(words_of(plain)));
+}
+
+// "1e-3", "0.1", "10^-3"; 0 for what is no number above zero.
+double number_above_zero(const std::string& text) {
+  const std::size_t power = text.find('^');
+  const std::string digits = power == std::string::npos ? text : text.substr(power + 1);
+  char* end = nullptr;
+  const double value = std::strtod(digits.c_str(), &end);
+  if (end == digits.c_str() || *end != '\0') return 0.0;
+  const double number = power == std::string::npos ? value : std::pow(10.0, value);
+  return std::isfinite(number) && number > 0.0 ? number : 0.0;
+}
+
+// A unit with a number before or behind it.
+WrittenUnit unit_with_factor(const std::string& text) {
+  static const std::string kNumber = R"((10\^[-+]?\d{1,2}|\d+\.?\d*(?:[eE][-+]?\d{1,2})?|\.\d+))";
+  static const std::regex kBefore("^[xX*]?\\s*" + kNumber + "\\s*[xX*]?\\s*([^0-9\\s].*)$"),
+      kBehind("^(.*[^\\s])\\s*([*/]|\\s[xX])\\s*" + kNumber + "$");
+  std::smatch match;
+  constexpr std::size_t kLongest = 40;
+  if (text.size() > kLongest) return {};
+  double number = 0.0;
+  std::string rest;
+  if (std::regex_match(text, match, kBefore)) {
+    number = number_above_zero(match[1].str());
+    rest = match[2].str();
+  } else if (std::regex_match(text, match, kBehind)) {
+    number = number_above_zero(match[3].str());
+    if (match[2].str() == "/" && number > 0.0) number = 1.0 / number;
+    rest = match[1].str();
+  }
+  if (!(number > 0.0)) return {};
+  WrittenUnit unit = plain_unit(rest);
+  unit.factor *= number;
+  return unit;
 }
 
 // A capital A, N or V, or a small m or s, that ends a title is a unit beside a quantity it fits.
@@ -241,6 +321,13 @@ std::string unit_letter(const std::string& letter, const ColumnWords& words) {
   return letter == "s" && quantity == LogQuantity::kTime ? "s" : "";
 }
 
+// "10 LSB", but not "2nd axis": a number and then letters that are no ending of it.
+bool begins_as_factor(const std::string& text) {
+  static const std::regex kFactor(R"(^\s*[xX*]?\s*[0-9.]+\s*(?!st\b|nd\b|rd\b|th\b)[A-Za-z].*$)");
+  constexpr std::size_t kLongest = 40;
+  return text.size() <= kLongest && std::regex_match(text, kFactor);
+}
+
 // Takes the number in brackets behind an array's name, and the unit in brackets.
 std::string without_brackets(std::string_view title, ColumnWords& result) {
   std::string text(title);
@@ -248,13 +335,20 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
     const std::size_t first = text.rfind(open), last = text.rfind(close);
     if (first == std::string::npos || last == std::string::npos || last < first) continue;
     const std::string inside = text.substr(first + 1, last - first - 1);
-    const std::string unit = unit_as_written(inside);
+    const WrittenUnit unit = written_unit(inside);
     const bool is_number = !inside.empty() && std::ranges::all_of(inside, [](unsigned char c) {
       return std::isdigit(c);
     });
-    if (unit.empty() && !(is_number && inside.size() < 4)) continue;
-    if (is_number) result.index = std::stoi(inside);
-    if (!is_number) result.unit = unit;
+    const bool is_index = is_number && inside.size() < 4;
+    if (unit.unit.empty() && !is_index && !begins_as_factor(inside)) continue;
+    if (is_index) {
+      result.index = std::stoi(inside);
+    } else if (unit.unit.empty()) {
+      result.odd_unit = inside;
+    } else {
+      result.unit = unit.unit;
+      result.unit_factor = unit.factor;
+    }
     text.erase(first, last - first + 1);
   }
   return text;
@@ -286,10 +380,13 @@ void take_unit_words(Words& words, ColumnWords& result) {
   for (std::size_t count = std::min<std::size_t>(3, words.size()); count > 0; --count) {
     if (count == words.size() && words.size() > 1) continue;
     const std::string text = joined_words(std::span(words).subspan(words.size() - count, count));
-    const std::string_view unit = unit_of_words(text);
+    const WrittenUnit unit = unit_of_words(text);
     // "m s" may end "theta_m_s"; a unit of one word may be a title of its own ("rpm").
-    if (unit.empty()) continue;
-    if (result.unit.empty()) result.unit = unit;
+    if (unit.unit.empty()) continue;
+    if (result.unit.empty() && result.odd_unit.empty()) {
+      result.unit = unit.unit;
+      result.unit_factor = unit.factor;
+    }
     words.resize(words.size() - count);
     return;
   }
@@ -319,10 +416,38 @@ void read_quantity(const Words& words, ColumnWords& result) {
   }
 }
 
+// Whether a quantity that a whole word names can be in a unit of this one and this motion.
+bool fits_quantity(LogQuantity by_unit, MotionKind motion_of_unit, const ColumnWords& words) {
+  using Q = LogQuantity;
+  const Q quantity = words.quantity;
+  const bool is_open = by_unit == Q::kUnknown || quantity == Q::kUnknown || quantity == Q::kOther ||
+                       quantity == Q::kCommand || !words.sure;
+  if (is_open) return true;
+  // A position in rpm is its rate: the unit decides.
+  const bool is_rate =
+      quantity == Q::kPosition &&
+      (by_unit == Q::kVelocity || by_unit == Q::kTime || by_unit == Q::kAcceleration);
+  if (is_rate) return true;
+  const bool is_other_motion = words.motion != MotionKind::kOpen &&
+                               motion_of_unit != MotionKind::kOpen &&
+                               words.motion != motion_of_unit;
+  return by_unit == quantity && !is_other_motion;
+}
+
 // What a unit adds: a title of a unit alone, and a quantity that is a letter.
-void let_unit_decide(ColumnWords& result) {
+void let_unit_decide(const Words& words, ColumnWords& result) {
   if (result.unit.empty()) return;
   const LogQuantity by_unit = quantity_of_unit(result.unit);
+  const bool names_it = std::ranges::any_of(kQuantityWords, [&](const QuantityWord& row) {
+    return row.quantity == by_unit && std::ranges::find(words, row.word) != words.end();
+  });
+  if (names_it && result.quantity != LogQuantity::kOther) result.quantity = by_unit;
+  if (!fits_quantity(by_unit, motion_of_unit(result.unit), result)) {
+    result.odd_unit = result.unit;
+    result.unit.clear();
+    result.unit_factor = 1.0;
+    return;
+  }
   if (by_unit != LogQuantity::kUnknown && result.quantity != LogQuantity::kOther &&
       (!result.sure || result.quantity == LogQuantity::kPosition)) {
     result.quantity = by_unit;
@@ -364,10 +489,18 @@ std::vector<std::string> words_of(std::string_view title) {
   return in_lower_case(words_as_written(spelled_out(title)));
 }
 
+WrittenUnit written_unit(std::string_view text) {
+  std::string plain = spelled_out(trimmed(text));
+  const WrittenUnit unit = plain_unit(plain);
+  if (!unit.unit.empty()) return unit;
+  replace_all(plain, "\xC3\x97", "*");  // times
+  replace_all(plain, "\xC2\xB7", " ");  // middle dot
+  return unit_with_factor(std::string(trimmed(plain)));
+}
+
 std::string unit_as_written(std::string_view text) {
-  const std::string plain = spelled_out(trimmed(text));
-  if (find_unit(plain) != nullptr) return plain;
-  return std::string(unit_of_words(joined_words(words_of(plain))));
+  const WrittenUnit unit = written_unit(text);
+  return unit.factor == 1.0 ? unit.unit : std::string();
 }
 
 LogQuantity quantity_of_unit(std::string_view unit) {
@@ -429,16 +562,18 @@ const char* name_of(LogQuantity quantity) {
 
 ColumnWords read_column_words(std::string_view title, std::string_view stated_unit) {
   ColumnWords result;
-  result.unit = unit_as_written(stated_unit);
+  const WrittenUnit stated = written_unit(stated_unit);
+  result.unit = stated.unit;
+  result.unit_factor = stated.factor;
   Words written = words_as_written(without_brackets(spelled_out(title), result));
   Words words = in_lower_case(written);
   take_unit_words(words, result);
   read_quantity(words, result);
   const std::string last = words.empty() ? "" : written[words.size() - 1];
-  if (result.unit.empty() && words.size() > 1) {
+  if (result.unit.empty() && result.odd_unit.empty() && words.size() > 1) {
     result.unit = unit_letter(last, result);
   }
-  let_unit_decide(result);
+  let_unit_decide(words, result);
   read_manner(words, result);
   for (const std::string& word : words) {
     if (result.index || std::isdigit(static_cast<unsigned char>(word[0])) == 0) continue;

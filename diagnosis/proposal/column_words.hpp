@@ -5,6 +5,10 @@
 // Letters alone ("q", "v", "u") count, but are not `sure`: data may correct them. The file's name
 // is read the same way where a title has no quantity ("Joint_1" in pos_read_data.csv).
 //
+// A factor in a unit ("0.1 deg", "x10 mA", "deg/10") is kept beside it. A unit that the quantity
+// can't have (a torque in mN), and one in brackets that begins with a number and can't be read, is
+// none: it is told by itself, to be asked about.
+//
 //   read_column_words("i_A", "").quantity            // LogQuantity::kCurrent, unit "A"
 //   read_column_words("speed", "rpm").motion         // MotionKind::kRotary
 #pragma once
@@ -35,7 +39,9 @@ enum class DriveSide { kOpen, kMotor, kLoad };
 
 struct ColumnWords {
   LogQuantity quantity = LogQuantity::kUnknown;
-  std::string unit;  // a name of units.hpp; empty if the title has none
+  std::string unit;          // a name of units.hpp; empty if the title has none
+  double unit_factor = 1.0;  // of that unit, for one that was recorded
+  std::string odd_unit;      // as the title has it: no unit of the quantity, or none that is known
   MotionKind motion = MotionKind::kOpen;
   DriveSide side = DriveSide::kOpen;
   bool is_reference = false;  // desired, target, command
@@ -47,6 +53,13 @@ struct ColumnWords {
 
 // `stated_unit` is what the file says (RecordedColumn::unit), or empty.
 [[nodiscard]] ColumnWords read_column_words(std::string_view title, std::string_view stated_unit);
+
+// A unit with a factor: "0.1 deg" is {deg, 0.1}. An empty unit: none that is known.
+struct WrittenUnit {
+  std::string unit;
+  double factor = 1.0;
+};
+[[nodiscard]] WrittenUnit written_unit(std::string_view text);
 
 // The unit that people write like that ("Nm", "1/min", "°/s", "sec"), as units.hpp calls it; empty
 // if there is none.

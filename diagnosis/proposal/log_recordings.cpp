@@ -56,19 +56,16 @@ ColumnWords words_with_file(const RecordedColumn& column, const ColumnWords& fil
   return words;
 }
 
+// Without columns where no recording of enough samples is in it.
 LogFile read_log(const std::filesystem::path& path) {
   RecordingFile file = read_recording_file(path);
   LogFile log{path, {}, read_column_words(path.stem().string(), ""), file.sample_time};
   const Eigen::Index length = usual_length(file);
-  if (length == 0) {
-    throw InputError(fmt::format("{}: a recording needs {} samples at least; give a longer log",
-                                 path.string(), kFewestSamples));
-  }
   for (RecordedColumn& column : file.columns) {
-    if (column.values.size() != length) continue;
+    if (length == 0 || column.values.size() != length) continue;
     const ColumnWords words = words_with_file(column, log.words);
     log.columns.push_back(
-        {0, column.name, column.unit, words, std::move(column.values), false, ""});
+        {0, column.name, column.unit, words, words.unit_factor * column.values, false, ""});
   }
   return log;
 }
@@ -170,7 +167,10 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
     column.words.sure = true;
     column.words.is_reference = false;
     if (*place > 0) column.words.index = *place;
+    column.words.odd_unit.clear();
     if (!answer.unit.empty()) {
+      column.values *= answer.unit_factor / column.words.unit_factor;
+      column.words.unit_factor = answer.unit_factor;
       column.words.unit = answer.unit;
       column.words.motion = motion_of_unit(answer.unit);
     }
@@ -199,6 +199,29 @@ void mark_differences(std::vector<LogRecording>& recordings) {
       }
     }
   }
+}
+
+// The files with enough samples. Throws InputError where there is none.
+std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
+                               std::vector<std::string>* remarks) {
+  std::vector<LogFile> logs;
+  std::filesystem::path first_short;
+  for (const std::filesystem::path& path : files) {
+    LogFile log = read_log(path);
+    if (!log.columns.empty()) {
+      logs.push_back(std::move(log));
+      continue;
+    }
+    if (first_short.empty()) first_short = path;
+    if (remarks == nullptr) continue;
+    remarks->push_back(fmt::format("{} is left out: a recording needs {} samples at least",
+                                   path.filename().string(), kFewestSamples));
+  }
+  if (logs.empty()) {
+    throw InputError(fmt::format("{}: a recording needs {} samples at least; give a longer log",
+                                 first_short.string(), kFewestSamples));
+  }
+  return logs;
 }
 
 }  // namespace
@@ -253,7 +276,9 @@ ColumnAnswer column_answer(const std::string& text) {
     rest.resize(at);
   }
   if (const std::size_t colon = rest.find(':'); colon != std::string::npos) {
-    answer.unit = unit_as_written(rest.substr(colon + 1));
+    const WrittenUnit written = written_unit(rest.substr(colon + 1));
+    answer.unit = written.unit;
+    answer.unit_factor = written.factor;
     if (answer.unit.empty()) {
       throw InputError(fmt::format("--column {}: unknown unit '{}'; known: {}", text,
                                    rest.substr(colon + 1), known_unit_names()));
@@ -278,10 +303,10 @@ ColumnAnswer column_answer(const std::string& text) {
 }
 
 std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& files,
-                                    const std::vector<ColumnAnswer>& answers) {
+                                    const std::vector<ColumnAnswer>& answers,
+                                    std::vector<std::string>* remarks) {
   std::vector<std::vector<LogFile>> groups;
-  for (const std::filesystem::path& path : files) {
-    LogFile log = read_log(path);
+  for (LogFile& log : long_logs(files, remarks)) {
     const bool joins =
         !groups.empty() && std::ranges::all_of(groups.back(), [&](const LogFile& each) {
           return complement(each, log);

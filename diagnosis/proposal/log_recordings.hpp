@@ -25,7 +25,7 @@ struct LogColumn {
   std::string name;      // in the file
   std::string stated_unit;
   ColumnWords words;
-  Eigen::VectorXd values;
+  Eigen::VectorXd values;             // in words.unit: what was recorded, times words.unit_factor
   bool answered = false;              // what it is was said by the user
   std::string joint;                  // said by the user: a joint's name, motor or load; else empty
   std::string evidence = {};          // what the data said of it, where its title says nothing
@@ -54,14 +54,17 @@ struct ColumnAnswer {
   std::string names;
   LogQuantity quantity = LogQuantity::kUnknown;
   std::string unit;
-  std::string joint;
+  std::string joint = {};
+  double unit_factor = 1.0;  // of "0.1 deg"
 };
 // Throws InputError for a text that is none.
 [[nodiscard]] ColumnAnswer column_answer(const std::string& text);
 
-// Throws InputError for files that can't be read, for recordings of less than 50 samples, and for
-// an answer about a column that is not there.
+// Throws InputError for files that can't be read, for an answer about a column that is not there,
+// and where all recordings have less than 50 samples. Beside longer ones these are left out, with a
+// sentence each in `remarks`.
 [[nodiscard]] std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& files,
-                                                  const std::vector<ColumnAnswer>& answers);
+                                                  const std::vector<ColumnAnswer>& answers,
+                                                  std::vector<std::string>* remarks = nullptr);
 
 }  // namespace graybox

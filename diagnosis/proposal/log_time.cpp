@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/time_axis.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
@@ -93,6 +94,15 @@ void find_unit_of_time(const LogRecording& recording, const LogColumn& column, L
   }
 }
 
+// The median step, or that of the quarter of the steps that are shortest.
+double step_of_uneven(const Eigen::VectorXd& times, double median) {
+  constexpr double kMuchShorter = 0.75;  // of the median
+  const double shorter = quantile(steps_of(times), 0.25);
+  return shorter < kMuchShorter * median ? shorter : median;
+}
+
+double in_two_digits(double value) { return std::stod(fmt::format("{:.2g}", value)); }
+
 }  // namespace
 
 double LogTime::seconds() const {
@@ -120,17 +130,27 @@ LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
   }
   time.column = column->name;
   time.file = column->file;
+  if (column->words.unit_factor != 1.0) {
+    throw InputError(
+        fmt::format("{}: column '{}': a time in {:g} {} can't be read; say --column '{}=ignore' "
+                    "and --sample-time",
+                    recording.files[column->file].string(), column->name, column->words.unit_factor,
+                    column->words.unit, column->name));
+  }
   const TimeAxis axis = examine_times(column->values);
   time.median_step = axis.step;
   time.is_even = axis.kind == TimeAxis::Kind::kEven ||
                  (axis.kind == TimeAxis::Kind::kJittered && axis.jitter < 0.09);
   find_unit_of_time(recording, *column, time);
-  const auto steps = static_cast<double>(column->values.size() - 1);
-  const double step = time.is_even
-                          ? (column->values(column->values.size() - 1) - column->values(0)) / steps
-                          : axis.step;
-  time.sample_time = time.is_even ? rounded_step(step * time.seconds())
-                                  : std::stod(fmt::format("{:.2g}", step * time.seconds()));
+  if (time.is_even) {
+    const auto steps = static_cast<double>(column->values.size() - 1);
+    const double span = column->values(column->values.size() - 1) - column->values(0);
+    time.sample_time = rounded_step(span / steps * time.seconds());
+    return time;
+  }
+  const double step = step_of_uneven(column->values, axis.step);
+  if (step < axis.step) time.of_step = "the shorter steps, of two sizes";
+  time.sample_time = in_two_digits(step * time.seconds());
   return time;
 }
 

@@ -4,6 +4,9 @@
 // first column, if it rises in steps of about one size. Its unit comes from the title. Else it
 // comes from stamps of the Unix epoch, from a position beside its velocity (column_rates.hpp), or
 // from the size of the step, in this order. Steps that could be two units are left open.
+//
+// The sample time of uneven times is the median step; where a quarter of the steps is much shorter,
+// as with steps of 60 and 120 ms in turn, it is theirs, so that every part of the log allows it.
 #pragma once
 
 #include <optional>
@@ -16,18 +19,22 @@ namespace graybox {
 struct LogTime {
   std::string column;  // in its file; empty: none
   std::size_t file = 0;
-  std::string unit;          // empty: open
-  std::string why;           // of the unit
-  double median_step = 1.0;  // recorded unit; samples where there is no column
-  bool is_even = true;       // within a tenth of a step
-  double sample_time = 0.0;  // s; 0: open
+  std::string unit;                         // empty: open
+  std::string why;                          // of the unit
+  double median_step = 1.0;                 // recorded unit; samples where there is no column
+  bool is_even = true;                      // within a tenth of a step
+  double sample_time = 0.0;                 // s; 0: open
+  std::string of_step = "the median step";  // what the sample time of uneven times is
+  // One of so many samples is taken, from that one on: what was measured holds its values.
+  Eigen::Index every = 1, from = 0;
 
   // Seconds that one of the recorded unit is; 0 where it is open.
   [[nodiscard]] double seconds() const;
 };
 
 // `stated`: s, what the user says; it stands in for a missing column. Throws InputError for a time
-// that is named and doesn't rise.
+// that is named and doesn't rise,
+// and for one whose unit has a factor, which a campaign can't have.
 [[nodiscard]] LogTime find_time(const LogRecording& recording, std::optional<double> stated);
 
 // A sample time with as few digits as its times allow: 0.00200003 is 0.002.

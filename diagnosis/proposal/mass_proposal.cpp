@@ -9,8 +9,11 @@
 #include <string>
 
 #include "diagnosis/proposal/campaign_draft.hpp"
+#include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/held_values.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 
@@ -37,6 +40,9 @@ class MassProposal {
     collect_open_columns();
     choose_the_drive();
     choose_motions();
+    if (!draft_.time.is_even) draft_.hold = "first";
+    take_held_values();
+    even_ = EvenSamples(log_, draft_.time);
     draft_campaign();
     if (proposal_.questions.empty()) relate_encoders();
     proposal_.model_text = model();
@@ -120,7 +126,7 @@ class MassProposal {
   }
 
   void choose_the_drive() {
-    ColumnChoice choice = choose_drive(columns_);
+    ColumnChoice choice = choose_drive(columns_, recordings_);
     if (choice.column == nullptr && choice.rivals.empty()) {
       if (open_.empty()) {
         throw InputError(
@@ -138,25 +144,85 @@ class MassProposal {
       }
     }
     if (choice.column == nullptr) {
-      OpenQuestion question =
-          which_of(choice.rivals, "force, torque, current or command that drives");
-      for (AnswerChoice& each : question.choices) {
-        each.columns = {each.label + "=command"};
-        for (const LogColumn* rival : choice.rivals) {
-          if (rival->name != each.label && drives(rival->words.quantity)) {
-            each.columns.push_back(rival->name + "=ignore");
-          }
-        }
-        const LogColumn* chosen = *std::ranges::find_if(
-            choice.rivals, [&](const LogColumn* rival) { return rival->name == each.label; });
-        if (drives(chosen->words.quantity)) each.columns.erase(each.columns.begin());
-      }
-      question.option = fmt::format("--column '{}=torque', say", choice.rivals.front()->name);
-      proposal_.questions.push_back(question);
+      proposal_.questions.push_back(choice.doubt.empty() ? question_of_drives(choice.rivals)
+                                                         : question_of_doubt(choice));
+      likely_drive_ = choice.rivals.front();
       return;
     }
-    drive_ = choice.column;
+    drive_ = likely_drive_ = choice.column;
     guess("drive", fmt::format("'{}'", drive_->name), choice.reason);
+    if (!choice.doubt.empty()) proposal_.notes.push_back(choice.doubt);
+    if (!drive_->words.odd_unit.empty() && !drive_->answered) ask_unit_of_drive();
+    find_wrap_of_drive();
+  }
+
+  static std::string answer_of(const LogColumn& column) {
+    const bool is_known = drives(column.words.quantity);
+    return fmt::format("{}={}", column.name, is_known ? name_of(column.words.quantity) : "command");
+  }
+
+  static OpenQuestion question_of_drives(const Columns& rivals) {
+    OpenQuestion question = which_of(rivals, "force, torque, current or command that drives");
+    for (std::size_t k = 0; k < rivals.size(); ++k) {
+      question.choices[k].columns = {answer_of(*rivals[k])};
+    }
+    const bool all_known = std::ranges::all_of(
+        rivals, [](const LogColumn* rival) { return drives(rival->words.quantity); });
+    question.option = fmt::format("--column '{}=torque', say", rivals.front()->name);
+    constexpr std::size_t kFew = 3;
+    if (!all_known || rivals.size() > kFew) return question;
+    question.option.clear();
+    for (const LogColumn* rival : rivals) {
+      question.option +=
+          fmt::format("{}--column '{}'", question.option.empty() ? "" : " or ", answer_of(*rival));
+    }
+    return question;
+  }
+
+  // The only column that may be the drive, and hardly is; others whose titles say nothing may be.
+  [[nodiscard]] OpenQuestion question_of_doubt(const ColumnChoice& choice) const {
+    const LogColumn& column = *choice.rivals.front();
+    const std::string other = open_.empty() ? "OTHER" : open_.front()->name;
+    OpenQuestion question;
+    question.text = fmt::format("Is '{}' the drive? It {}.", column.name, choice.doubt);
+    question.option =
+        fmt::format("--column '{}' if it is; else --column '{}=ignore' --column '{}=torque'{}",
+                    answer_of(column), column.name, other, open_.empty() ? "" : ", say");
+    question.choices = {{"it is the drive", {answer_of(column)}}};
+    for (const LogColumn* each : open_) {
+      question.choices.push_back(
+          {fmt::format("'{}' is", each->name), {answer_of(*each), column.name + "=ignore"}});
+    }
+    question.choices.push_back({"it is not", {column.name + "=ignore"}});
+    return question;
+  }
+
+  void ask_unit_of_drive() {
+    const LogQuantity quantity = drive_->words.quantity;
+    std::vector<std::string> units{"A", "mA"};
+    if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};
+    if (quantity == LogQuantity::kVoltage) units = {"V", "mV"};
+    const bool is_torque =
+        quantity == LogQuantity::kForce && drive_->words.motion == MotionKind::kRotary;
+    proposal_.questions.push_back(
+        question_of_unit(*drive_, is_torque ? "torque" : name_of(quantity), units));
+  }
+
+  // A signed number that was read as unsigned, in any of the logs.
+  void find_wrap_of_drive() {
+    for (const LogRecording& recording : recordings_) {
+      const LogColumn& column = recording.at(drive_->file, drive_->name);
+      const Eigen::VectorXd recorded = without_gaps(column.values) / column.words.unit_factor;
+      const std::optional<CounterWrap> wrap = find_wrap(recorded, 0.0);
+      if (!wrap) continue;
+      drive_period_ = wrap->period * column.words.unit_factor;
+      proposal_.notes.push_back(fmt::format(
+          "'{}' jumps by 2^{:g}, as a number with a sign does that was read without: it is "
+          "unwrapped",
+          drive_->name, std::log2(wrap->period)));
+      drive_wrap_ = fmt::format(", bits: {:g}", std::log2(wrap->period));
+      return;
+    }
   }
 
   // ---- motions ---------------------------------------------------------------------------------
@@ -171,14 +237,15 @@ class MassProposal {
         return column->words.motion;
       }
     }
-    return drive_ == nullptr ? MotionKind::kOpen : drive_->words.motion;
+    return likely_drive_ == nullptr ? MotionKind::kOpen : likely_drive_->words.motion;
   }
 
   void choose_motions() {
     motion_ = motion_of_drive();
     const bool is_open = motion_ == MotionKind::kOpen;
     if (is_open) motion_ = MotionKind::kRotary;
-    const MotionContext context{draft_.time.sample_time, motion_, request_.counts_per_turn};
+    const MotionContext context{draft_.time.sample_time, EvenSamples(log_, draft_.time), motion_,
+                                request_.counts_per_turn};
     if (has_two_) {
       choose_two(context);
     } else {
@@ -200,7 +267,10 @@ class MassProposal {
       return;
     }
     if (choice.questions.empty()) {
-      guess(what, fmt::format("'{}' in {}", choice.column->name, choice.unit),
+      const double factor = choice.column->words.unit_factor;
+      const std::string unit =
+          factor == 1.0 ? choice.unit : fmt::format("{:g} {}", factor, choice.unit);
+      guess(what, fmt::format("'{}' in {}", choice.column->name, unit),
             choice.reason == choice.unit_reason ? choice.reason
                                                 : choice.reason + "; " + choice.unit_reason);
     }
@@ -269,6 +339,48 @@ class MassProposal {
                       std::max(first, second), std::min(first, second)));
   }
 
+  // ---- values that are held ---------------------------------------------------------------------
+
+  // A motion that was measured at a slower rate than logged: one of so many samples is taken.
+  void take_held_values() {
+    if (!(draft_.time.sample_time > 0.0)) return;
+    for (const MotionChoice& motion : motions_) {
+      if (motion.column == nullptr) continue;
+      const std::optional<HeldValues> held = find_held_values(without_gaps(motion.column->values));
+      if (!held) continue;
+      raw_step_ = draft_.time.sample_time;
+      draft_.time.every = held->samples;
+      draft_.time.from = held->first % held->samples;
+      draft_.time.sample_time =
+          rounded_step(static_cast<double>(held->samples) * draft_.time.sample_time);
+      if (draft_.time.column.empty()) {
+        constexpr double kBelow = 0.4;  // of the slower rate
+        draft_.decimation = held->samples;
+        draft_.low_pass = std::stod(fmt::format("{:.3g}", kBelow / draft_.time.sample_time));
+        draft_.low_pass_reason = "before samples are left out";
+      } else {
+        draft_.time.is_even = false;
+        draft_.time.of_step = "one of so many samples";
+      }
+      guess("held", fmt::format("'{}'", motion.column->name),
+            fmt::format("each value for {} samples: one of {} is taken, every {:g} s",
+                        held->samples, held->samples, draft_.time.sample_time));
+      return;
+    }
+  }
+
+  // Where in a segment of a recording the motion's values begin.
+  [[nodiscard]] Eigen::Index first_of_held(const DraftExperiment& experiment) const {
+    const LogColumn* column = motions_.front().column;
+    const LogColumn& here = recordings_[experiment.recording].at(column->file, column->name);
+    const Eigen::Index count = experiment.last - experiment.first + 1;
+    const std::optional<HeldValues> held =
+        find_held_values(without_gaps(here.values.segment(experiment.first, count)));
+    if (held) return held->first % draft_.time.every;
+    const Eigen::Index behind = (draft_.time.from - experiment.first) % draft_.time.every;
+    return behind < 0 ? behind + draft_.time.every : behind;
+  }
+
   // ---- the campaign ----------------------------------------------------------------------------
 
   [[nodiscard]] bool is_linear() const { return motion_ == MotionKind::kLinear; }
@@ -293,12 +405,15 @@ class MassProposal {
     const Unit* known = find_unit(unit);
     const bool is_force = known != nullptr && known->base == force_unit() && !request_.gain;
     const double gain = request_.gain.value_or(1.0);
+    const double recorded_gain = gain * drive_->words.unit_factor;
     force_factor_ = is_force ? known->factor : gain;
     std::string comment = drive_->words.unit.empty() && is_force ? "the unit is guessed" : "";
     std::string text;
     if (!is_force) {
-      text = fmt::format("{{value: {:g}, unit: {}/{}}}", gain, force_unit(), unit);
-      if (unit == "1") text = fmt::format("{{value: {:g}, unit: \"{}/1\"}}", gain, force_unit());
+      text = fmt::format("{{value: {:g}, unit: {}/{}}}", recorded_gain, force_unit(), unit);
+      if (unit == "1") {
+        text = fmt::format("{{value: {:g}, unit: \"{}/1\"}}", recorded_gain, force_unit());
+      }
       if (!request_.gain) {
         comment =
             fmt::format("1 {} stands for one recorded unit: its gain is not known", force_unit());
@@ -310,6 +425,7 @@ class MassProposal {
     }
     draft_.channels.push_back(
         {force_name(), drive_->file, drive_->name, unit, text, "input", comment});
+    if (!drive_wrap_.empty()) draft_.wrapped.push_back({force_name(), drive_wrap_});
   }
 
   [[nodiscard]] std::string option_of_last() const {
@@ -318,7 +434,6 @@ class MassProposal {
 
   void draft_campaign() {
     draft_.heading = fmt::format("# Proposed by `{}`. Change what is wrong.\n", request_.command);
-    if (!draft_.time.is_even) draft_.hold = "first";
     add_drive_channel();
     Columns decisive;
     for (std::size_t k = 0; k < motions_.size(); ++k) {
@@ -329,7 +444,7 @@ class MassProposal {
       }
       draft_.channels.push_back({motion_name(k), each.column->file, each.column->name, each.unit,
                                  each.gain, "output", comment});
-      if (each.is_wrapped) draft_.wrapped.push_back(motion_name(k));
+      if (each.is_wrapped) draft_.wrapped.push_back({motion_name(k), each.wrap_period});
       decisive.push_back(each.column);
     }
     if (motions_.empty()) {
@@ -339,13 +454,31 @@ class MassProposal {
     }
     note_gaps();
     note_unused();
+    draft_.keeps_standstill = request_.split != SplitPlan::kMovingHalves;
     draft_.experiments =
         draft_experiments(recordings_, decisive, !motions_.empty() && motions_.front().is_velocity,
-                          draft_.time.sample_time);
-    guess("kept out",
-          recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
-                                 : "the second half",
-          "checks the fit");
+                          raw_step_ > 0.0 ? raw_step_ : draft_.time.sample_time, request_.split);
+    if (draft_.time.every > 1) {
+      for (DraftExperiment& each : draft_.experiments) each.from = first_of_held(each);
+    }
+    guess_what_is_kept_out();
+  }
+
+  void guess_what_is_kept_out() {
+    const std::string few = "with less in the fit a diagnosis would have too few samples";
+    const bool is_one = recordings_.size() == 1;
+    if (request_.split == SplitPlan::kNoValidation) return guess("kept out", "nothing", few);
+    if (!is_one) {
+      guess("kept out", recordings_.back().files.front().filename().string(), "checks the fit");
+    } else if (request_.split == SplitPlan::kMostInFit) {
+      guess("kept out", "the last quarter", "checks the fit; " + few);
+    } else {
+      guess("kept out", "the second half", "checks the fit");
+    }
+    if (request_.split != SplitPlan::kMovingHalves) {
+      guess("standstill", "kept",
+            is_one && request_.split == SplitPlan::kMostInFit ? "the same" : few);
+    }
   }
 
   void note_gaps() {
@@ -403,8 +536,9 @@ class MassProposal {
     if (!channel.gain.empty()) return;
     const Unit* unit = find_unit(channel.unit);
     const std::string base(unit->base);
-    channel.gain =
-        fmt::format("{{value: {:.6g}, unit: {}/{}}}", factor * unit->factor, base, channel.unit);
+    channel.gain = fmt::format("{{value: {:.6g}, unit: {}/{}}}",
+                               factor * unit->factor * motions_[1].column->words.unit_factor, base,
+                               channel.unit);
     channel.comment =
         fmt::format("both move together by {:.4g} (correlation {:.2f})", slope, alike);
     guess("load's sensor", fmt::format("times {:.4g}", factor), channel.comment);
@@ -418,16 +552,23 @@ class MassProposal {
     return proposal_.questions.empty() && drive_ != nullptr && !motions_.empty();
   }
 
+  // At even times.
   [[nodiscard]] Eigen::VectorXd force() const {
-    return force_factor_ * without_gaps(drive_->values);
+    Eigen::VectorXd values = without_gaps(drive_->values);
+    if (drive_period_ > 0.0) values = unwrapped(values, drive_period_);
+    return force_factor_ * even_.of(values);
+  }
+  [[nodiscard]] Eigen::VectorXd motion(std::size_t k) const {
+    return even_.of(motions_[k].values(log_));
   }
 
   std::string masses() {
     OneMassStart start{1.0, 0.01};
-    std::string why = "guessed: the log shows no inertia";
+    std::string why = "guessed: open until the questions are answered";
     if (can_compute()) {
-      const std::optional<OneMassStart> found = start_one_mass(
-          force(), motions_[0].values(log_), motions_[0].is_velocity, draft_.time.sample_time);
+      why = "guessed: the log shows no inertia";
+      const std::optional<OneMassStart> found =
+          start_one_mass(force(), motion(0), motions_[0].is_velocity, draft_.time.sample_time);
       if (found) {
         start = *found;
         why = "a start: least squares of the drive on acceleration and friction";
@@ -448,14 +589,13 @@ class MassProposal {
   SpringStart spring_start() {
     if (can_compute() && motions_.size() == 2 &&
         motions_[0].is_velocity == motions_[1].is_velocity) {
-      const auto found =
-          start_two_masses(force(), motions_[0].values(log_), motions_[1].values(log_),
-                           motions_[0].is_velocity, draft_.time.sample_time);
+      const auto found = start_two_masses(force(), motion(0), motion(1), motions_[0].is_velocity,
+                                          draft_.time.sample_time);
       if (found) return {*found, "a start: least squares of both equations of motion"};
     }
     double total = 0.01;
     if (can_compute()) {
-      const Eigen::VectorXd motor = motions_[0].values(log_);
+      const Eigen::VectorXd motor = motion(0);
       const auto found =
           start_one_encoder(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
       if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
@@ -489,7 +629,7 @@ class MassProposal {
         "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
         values.stiffness, stiffness, values.damping, damping);
     if (motions_.size() == 2 && !motions_[1].is_velocity && can_compute()) {
-      const double zero = (motions_[1].values(log_) - motions_[0].values(log_)).mean();
+      const double zero = (motion(1) - motion(0)).mean();
       text += fmt::format(
           "  - name: load_zero                            # the sensors' zeros differ\n"
           "    location: {{kind: sensor, output: {}}}\n    law: offset\n"
@@ -530,9 +670,14 @@ class MassProposal {
   MotionKind motion_ = MotionKind::kRotary;
   Columns columns_, open_;  // without times; those of unknown quantity that move
   const LogColumn* drive_ = nullptr;
+  const LogColumn* likely_drive_ = nullptr;  // also where a question is open
   double force_factor_ = 1.0;
   std::vector<MotionChoice> motions_;
   std::vector<std::string> sides_;
+  EvenSamples even_;
+  double drive_period_ = 0.0;  // of its wraps, in its unit; 0: none
+  std::string drive_wrap_;     // for the campaign
+  double raw_step_ = 0.0;      // s between recorded samples, where values are held
   CampaignDraft draft_;
   ModelProposal proposal_;
 };

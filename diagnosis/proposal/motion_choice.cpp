@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {
@@ -14,7 +15,8 @@ namespace {
 constexpr double kTurn = 2.0 * std::numbers::pi;
 constexpr double kRadiansOpen = 4.0 * std::numbers::pi;  // spans beyond may be degrees
 constexpr double kSpeedOpen = 300.0;                     // beyond it rpm are as likely as rad/s
-constexpr double kLate = 0.005;                          // s; worth a note
+constexpr Eigen::Index kFewestCompared = 50;
+constexpr double kLate = 0.005;  // s; worth a note
 
 double span_of(const LogColumn& column) {
   const Eigen::VectorXd values = without_gaps(column.values);
@@ -44,9 +46,15 @@ class MotionUnitChoice {
 
   void run() {
     if (position_ != nullptr && velocity_ != nullptr) compare();
-    if (position_ == nullptr) return take_velocity();
-    if (position_->words.unit == "counts" || holds_counts(*position_)) return take_counts();
-    take_position();
+    if (position_ == nullptr) {
+      take_velocity();
+    } else if (position_->words.unit == "counts" || holds_counts(*position_)) {
+      take_counts();
+    } else {
+      take_position();
+    }
+    note_remarks();
+    ask_odd_unit();
   }
 
  private:
@@ -62,16 +70,18 @@ class MotionUnitChoice {
   void compare() {
     if (!(context_.step > 0.0)) return;
     const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
-    fit_ = fit_rate(smooth, velocity_->values, context_.step);
+    fit_ = fit_rate(context_.even.of(smooth), context_.even.of(velocity_->values), context_.step);
     if (!fit_) {
-      choice_.notes.push_back(fmt::format("'{}' is not the rate of '{}': it is not used",
-                                          velocity_->name, position_->name));
+      if (context_.even.of(smooth).size() >= kFewestCompared) {
+        remarks_.push_back(
+            fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
+      }
       return;
     }
     if (std::abs(fit_->late) > std::max(kLate, 2.0 * context_.step)) {
-      choice_.notes.push_back(fmt::format(
-          "'{}' is {} than the rate of '{}' by {:.3g} s: it is not used", velocity_->name,
-          fit_->late > 0.0 ? "later" : "earlier", position_->name, std::abs(fit_->late)));
+      remarks_.push_back(fmt::format("'{}' is {} than the rate of '{}' by {:.3g} s",
+                                     velocity_->name, fit_->late > 0.0 ? "later" : "earlier",
+                                     position_->name, std::abs(fit_->late)));
     }
     if (fit_->factor < 0.0) {
       choice_.notes.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
@@ -82,10 +92,35 @@ class MotionUnitChoice {
     note_factor();
     if (!units_.contradicts) return;
     const bool both_stated = !position_->words.unit.empty() && !velocity_->words.unit.empty();
+    if (both_stated && is_gear()) {
+      const double ratio = fit_->factor * find_unit(position_->words.unit)->factor /
+                           find_unit(velocity_->words.unit)->factor;
+      remarks_.push_back(
+          fmt::format("'{}' is the rate of '{}' times {:.4g}, as behind a gear (misfit {:.2g} %)",
+                      velocity_->name, position_->name, 1.0 / ratio, 100.0 * fit_->misfit));
+      return;
+    }
     if (both_stated) return ask_units();
-    choice_.notes.push_back(
-        fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units: it is not used",
-                    position_->name, fit_->factor, velocity_->name));
+    remarks_.push_back(fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units",
+                                   position_->name, fit_->factor, velocity_->name));
+  }
+
+  // A constant ratio that no other units of the two explain.
+  [[nodiscard]] bool is_gear() const {
+    constexpr double kSurely = 0.25;  // of the misfit
+    if (fit_->misfit > kSurely) return false;
+    return !units_by_rate(fit_->factor, "", velocity_->words.unit, motion()).is_found &&
+           !units_by_rate(fit_->factor, position_->words.unit, "", motion()).is_found;
+  }
+
+  // What was seen of the two, and which of them is not used.
+  void note_remarks() {
+    for (const std::string& remark : remarks_) {
+      const LogColumn* unused = choice_.is_velocity ? position_ : velocity_;
+      choice_.notes.push_back(choice_.is_velocity
+                                  ? fmt::format("{}; '{}' is not used", remark, unused->name)
+                                  : remark + ": it is not used");
+    }
   }
 
   // Units that fit, and yet not quite.
@@ -133,7 +168,16 @@ class MotionUnitChoice {
     const Unit* known = find_unit(unit);
     choice_.factor = known == nullptr ? 1.0 : known->factor;
     choice_.other = is_velocity ? nullptr : velocity_;
-    if (!is_velocity) choice_.is_wrapped = without_wraps(column->values, turn_in(unit)).second;
+    if (!is_velocity) find_wraps(column, turn_in(unit));
+  }
+
+  // Jumps by a turn, or by the range of a counter.
+  void find_wraps(const LogColumn* column, double turn) {
+    const std::optional<CounterWrap> wrap = find_wrap(column->values, turn);
+    choice_.is_wrapped = wrap.has_value();
+    if (!wrap || (wrap->period == turn && column->words.unit_factor == 1.0)) return;
+    choice_.wrap_period =
+        fmt::format(", period: {:.10g}", wrap->period / column->words.unit_factor);
   }
 
   void take_position() {
@@ -163,6 +207,16 @@ class MotionUnitChoice {
     }
   }
 
+  // A title with a unit that the motion can't have.
+  void ask_odd_unit() {
+    const LogColumn* column = choice_.column;
+    if (column == nullptr || column->words.odd_unit.empty() || column->answered) return;
+    choice_.questions.push_back(question_of_unit(
+        *column, choice_.is_velocity ? "velocity" : "position",
+        choice_.is_velocity ? std::vector<std::string>{"rad/s", "rpm", "deg/s", "m/s"}
+                            : std::vector<std::string>{"rad", "deg", "m", "mm"}));
+  }
+
   void take_counts() {
     double count = context_.counts_per_turn ? kTurn / *context_.counts_per_turn : 0.0;
     std::string why = fmt::format("{:g} counts a turn, as you said", kTurn / count);
@@ -189,7 +243,7 @@ class MotionUnitChoice {
     choice_.gain = count == 0.0 ? "{value: ANSWER, unit: rad/counts}"
                                 : fmt::format("{{value: {:.8g}, unit: rad/counts}}", count);
     choice_.factor = count == 0.0 ? 1.0 : count;
-    choice_.is_wrapped = without_wraps(position_->values, 0.0).second;
+    find_wraps(position_, 0.0);
   }
 
   void ask_unit(const LogColumn* column, const char* quantity,
@@ -210,6 +264,7 @@ class MotionUnitChoice {
   MotionChoice& choice_;
   std::optional<RateFit> fit_;
   MotionUnits units_;
+  std::vector<std::string> remarks_;  // how position and velocity agree
 };
 
 }  // namespace
@@ -228,6 +283,7 @@ Eigen::VectorXd without_gaps(Eigen::VectorXd values) {
 
 Eigen::VectorXd MotionChoice::values(const LogRecording& recording) const {
   const Eigen::VectorXd recorded = without_gaps(recording.at(column->file, column->name).values);
+  // In the column's unit, as LogColumn::values: a factor of it is in them already.
   if (!is_wrapped) return factor * recorded;
   return factor * without_wraps(recorded, unit == "counts" ? 0.0 : turn_in(unit)).first;
 }
@@ -243,6 +299,19 @@ OpenQuestion which_of(const std::vector<const LogColumn*>& columns, const std::s
     question.choices.push_back(std::move(choice));
   }
   question.option = fmt::format("--column '{}=ignore', say", columns.back()->name);
+  return question;
+}
+
+OpenQuestion question_of_unit(const LogColumn& column, const std::string& quantity,
+                              const std::vector<std::string>& units) {
+  OpenQuestion question;
+  question.text = fmt::format("'{}': '{}' is no unit of a {} that is known: which unit has it?",
+                              column.name, column.words.odd_unit, quantity);
+  question.option = fmt::format("--column '{}={}:{}', say; a factor before it: '{}:0.1 {}'",
+                                column.name, quantity, units.front(), quantity, units.front());
+  for (const std::string& unit : units) {
+    question.choices.push_back({unit, {fmt::format("{}={}:{}", column.name, quantity, unit)}});
+  }
   return question;
 }
 

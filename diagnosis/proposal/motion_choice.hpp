@@ -8,6 +8,7 @@
 
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 
 namespace graybox {
@@ -19,7 +20,8 @@ struct MotionChoice {
   std::string gain;     // of counts: "{value: ..., unit: rad/counts}"
   double factor = 1.0;  // to SI, the gain included
   bool is_wrapped = false;
-  std::string reason;  // of the column
+  std::string wrap_period;  // for the campaign, where it is no turn of the recorded unit
+  std::string reason;       // of the column
   std::string unit_reason;
   std::vector<OpenQuestion> questions = {};
   std::vector<std::string> notes = {};  // of the other column: late, not the rate, ...
@@ -30,10 +32,15 @@ struct MotionChoice {
 };
 
 struct MotionContext {
-  double step = 0.0;  // s between samples; 0: not known
+  double step = 0.0;      // s between samples; 0: not known
+  EvenSamples even = {};  // of uneven times
   MotionKind motion = MotionKind::kOpen;
   std::optional<double> counts_per_turn;
 };
+
+// The question which unit a column has whose title states an odd one.
+[[nodiscard]] OpenQuestion question_of_unit(const LogColumn& column, const std::string& quantity,
+                                            const std::vector<std::string>& units);
 
 // Chooses among columns of one thing. An open `column` without questions means that there is none.
 [[nodiscard]] MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,

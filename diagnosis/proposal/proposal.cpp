@@ -44,6 +44,26 @@ std::string safe_name(const std::string& title, std::set<std::string>& taken) {
   return unique;
 }
 
+// "load" is the word of small servos for the effort of their drive. Beside a motion it is taken for
+// that; without one it may be the load's position.
+void name_loads(std::vector<LogRecording>& recordings) {
+  const bool has_motion =
+      std::ranges::any_of(recordings.front().columns, [](const LogColumn& each) {
+        return each.words.quantity == LogQuantity::kPosition ||
+               each.words.quantity == LogQuantity::kVelocity;
+      });
+  if (!has_motion) return;
+  for (LogRecording& recording : recordings) {
+    for (LogColumn& column : recording.columns) {
+      const std::vector<std::string> words = words_of(column.name);
+      const bool is_load = std::ranges::find(words, "load") != words.end();
+      if (column.words.quantity != LogQuantity::kUnknown || !is_load) continue;
+      column.words.quantity = LogQuantity::kCommand;
+      column.evidence = "'load', a servo's word for its drive's effort";
+    }
+  }
+}
+
 // Every column that was recognised, for a campaign by itself.
 ModelProposal propose_recordings(const ProposalRequest& request,
                                  const std::vector<LogRecording>& recordings) {
@@ -71,7 +91,11 @@ ModelProposal propose_recordings(const ProposalRequest& request,
                          "",
                          "other",
                          ""};
-    if (channel.unit.empty()) {
+    if (!column.words.odd_unit.empty()) {
+      channel.unit = "1";
+      channel.comment = fmt::format("'{}' is no unit of a {}: state the right one",
+                                    column.words.odd_unit, name_of(quantity));
+    } else if (channel.unit.empty()) {
       channel.unit = "1";
       channel.comment = quantity == LogQuantity::kUnknown
                             ? "not recognised"
@@ -95,13 +119,11 @@ ModelProposal propose_recordings(const ProposalRequest& request,
   return proposal;
 }
 
-}  // namespace
-
-ModelProposal propose_model(const ProposalRequest& request) {
-  std::vector<LogRecording> recordings = read_logs(request.logs, request.columns);
+ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecording>& recordings) {
   if (request.machine != ProposedMachine::kRobot) {
     const LogTime time = find_time(recordings.front(), request.sample_time);
     name_by_rates(recordings, time.sample_time > 0.0 ? time.sample_time : 1.0);
+    name_loads(recordings);
   }
   switch (request.machine) {
     case ProposedMachine::kRobot:
@@ -119,6 +141,16 @@ ModelProposal propose_model(const ProposalRequest& request) {
     default:
       return propose_masses(request, recordings);
   }
+}
+
+}  // namespace
+
+ModelProposal propose_model(const ProposalRequest& request) {
+  std::vector<std::string> remarks;
+  std::vector<LogRecording> recordings = read_logs(request.logs, request.columns, &remarks);
+  ModelProposal proposal = propose_from(request, recordings);
+  proposal.notes.insert(proposal.notes.begin(), remarks.begin(), remarks.end());
+  return proposal;
 }
 
 }  // namespace graybox

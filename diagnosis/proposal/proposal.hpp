@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/proposal/campaign_draft.hpp"
 #include "diagnosis/proposal/log_recordings.hpp"
 
 namespace graybox {
@@ -36,8 +37,9 @@ struct ProposalRequest {
   std::optional<double> gain;         // N m or N that one of the drive's recorded unit is
   std::vector<std::string> reversed;  // columns of forces that count the other way
   MotionKind motion = MotionKind::kOpen;
-  std::filesystem::path folder;  // where the files will stand
-  std::string command;           // for the files' first line
+  std::filesystem::path folder;                // where the files will stand
+  std::string command;                         // for the files' first line
+  SplitPlan split = SplitPlan::kMovingHalves;  // not of robots
 };
 
 struct ProposedGuess {

@@ -237,7 +237,8 @@ class RobotProposal {
   }
 
   void choose_units() {
-    const MotionContext context{draft_.time.sample_time, MotionKind::kOpen, {}};
+    const MotionContext context{
+        draft_.time.sample_time, EvenSamples(log_, draft_.time), MotionKind::kOpen, {}};
     const std::vector<const ColumnFamily*> velocities =
         families_of(families_, LogQuantity::kVelocity);
     std::set<std::string> found;
@@ -301,8 +302,17 @@ class RobotProposal {
     return joints_[joint].is_prismatic ? "N" : "N m";
   }
 
+  // A unit that a title states and the quantity can't have.
+  static void refuse_odd_unit(const LogColumn& column, const char* quantity, const char* unit) {
+    if (column.words.odd_unit.empty() || column.answered) return;
+    throw InputError(
+        fmt::format("'{}': '{}' is no unit of a {} that is known: say --column '{}={}:{}'",
+                    column.name, column.words.odd_unit, quantity, column.name, quantity, unit));
+  }
+
   void add_force(std::size_t joint) {
     const LogColumn& column = force(joint);
+    refuse_odd_unit(column, "torque", "N m");
     const std::string base = unit_of_force(joint);
     std::string unit = column.words.unit;
     const Unit* known = find_unit(unit);
@@ -316,12 +326,15 @@ class RobotProposal {
         comment = "its unit is not stated";
       } else {
         unit = unit.empty() ? "1" : unit;
-        gain = fmt::format("{{value: 1, unit: {}}}", in_quotes(base + "/" + unit));
+        gain = fmt::format("{{value: {:g}, unit: {}}}", column.words.unit_factor,
+                           in_quotes(base + "/" + unit));
       }
     }
     const std::string name = channel_name("force", joints_[joint].name);
     if (std::ranges::find(request_.reversed, column.name) != request_.reversed.end()) {
-      gain = fmt::format("{{value: -1, unit: {}}}", in_quotes(base + "/" + unit));
+      const Unit* written = is_force ? find_unit(unit) : nullptr;
+      const double size = (written == nullptr ? 1.0 : written->factor) * column.words.unit_factor;
+      gain = fmt::format("{{value: {:g}, unit: {}}}", -size, in_quotes(base + "/" + unit));
       comment = "reversed: else friction would feed energy in";
     }
     proposal_.columns[name] = column.name;
@@ -330,12 +343,14 @@ class RobotProposal {
 
   void add_position(std::size_t joint) {
     const LogColumn& column = position(joint);
+    refuse_odd_unit(column, "position", "rad");
     std::string unit = rotary_unit_;
     if (joints_[joint].is_prismatic) unit = column.words.unit.empty() ? "m" : column.words.unit;
     const std::string name = channel_name("position", joints_[joint].name);
     const Unit* known = find_unit(unit);
     const double turn = known->base == "rad" ? 2.0 * std::numbers::pi / known->factor : 0.0;
-    if (without_wraps(without_gaps(column.values), turn).second) draft_.wrapped.push_back(name);
+    if (without_wraps(without_gaps(column.values), turn).second)
+      draft_.wrapped.push_back({name, ""});
     draft_.channels.push_back({name, column.file, column.name, unit, "", "output", ""});
   }
 

@@ -173,8 +173,16 @@ std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
   const Eigen::VectorXd right = windows.summed(force);
   Eigen::MatrixXd columns(right.size(), 4);
   columns << windows.accelerated(motion), windows.summed(velocity),
-      windows.summed(signs_of(velocity)), Eigen::VectorXd::Ones(right.size());
-  const LeastSquares fit = solve(columns, right);
+      Eigen::VectorXd::Ones(right.size()), windows.summed(signs_of(velocity));
+  LeastSquares fit = solve(columns, right);
+  // In a single step dry friction is as good as a mass: then without it, if that is enough.
+  if (!is_sure(fit, 0, windows.width)) {
+    constexpr double kLeft = 0.3;  // of the force's deviation
+    const Eigen::MatrixXd plain = columns.leftCols(2);
+    fit = solve(plain, right);
+    const double rest = (right - plain * fit.values).norm();
+    if (rest > kLeft * (right.array() - right.mean()).matrix().norm()) return {};
+  }
   if (!is_sure(fit, 0, windows.width)) return {};
   // Damping that takes a hundredth of the force at the usual speed.
   const double least = 0.01 * std::sqrt(force.squaredNorm() / velocity.squaredNorm());

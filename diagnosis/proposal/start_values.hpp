@@ -19,7 +19,8 @@ struct OneMassStart {
 };
 
 // One mass. None where the data have no sign of an inertia (its size is within two errors of zero,
-// or negative).
+// or negative), with dry friction and without. Without it only if that leaves less than 30 % of the
+// force: a single step can't tell a mass from dry friction.
 [[nodiscard]] std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
                                                          const Eigen::VectorXd& motion,
                                                          bool is_velocity, double sample_time);

@@ -11,8 +11,11 @@
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/held_values.hpp"
 #include "diagnosis/signal_faults/lost_samples.hpp"
+#include "diagnosis/signal_faults/lost_sign.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/spike.hpp"
 #include "diagnosis/signal_faults/stuck_sensor.hpp"
 
@@ -155,11 +158,13 @@ void add_wrap(const ChannelSamples& samples, const CounterWrap& wrap,
       is_turn ? std::string() : fmt::format(", bits: {}", std::log2(wrap.period));
   findings.push_back(finding_of(
       samples, wrap.first, "wrap", wrap.strength,
-      fmt::format(
-          "is the first of {} of {}",
-          wrap.count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap.count),
-          is_turn ? std::string("a whole turn") : fmt::format("2^{}", std::log2(wrap.period))),
-      "a counter that is reset",
+      fmt::format("is the first of {} of {}",
+                  wrap.count == 1 ? std::string("one jump") : fmt::format("{} jumps", wrap.count),
+                  is_turn          ? std::string("a whole turn")
+                  : wrap.is_signed ? fmt::format("2^{} (a signed number that was read as unsigned)",
+                                                 std::log2(wrap.period))
+                                   : fmt::format("2^{}", std::log2(wrap.period))),
+      wrap.is_signed ? "a switch, or a number that marks missing data" : "a counter that is reset",
       fmt::format("preprocess: [{{kind: unwrap, of: [{}]{}}}]", samples.channel->name, period)));
 }
 
@@ -206,6 +211,72 @@ void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findi
       "nothing mends that: record more motion or a finer sensor, or state noise"));
 }
 
+// ---- values that are held, signs that were lost -------------------------------------------------
+
+// What takes one of every n samples.
+std::string mend_of_held(const ChannelSamples& samples, const HeldValues& held, double step) {
+  const auto count = static_cast<double>(held.samples);
+  if (samples.is_even) {
+    constexpr double kBelow = 0.4;  // of the slower rate
+    return fmt::format(
+        "preprocess: [{{kind: low_pass, frequency: {:.3g}}}, {{kind: decimate, factor: {}}}]",
+        kBelow / (count * step), held.samples);
+  }
+  return fmt::format(
+      "every: {{samples: {}, from: {}}}, and {{kind: resample, sample_time: {:.4g}}}", held.samples,
+      held.first % held.samples, count * step);
+}
+
+// A drive may be held, by a controller that is slower than the log.
+void add_held_values(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  if (samples.channel->role != ChannelRole::kOutput || samples.time.size() < 2) return;
+  const std::optional<HeldValues> held = find_held_values(samples.values);
+  if (!held || samples.thinned >= static_cast<std::size_t>(held->samples)) return;
+  const double step = quantile(steps_of(samples.time), 0.5);
+  const std::string resolution =
+      held->step > 0.0
+          ? fmt::format(", in steps of {:.4g} {}", held->step, samples.channel->recorded_unit)
+          : std::string();
+  findings.push_back(finding_of(
+      samples, held->first, "held values", held->strength,
+      fmt::format("and on holds each value for {} samples{}: its own sample time is {:.4g} s",
+                  held->samples, resolution, static_cast<double>(held->samples) * step),
+      "a motion in even steps", mend_of_held(samples, *held, step)));
+}
+
+// The one drive beside the first motion that was measured.
+void add_lost_sign(const std::vector<ChannelSamples>& piece, std::vector<Finding>& findings) {
+  const ChannelSamples* drive = nullptr;
+  const ChannelSamples* motion = nullptr;
+  for (const ChannelSamples& samples : piece) {
+    const Channel& channel = *samples.channel;
+    const bool is_velocity = channel.unit == "rad/s" || channel.unit == "m/s";
+    if (channel.role == ChannelRole::kInput) {
+      if (drive != nullptr) return;
+      drive = &samples;
+    } else if (channel.role == ChannelRole::kOutput && motion == nullptr &&
+               (is_velocity || is_measured_position(channel))) {
+      motion = &samples;
+    }
+  }
+  if (drive == nullptr || motion == nullptr || find_wrap(drive->values, 0.0)) return;
+  if (find_wrap(motion->values, motion->channel->turn())) return;
+  const bool is_position = is_measured_position(*motion->channel);
+  const std::optional<LostSign> lost =
+      find_lost_sign(drive->values, is_position ? central_steps(motion->values) : motion->values);
+  if (!lost) return;
+  findings.push_back(finding_of(
+      *drive, 0, "lost sign", lost->strength,
+      fmt::format("and on is never {} while {} goes both ways, and its size fits that motion "
+                  "with a sign ({:.0f} % of the misfit without one): was it lost?",
+                  lost->is_negative ? "positive" : "negative", motion->channel->name,
+                  100.0 * lost->left),
+      "a brake, or a valve that is opened either way",
+      fmt::format("log its direction, too, as 1 and -1, and multiply: "
+                  "{{kind: product, of: [{}, direction], ...}}",
+                  drive->channel->name)));
+}
+
 }  // namespace
 
 DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
@@ -220,8 +291,10 @@ DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
     add_stuck_run(piece, samples, findings, faulty);
     if (!wrap) add_lost_samples(samples, findings, faulty.jumps);
     add_quantisation(samples, findings);
+    add_held_values(samples, findings);
     if (!wrap && !result.times_jitter) result.times_jitter = has_arrival_times(samples, findings);
   }
+  add_lost_sign(piece, findings);
   return result;
 }
 

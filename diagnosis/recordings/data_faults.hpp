@@ -1,8 +1,8 @@
 // Faults of the data that show in the samples by themselves, before any physics. What each detector
 // found is said in words (spike.hpp, stuck_sensor.hpp, counter_wrap.hpp, lost_samples.hpp,
-// quantisation.hpp, recording_copies.hpp). Each comes with its place, how sure it is, what else it
-// could be and the line of campaign.yaml that mends it. Nothing is mended here, but it is told
-// which samples can't be data, for fault_mending.hpp.
+// quantisation.hpp, held_values.hpp, lost_sign.hpp, recording_copies.hpp). Each comes with its
+// place, how sure it is, what else it could be and the line of campaign.yaml that mends it. Nothing
+// is mended here, but it is told which samples can't be data, for fault_mending.hpp.
 //
 // How often each rule is wrong and right was measured on real recordings:
 // docs/how_to/recordings.md.
@@ -28,6 +28,8 @@ struct ChannelSamples {
   Eigen::VectorXd values;    // recorded unit
   Eigen::VectorXd time;      // s
   std::size_t first_sample;  // in the file
+  bool is_even = true;       // the campaign states a sample time
+  std::size_t thinned = 1;   // the campaign takes one of so many samples
 };
 
 // Samples of one channel that can't be what the machine did. Rows of the piece.

@@ -223,6 +223,15 @@ void read_pieces(const Campaign& campaign, const Experiment& experiment,
   recording.data.excitation = experiment.excitation;
 }
 
+// One of how many samples is taken.
+std::size_t thinning_of(const Campaign& campaign, const Experiment& experiment) {
+  std::size_t thinning = experiment.every;
+  for (const PreprocessStep& step : campaign.preprocess) {
+    if (const auto* decimate = std::get_if<Decimate>(&step)) thinning *= decimate->factor;
+  }
+  return thinning;
+}
+
 // Checks numbers as they were recorded; tells samples that can't be data, by channel.
 DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
                        const SignalPiece& piece, ExperimentRecording& recording) {
@@ -232,8 +241,13 @@ DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
     const auto values = piece.values.col(static_cast<Index>(k));
     check_signal(fmt::format("{}: {}", experiment.name, channel.name), values, channel.range,
                  piece.first_sample, recording.findings);
-    samples.push_back({experiment.files.at(channel.file).filename().string(), &channel, values,
-                       piece.time, piece.first_sample});
+    samples.push_back({.file = experiment.files.at(channel.file).filename().string(),
+                       .channel = &channel,
+                       .values = values,
+                       .time = piece.time,
+                       .first_sample = piece.first_sample,
+                       .is_even = campaign.sample_time.has_value(),
+                       .thinned = thinning_of(campaign, experiment)});
   }
   DataFaults faults;
   if (recording.sound()) faults = find_data_faults(samples, recording.findings);

@@ -7,10 +7,14 @@
 
 #include "diagnosis/hypotheses/channel_faults.hpp"
 #include "diagnosis/load/load_mismatch_problem.hpp"
+#include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
 
 namespace graybox {
 namespace {
@@ -96,6 +100,51 @@ void reverse_forces(const std::filesystem::path& model, const std::filesystem::p
   proposal.guesses.insert(proposal.guesses.end(), guesses.begin(), guesses.end());
 }
 
+// Whether a diagnosis by prediction error has enough samples in these files: it would refuse them.
+bool has_enough_samples(const std::filesystem::path& model, const std::filesystem::path& campaign) {
+  try {
+    const PredictionData data(load_lumped_model(model), read_campaign(campaign), 1);
+    return data.window_count(kFirstHorizon) >= kFewestRungWindows;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+// The first plan of which a diagnosis has enough samples; the one that was there where none has.
+void leave_enough_samples(ProposalRequest& request, ModelProposal& proposal,
+                          const std::filesystem::path& model,
+                          const std::filesystem::path& campaign) {
+  const auto write = [&](const ModelProposal& each) {
+    std::ofstream(model) << each.model_text;
+    std::ofstream(campaign) << each.campaign_text;
+  };
+  if (has_enough_samples(model, campaign)) return;
+  const SplitPlan first = request.split;
+  for (const SplitPlan plan :
+       {SplitPlan::kWholeHalves, SplitPlan::kMostInFit, SplitPlan::kNoValidation}) {
+    request.split = plan;
+    ModelProposal other = propose_model(request);
+    write(other);
+    if (!has_enough_samples(model, campaign)) continue;
+    proposal = std::move(other);
+    return;
+  }
+  request.split = first;
+  proposal.notes.push_back(
+      "a diagnosis by prediction error needs more samples than these logs have, however they are "
+      "split: record longer, or try graybox fit");
+  write(proposal);
+}
+
+// The message with the name that the file would have had.
+std::string with_name(std::string message, const std::string& temporary, const std::string& name) {
+  for (std::size_t at = message.find(temporary); at != std::string::npos;
+       at = message.find(temporary, at + name.size())) {
+    message.replace(at, temporary.size(), name);
+  }
+  return message;
+}
+
 }  // namespace
 
 void refuse_existing_proposal(const ProposalRequest& request) {
@@ -117,11 +166,21 @@ std::vector<std::string> write_proposal(ProposalRequest& request, ModelProposal&
   };
   write();
   std::vector<std::string> findings;
-  if (proposal.questions.empty()) findings = findings_of(campaign.temporary());
-  const bool is_sound = proposal.questions.empty() && !has_errors(findings);
-  if (is_sound && request.machine == ProposedMachine::kRobot) {
-    reverse_forces(model.temporary(), campaign.temporary(), request, proposal);
-    write();
+  try {
+    if (proposal.questions.empty()) findings = findings_of(campaign.temporary());
+    const bool is_sound = proposal.questions.empty() && !has_errors(findings);
+    if (is_sound && request.machine == ProposedMachine::kRobot) {
+      reverse_forces(model.temporary(), campaign.temporary(), request, proposal);
+      write();
+    } else if (is_sound && !proposal.model_text.empty()) {
+      leave_enough_samples(request, proposal, model.temporary(), campaign.temporary());
+      findings = findings_of(campaign.temporary());
+    }
+  } catch (const InputError& error) {
+    const std::string name = (request.folder / "campaign.yaml").lexically_normal().string();
+    const std::string other = (request.folder / "model.yaml").lexically_normal().string();
+    throw InputError(
+        with_name(with_name(error.what(), campaign.temporary(), name), model.temporary(), other));
   }
   model.commit();
   campaign.commit();

@@ -22,7 +22,9 @@
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/held_values.hpp"
 #include "diagnosis/signal_faults/lost_samples.hpp"
+#include "diagnosis/signal_faults/lost_sign.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
 #include "diagnosis/signal_faults/recording_copies.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
@@ -138,6 +140,38 @@ TEST(CounterWraps, AreNotSteps) {
   VectorXd command(2000);
   for (Index k = 0; k < 2000; ++k) command(k) = (k / 100) % 2 == 0 ? 20.0 : 220.0 + double(k % 7);
   EXPECT_FALSE(find_wrap(command, 0.0));
+}
+
+// A drive that reverses once or twice, in a short log, kept as a number without sign.
+TEST(CounterWraps, OfSignedNumbersReadAsUnsignedAreTold) {
+  for (const double period : {256.0, 65536.0, 4294967296.0}) {
+    VectorXd drive(60);
+    for (Index k = 0; k < 60; ++k) {
+      drive(k) = std::round(25.0 * std::cos(0.06 * static_cast<double>(k)));
+    }
+    EXPECT_FALSE(find_wrap(drive, 0.0));
+    VectorXd recorded = drive;
+    for (double& value : recorded) value += value < 0.0 ? period : 0.0;
+    const auto wrap = find_wrap(recorded, 0.0);
+    ASSERT_TRUE(wrap) << period;
+    EXPECT_EQ(wrap->period, period);
+    EXPECT_TRUE(wrap->is_signed);
+    EXPECT_TRUE(unwrapped(recorded, period).isApprox(drive));
+  }
+}
+
+// Switches rest at both ends, and jump between them; marks of missing data are one number.
+TEST(CounterWraps, AreNotSwitchesOrMarks) {
+  VectorXd on_and_off(200), noisy(200), marked(200);
+  for (Index k = 0; k < 200; ++k) {
+    const bool is_on = (k / 25) % 2 == 1;
+    on_and_off(k) = is_on ? 65535.0 : 0.0;
+    noisy(k) = (is_on ? 64000.0 : 900.0) + static_cast<double>(k % 5);
+    marked(k) = k % 50 == 49 ? 65535.0 : 500.0 + static_cast<double>(k % 5);
+  }
+  EXPECT_FALSE(find_wrap(on_and_off, 0.0));
+  EXPECT_FALSE(find_wrap(noisy, 0.0));
+  EXPECT_FALSE(find_wrap(marked, 0.0));
 }
 
 TEST(LostSamples, LeaveAJumpInThePosition) {
@@ -266,6 +300,79 @@ TEST(Quantisation, IsCoarseBesideTheSignalItMeasures) {
   ASSERT_TRUE(coarse);
   EXPECT_NEAR(coarse->step, 0.2 * deviation, 1e-12);
   EXPECT_NEAR(coarse->error, 0.2 / std::sqrt(12.0), 0.005);
+}
+
+// ---- held values, lost signs --------------------------------------------------------------------
+
+VectorXd held(const VectorXd& values, Index count, Index first) {
+  VectorXd result = values;
+  for (Index k = 0; k < values.size(); ++k) {
+    result(k) = values(std::max<Index>(0, k - (k - first + count * 1000) % count));
+  }
+  return result;
+}
+
+TEST(HeldValues, AreToldWithTheirRate) {
+  for (const Index count : {2, 5, 13}) {
+    const auto found = find_held_values(held(motion(3000, 4), count, 3));
+    ASSERT_TRUE(found) << count;
+    EXPECT_EQ(found->samples, count);
+    EXPECT_EQ(found->first % count, 3 % count);
+    EXPECT_EQ(found->step, 0.0);
+  }
+  const VectorXd coarse = (motion(3000, 4) * 40.0).array().round().matrix() / 40.0;
+  const auto steps = find_held_values(held(coarse, 5, 0));
+  ASSERT_TRUE(steps);
+  EXPECT_NEAR(steps->step, 0.025, 1e-9);
+}
+
+// A coarse sensor on a slow ramp changes every few samples, too: by one step of it.
+TEST(HeldValues, AreNotSlowRampsOrWholeSignals) {
+  EXPECT_FALSE(find_held_values(motion(3000, 4)));
+  VectorXd ramp(3000);
+  for (Index k = 0; k < 3000; ++k) ramp(k) = std::floor(static_cast<double>(k) / 5.0);
+  EXPECT_FALSE(find_held_values(ramp));
+}
+
+TEST(LostSigns, AreToldFromWeights) {
+  const VectorXd rate = motion(3000, 6);
+  VectorXd drive = rate.array() * 2.0 + 0.1 * motion(3000, 7).array();
+  EXPECT_FALSE(find_lost_sign(drive, rate));
+  EXPECT_TRUE(find_lost_sign(drive.cwiseAbs(), rate));
+  EXPECT_TRUE(find_lost_sign(-drive.cwiseAbs(), rate)->is_negative);
+  const VectorXd weight = drive.array() - drive.minCoeff();  // down to zero, and of one sign
+  EXPECT_FALSE(find_lost_sign(weight, rate));
+  EXPECT_FALSE(find_lost_sign(drive.cwiseAbs(), rate.cwiseAbs()));  // one way
+}
+
+TEST(DataFaults, SayThatAValueIsHeldAndASignLost) {
+  const auto channel = [](const char* name, ChannelRole role, const char* unit) {
+    return Channel{.name = name,
+                   .role = role,
+                   .recorded_unit = unit,
+                   .unit = unit,
+                   .column = name,
+                   .file = {},
+                   .range = {}};
+  };
+  const Channel drive = channel("torque", ChannelRole::kInput, "N m"),
+                speed = channel("speed", ChannelRole::kOutput, "rad/s");
+  const VectorXd rate = motion(3000, 6);
+  const auto checks = [&](const VectorXd& force, const VectorXd& measured) {
+    std::vector<Finding> findings;
+    find_data_faults({{"run.csv", &drive, force, times(3000), 0},
+                      {"run.csv", &speed, measured, times(3000), 0, false}},
+                     findings);
+    std::string names;
+    for (const Finding& finding : findings) names += finding.check + ": " + finding.mend + "\n";
+    return names;
+  };
+  EXPECT_EQ(checks(rate, rate), "");
+  EXPECT_NE(checks(rate, held(rate, 5, 2)).find("held values: every: {samples: 5, from: 2}"),
+            std::string::npos)
+      << checks(rate, held(rate, 5, 2));
+  EXPECT_EQ(checks(held(rate, 5, 2), rate).find("held"), std::string::npos);  // by its controller
+  EXPECT_NE(checks(rate.cwiseAbs(), rate).find("lost sign"), std::string::npos);
 }
 
 TEST(RecordingCopies, AreFoundShiftedAndCutButRepetitionsAreNot) {
@@ -430,6 +537,15 @@ TEST_F(RecordingFaultRates, CounterWraps) {
   EXPECT_EQ(rate(detects, as_it_is), 0.0);
   EXPECT_GT(rate(detects, wrapped(65536.0)), 0.7);
   EXPECT_GT(rate(detects, wrapped(256.0)), 0.7);
+}
+
+TEST_F(RecordingFaultRates, HeldValues) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return find_held_values(values).has_value();
+  };
+  const Fault slower = [](const RecordedChannel& channel) { return held(channel.values, 5, 2); };
+  EXPECT_EQ(rate(detects, as_it_is), 0.0);
+  EXPECT_GT(rate(detects, slower), 0.9);
 }
 
 TEST_F(RecordingFaultRates, LostSamples) {

@@ -1,0 +1,121 @@
+#include "diagnosis/proposal/drive_manner.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "diagnosis/proposal/column_choice.hpp"
+#include "diagnosis/proposal/motion_choice.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/lost_sign.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kHardly = 0.1;
+constexpr double kAgree = 0.9;
+constexpr Eigen::Index kOver = 5;  // samples, of accelerations
+
+struct Extent {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  double sum = 0.0, squares = 0.0, count = 0.0;
+
+  void add(const Eigen::VectorXd& values) {
+    for (const double value : values) {
+      if (!std::isfinite(value)) continue;
+      lowest = std::min(lowest, value);
+      highest = std::max(highest, value);
+      sum += value;
+      squares += value * value;
+      count += 1.0;
+    }
+  }
+  [[nodiscard]] bool has_one_sign() const { return lowest >= 0.0 || highest <= 0.0; }
+  [[nodiscard]] double variation() const {
+    const double mean = sum / std::max(count, 1.0);
+    const double variance = squares / std::max(count, 1.0) - mean * mean;
+    return mean == 0.0 ? HUGE_VAL : std::sqrt(std::max(variance, 0.0)) / std::abs(mean);
+  }
+};
+
+// Without gaps, and with the sign that a number lost which was read as unsigned.
+Eigen::VectorXd values_of(const LogColumn& drive) {
+  const Eigen::VectorXd values = without_gaps(drive.values);
+  const std::optional<CounterWrap> wrap = find_wrap(values / drive.words.unit_factor, 0.0);
+  return wrap ? unwrapped(values, wrap->period * drive.words.unit_factor) : values;
+}
+
+bool is_measured_motion(const LogColumn& column) {
+  const LogQuantity quantity = column.words.quantity;
+  return (quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity) &&
+         !column.words.is_reference && column.moves();
+}
+
+// What a motion has that a force may follow: its rate, the change of that, and the position.
+std::vector<Eigen::VectorXd> followed(const LogColumn& motion) {
+  const Eigen::VectorXd values = without_gaps(motion.values);
+  const bool is_position = motion.words.quantity == LogQuantity::kPosition;
+  const Eigen::VectorXd rate = is_position ? central_steps(values) : values;
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(rate.size());
+  for (Eigen::Index k = kOver; k + kOver < rate.size(); ++k) {
+    change(k) = rate(k + kOver) - rate(k - kOver);
+  }
+  std::vector<Eigen::VectorXd> list{rate, change};
+  if (is_position) list.push_back(values);
+  return list;
+}
+
+void compare(const LogColumn& drive, const LogColumn& motion, bool& both_ways,
+             DriveManner& manner) {
+  if (drive.values.size() != motion.values.size()) return;
+  const std::vector<Eigen::VectorXd> list = followed(motion);
+  const Eigen::VectorXd values = values_of(drive);
+  both_ways = both_ways || moves_both_ways(list.front());
+  manner.lost_sign = manner.lost_sign || find_lost_sign(values, list.front()).has_value();
+  for (const Eigen::VectorXd& each : list) {
+    manner.follows = std::max(manner.follows, std::abs(correlation(values, each)));
+  }
+}
+
+}  // namespace
+
+DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecording>& recordings) {
+  DriveManner manner;
+  Extent extent;
+  bool both_ways = false;
+  for (const LogRecording& recording : recordings) {
+    const auto here = std::ranges::find_if(recording.columns, [&](const LogColumn& column) {
+      return column.file == drive.file && column.name == drive.name;
+    });
+    if (here == recording.columns.end()) continue;
+    extent.add(values_of(*here));
+    for (const LogColumn& column : recording.columns) {
+      if (is_measured_motion(column)) compare(*here, column, both_ways, manner);
+    }
+  }
+  manner.variation = extent.variation();
+  manner.hardly_moves = extent.has_one_sign() && manner.variation < kHardly;
+  manner.has_one_sign = extent.has_one_sign() && both_ways;
+  manner.lost_sign = manner.lost_sign && extent.has_one_sign();
+  return manner;
+}
+
+bool disagree(const LogColumn& a, const LogColumn& b) {
+  return std::abs(correlation(values_of(a), values_of(b))) < kAgree;
+}
+
+std::string doubt_words(const LogColumn& drive, const DriveManner& manner) {
+  if (manner.hardly_moves) {
+    const LogQuantity quantity = drive.words.quantity;
+    const bool may_be_supply =
+        quantity == LogQuantity::kVoltage || quantity == LogQuantity::kCommand;
+    return fmt::format("moves by {:.2g} % of its mean and never changes its sign{}",
+                       100.0 * manner.variation, may_be_supply ? ", as a supply does" : "");
+  }
+  return "never changes its sign while the axis moves both ways, and does not follow its motion";
+}
+
+}  // namespace graybox

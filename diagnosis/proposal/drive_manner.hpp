@@ -1,0 +1,31 @@
+// What a column's samples say of it as a drive, before any model: a supply's voltage hardly moves
+// and keeps its sign, a duty cycle without direction is never negative while the axis goes both
+// ways.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "diagnosis/proposal/log_recordings.hpp"
+
+namespace graybox {
+
+struct DriveManner {
+  double variation = 0.0;     // deviation over the size of the mean, of all recordings
+  bool has_one_sign = false;  // in all recordings, while the axis moves both ways
+  bool hardly_moves = false;  // one sign, and a variation below a tenth
+  bool lost_sign = false;     // its size follows the motion of either way (lost_sign.hpp)
+  double follows = 0.0;       // largest correlation with position, speed or acceleration
+};
+
+// Over all recordings, beside the measured positions and velocities that move.
+[[nodiscard]] DriveManner manner_of_drive(const LogColumn& drive,
+                                          const std::vector<LogRecording>& recordings);
+
+// Whether two columns tell other things: a correlation below 0.9, of either sign.
+[[nodiscard]] bool disagree(const LogColumn& a, const LogColumn& b);
+
+// "moves by 2.3 % of its mean and never changes its sign", for a question.
+[[nodiscard]] std::string doubt_words(const LogColumn& drive, const DriveManner& manner);
+
+}  // namespace graybox

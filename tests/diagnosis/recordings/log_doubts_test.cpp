@@ -1,0 +1,395 @@
+// What `graybox model` doubts in a log: drives that are none or lost their sign, units with factors
+// or of other quantities, values that are held, logs that are short or uneven. All logs are
+// simulated here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/proposal/proposal.hpp"
+#include "diagnosis/runs/proposed_files.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Q = LogQuantity;
+
+// J v' = u - b v - c sign(v), at even times.
+struct Axis {
+  double step;
+  std::vector<double> time, position, velocity, force;
+};
+
+Axis axis(int samples, double step, double weight = 0.0) {
+  constexpr double kInertia = 0.02, kDamping = 0.05, kDry = 0.1;
+  constexpr int kSteps = 50;
+  Axis result{step, {}, {}, {}, {}};
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < samples; ++k) {
+    const double t = step * k;
+    const double u = weight + 0.6 * std::sin(2.0 * t) + 0.3 * std::sin(5.1 * t + 1.0);
+    result.time.push_back(t);
+    result.position.push_back(q);
+    result.velocity.push_back(v);
+    result.force.push_back(u);
+    for (int s = 0; s < kSteps; ++s) {
+      const double rest = u - weight - kDamping * v - kDry * std::tanh(v / 0.01);
+      v += rest / kInertia * step / kSteps;
+      q += v * step / kSteps;
+    }
+  }
+  return result;
+}
+
+using Column = std::pair<std::string, std::vector<double>>;
+
+class LogDoubts : public ::testing::Test {
+ protected:
+  std::string write(const std::string& name, const std::vector<Column>& columns) {
+    std::string text;
+    for (const Column& column : columns) text += (text.empty() ? "" : ",") + column.first;
+    text += "\n";
+    for (std::size_t k = 0; k < columns.front().second.size(); ++k) {
+      for (std::size_t c = 0; c < columns.size(); ++c) {
+        text += fmt::format("{}{:.9g}", c == 0 ? "" : ",", columns[c].second[k]);
+      }
+      text += "\n";
+    }
+    testing::write_text(folder_.file(name), text);
+    return folder_.file(name);
+  }
+
+  // What is proposed, without writing.
+  ModelProposal proposed(const std::vector<Column>& columns,
+                         const std::vector<std::string>& answers = {}) {
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    request.logs = {write("log.csv", columns)};
+    request.folder = folder_.file("axis");
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
+    return propose_model(request);
+  }
+
+  // The same with the files, as the command writes them.
+  ModelProposal written(const std::vector<std::string>& files) {
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    for (const std::string& file : files) request.logs.emplace_back(file);
+    request.folder = folder_.file("axis");
+    ModelProposal proposal = propose_model(request);
+    findings_ = write_proposal(request, proposal);
+    return proposal;
+  }
+
+  static std::string value_of(const ModelProposal& proposal, const std::string& subject) {
+    for (const ProposedGuess& guess : proposal.guesses) {
+      if (guess.subject == subject) return guess.value + "; " + guess.reason;
+    }
+    return "";
+  }
+  static std::string questions_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const OpenQuestion& each : proposal.questions) text += each.text + each.option + "\n";
+    return text;
+  }
+  static std::string notes_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const std::string& note : proposal.notes) text += note + "\n";
+    return text;
+  }
+
+  testing::TemporaryFolder folder_;
+  std::vector<std::string> findings_;
+};
+
+std::vector<double> mapped(const std::vector<double>& values,
+                           const std::function<double(double)>& change) {
+  std::vector<double> result;
+  for (const double value : values) result.push_back(change(value));
+  return result;
+}
+
+// 12 V with noise, and sags under the force.
+std::vector<double> supply(const Axis& machine) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0.0, 0.1);
+  return mapped(machine.force, [&](double u) { return 12.0 - 0.4 * std::abs(u) + noise(random); });
+}
+
+// ---- drives -------------------------------------------------------------------------------------
+
+TEST_F(LogDoubts, ASupplyIsNoDriveWithoutAQuestion) {
+  const Axis m = axis(1000, 0.01);
+  const std::vector<Column> columns{
+      {"time", m.time}, {"position", m.position}, {"input_volts", supply(m)}};
+  const ModelProposal alone = proposed(columns);
+  ASSERT_EQ(alone.questions.size(), 1U) << questions_of(alone);
+  EXPECT_NE(questions_of(alone).find("Is 'input_volts' the drive?"), std::string::npos);
+  EXPECT_NE(questions_of(alone).find("--column 'input_volts="), std::string::npos);
+  EXPECT_TRUE(proposed(columns, {"input_volts=voltage"}).questions.empty());
+  // Beside another column it gives way, and 'load' is a servo's word.
+  std::vector<Column> more = columns;
+  more.emplace_back("load", mapped(m.force, [](double u) { return std::round(100.0 * u); }));
+  const ModelProposal both = proposed(more);
+  EXPECT_TRUE(both.questions.empty()) << questions_of(both);
+  EXPECT_NE(value_of(both, "drive").find("'load'"), std::string::npos);
+}
+
+TEST_F(LogDoubts, ADriveThatBearsAWeightIsTakenWithTheDoubt) {
+  const Axis m = axis(1000, 0.01, 1.5);
+  const ModelProposal proposal =
+      proposed({{"time", m.time}, {"position", m.position}, {"current", m.force}});
+  EXPECT_TRUE(proposal.questions.empty()) << questions_of(proposal);
+  EXPECT_NE(notes_of(proposal).find("never changes its sign"), std::string::npos);
+  const Axis free = axis(1000, 0.01);
+  const ModelProposal sound =
+      proposed({{"time", free.time}, {"position", free.position}, {"current", free.force}});
+  EXPECT_EQ(notes_of(sound).find("sign"), std::string::npos) << notes_of(sound);
+}
+
+TEST_F(LogDoubts, ATorqueOfNoiseDoesNotBeatTheCurrent) {
+  const Axis m = axis(1000, 0.01);
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> noise(0.0, 0.02);
+  const std::vector<double> junk =
+      mapped(m.force, [&](double u) { return u < 0.0 ? 1.75 + noise(random) : 0.0; });
+  const ModelProposal asked = proposed(
+      {{"time", m.time}, {"position", m.position}, {"torque", junk}, {"current", m.force}});
+  ASSERT_EQ(asked.questions.size(), 1U);
+  EXPECT_NE(questions_of(asked).find("--column 'torque=force' or --column 'current=current'"),
+            std::string::npos)
+      << questions_of(asked);
+  // A torque that is the current's is no rival.
+  const ModelProposal told =
+      proposed({{"time", m.time},
+                {"position", m.position},
+                {"torque", mapped(m.force, [&](double u) { return 2.0 * u + noise(random); })},
+                {"current", m.force}});
+  EXPECT_TRUE(told.questions.empty()) << questions_of(told);
+  EXPECT_NE(value_of(told, "drive").find("'torque'"), std::string::npos);
+}
+
+TEST_F(LogDoubts, ASignThatWasLostIsTold) {
+  const Axis m = axis(1000, 0.01);
+  const ModelProposal lost =
+      proposed({{"time", m.time}, {"position", m.position}, {"pwm", mapped(m.force, [](double u) {
+                                                               return std::abs(u);
+                                                             })}});
+  EXPECT_NE(notes_of(lost).find("its sign seems lost"), std::string::npos) << notes_of(lost);
+  EXPECT_NE(notes_of(lost).find("kind: product"), std::string::npos);
+}
+
+TEST_F(LogDoubts, ADriveWithoutItsSignBitIsUnwrapped) {
+  const Axis m = axis(1000, 0.01);
+  const ModelProposal proposal = proposed(
+      {{"time", m.time}, {"position", m.position}, {"pwm", mapped(m.force, [](double u) {
+                                                      const double whole = std::round(300.0 * u);
+                                                      return whole < 0.0 ? whole + 65536.0 : whole;
+                                                    })}});
+  EXPECT_NE(proposal.campaign_text.find("{kind: unwrap, of: [torque], bits: 16}"),
+            std::string::npos)
+      << proposal.campaign_text;
+  EXPECT_NE(value_of(proposal, "mass").find("least squares"), std::string::npos);
+}
+
+// ---- units --------------------------------------------------------------------------------------
+
+TEST(UnitFactors, AreReadInTitles) {
+  struct Case {
+    const char* title;
+    const char* unit;
+    double factor;
+  };
+  for (const Case& each :
+       {Case{"pos [0.1 deg]", "deg", 0.1}, Case{"current (x10 mA)", "mA", 10.0},
+        Case{"torque [1e-3 N m]", "N m", 1e-3}, Case{"angle [deg/10]", "deg", 0.1},
+        Case{"angle [deg * 0.01]", "deg", 0.01}, Case{"torque [10^-2 Nm]", "N m", 0.01},
+        Case{"force [mN]", "N", 1e-3}, Case{"torque [Ncm]", "N m", 0.01}, Case{"pos_cm", "m", 0.01},
+        Case{"current_mA", "mA", 1.0}, Case{"n [1/min]", "rpm", 1.0},
+        Case{"speed [rad/s]", "rad/s", 1.0}}) {
+    const ColumnWords words = read_column_words(each.title, "");
+    EXPECT_EQ(words.unit, each.unit) << each.title;
+    EXPECT_NEAR(words.unit_factor, each.factor, 1e-12) << each.title;
+    EXPECT_EQ(words.odd_unit, "") << each.title;
+  }
+}
+
+TEST(UnitFactors, UnitsOfOtherQuantitiesAreOdd) {
+  for (const auto& [title, odd] :
+       {std::pair{"torque [mN]", "N"}, std::pair{"force [Nm]", "N m"},
+        std::pair{"position [V]", "V"}, std::pair{"angle [mm]", "mm"}, std::pair{"speed [A]", "A"},
+        std::pair{"position [10 LSB]", "10 LSB"}}) {
+    const ColumnWords words = read_column_words(title, "");
+    EXPECT_EQ(words.unit, "") << title;
+    EXPECT_EQ(words.odd_unit, odd) << title;
+  }
+  // These are what their units say, or arrays.
+  EXPECT_EQ(read_column_words("encoder [rpm]", "").quantity, Q::kVelocity);
+  EXPECT_EQ(read_column_words("torque current [A]", "").quantity, Q::kCurrent);
+  EXPECT_EQ(read_column_words("position [2nd axis]", "").odd_unit, "");
+  EXPECT_EQ(read_column_words("rec.pos[3]", "").odd_unit, "");
+}
+
+TEST_F(LogDoubts, AFactorInAUnitScalesTheChannel) {
+  const Axis m = axis(1000, 0.01);
+  constexpr double kTenths = 1800.0 / 3.14159265358979;
+  const ModelProposal plain =
+      proposed({{"time", m.time}, {"angle", m.position}, {"torque [Nm]", m.force}});
+  const ModelProposal scaled =
+      proposed({{"time", m.time},
+                {"angle [0.1 deg]", mapped(m.position, [](double q) { return kTenths * q; })},
+                {"torque [1e-3 Nm]", mapped(m.force, [](double u) { return 1e3 * u; })}});
+  EXPECT_NE(scaled.campaign_text.find("unit: deg, gain: {value: 0.0017453293, unit: rad/deg}"),
+            std::string::npos)
+      << scaled.campaign_text;
+  EXPECT_NE(scaled.campaign_text.find("gain: {value: 0.001, unit: N m/N m}"), std::string::npos);
+  EXPECT_EQ(value_of(plain, "mass"), value_of(scaled, "mass"));
+  // A unit that was said takes the place of the title's.
+  const ModelProposal said =
+      proposed({{"time", m.time}, {"angle [0.1 deg]", m.position}, {"torque [Nm]", m.force}},
+               {"angle [0.1 deg]=position:rad"});
+  EXPECT_EQ(value_of(plain, "mass"), value_of(said, "mass"));
+}
+
+TEST_F(LogDoubts, AUnitThatDoesNotFitIsAsked) {
+  const Axis m = axis(1000, 0.01);
+  const std::vector<Column> columns{
+      {"time", m.time}, {"angle", m.position}, {"torque [mN]", m.force}};
+  const ModelProposal asked = proposed(columns);
+  ASSERT_EQ(asked.questions.size(), 1U);
+  EXPECT_NE(questions_of(asked).find("is no unit of a torque"), std::string::npos);
+  EXPECT_TRUE(proposed(columns, {"torque [mN]=torque:mN m"}).questions.empty());
+}
+
+// ---- values that are held -----------------------------------------------------------------------
+
+TEST_F(LogDoubts, AHeldMotionIsTakenAtItsOwnRate) {
+  const Axis m = axis(6000, 0.001);
+  std::vector<double> held;
+  for (std::size_t k = 0; k < m.velocity.size(); ++k) {
+    held.push_back(std::round(50.0 * m.velocity[k - (k + 3) % 5 * (k > 5 ? 1 : 0)]) / 50.0);
+  }
+  const std::string file =
+      write("held.csv", {{"time [s]", m.time}, {"speed [rad/s]", held}, {"torque [Nm]", m.force}});
+  const ModelProposal proposal = written({file});
+  EXPECT_NE(value_of(proposal, "held").find("each value for 5 samples"), std::string::npos);
+  EXPECT_NE(proposal.campaign_text.find("every: {samples: 5, from: 2}"), std::string::npos)
+      << proposal.campaign_text;
+  EXPECT_NE(proposal.model_text.find("sample_time: 0.005"), std::string::npos);
+  EXPECT_NE(value_of(proposal, "mass").find("least squares"), std::string::npos)
+      << value_of(proposal, "mass");
+  for (const std::string& finding : findings_)
+    EXPECT_FALSE(finding.starts_with("error")) << finding;
+  // Without times it is filtered and decimated.
+  ProposalRequest request;
+  request.logs = {write("bare.csv", {{"speed [rad/s]", held}, {"torque [Nm]", m.force}})};
+  request.sample_time = 0.001;
+  EXPECT_NE(propose_model(request).campaign_text.find("{kind: decimate, factor: 5}"),
+            std::string::npos);
+}
+
+// ---- splits -------------------------------------------------------------------------------------
+
+TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
+  const Axis m = axis(130, 0.04);
+  const std::string file = write(
+      "short.csv", {{"time [s]", m.time}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
+  const ModelProposal proposal = written({file});
+  EXPECT_NE(value_of(proposal, "kept out").find("too few samples"), std::string::npos)
+      << value_of(proposal, "kept out");
+  const Axis longer = axis(1000, 0.04);
+  const ModelProposal halves = written({write("long.csv", {{"time [s]", longer.time},
+                                                           {"angle [rad]", longer.position},
+                                                           {"torque [Nm]", longer.force}})});
+  EXPECT_EQ(value_of(halves, "kept out"), "the second half; checks the fit");
+}
+
+TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {
+  const Axis m = axis(400, 0.02), few = axis(39, 0.02);
+  const auto file = [&](const std::string& name, const Axis& each) {
+    return write(
+        name,
+        {{"time [s]", each.time}, {"angle [rad]", each.position}, {"torque [Nm]", each.force}});
+  };
+  const ModelProposal proposal = written({file("a.csv", m), file("b.csv", few)});
+  EXPECT_NE(notes_of(proposal).find("b.csv is left out"), std::string::npos) << notes_of(proposal);
+  ProposalRequest alone;
+  alone.logs = {folder_.file("b.csv")};
+  testing::expect_refused([&] { return propose_model(alone); }, "needs 50 samples");
+}
+
+// ---- uneven times, short logs, gears ------------------------------------------------------------
+
+// Steps of 120 ms, and later of 60 and 120 ms: the median is none that the second half allows.
+TEST_F(LogDoubts, StepsOfTwoSizesMakeACampaignThatCanBeRead) {
+  constexpr int kLong = 400, kAll = 780;
+  const Axis m = axis(8200, 0.01);
+  std::vector<Column> columns{{"time [s]", {}}, {"angle [rad]", {}}, {"torque [Nm]", {}}};
+  std::size_t k = 0;
+  for (int n = 0; n < kAll; ++n) {
+    columns[0].second.push_back(m.time[k]);
+    columns[1].second.push_back(m.position[k]);
+    columns[2].second.push_back(m.force[k]);
+    k += n < kLong || n % 5 > 2 ? 12 : 6;
+  }
+  const ModelProposal proposal = written({write("uneven.csv", columns)});
+  EXPECT_NE(value_of(proposal, "time").find("every 0.06 s"), std::string::npos)
+      << value_of(proposal, "time");
+  EXPECT_TRUE(std::filesystem::exists(folder_.file("axis/campaign.yaml")));
+}
+
+TEST_F(LogDoubts, AGearIsCalledOne) {
+  const Axis m = axis(1000, 0.01);
+  const ModelProposal proposal =
+      proposed({{"time [s]", m.time},
+                {"angle [rad]", m.position},
+                {"speed [rad/s]", mapped(m.velocity, [](double v) { return 33.5 * v; })},
+                {"torque [Nm]", m.force}});
+  EXPECT_NE(notes_of(proposal).find("times 33.5, as behind a gear"), std::string::npos)
+      << notes_of(proposal);
+  EXPECT_TRUE(proposal.questions.empty()) << questions_of(proposal);
+}
+
+TEST_F(LogDoubts, AShortLogsRateIsItsRateAndMayBeLate) {
+  const Axis m = axis(100, 0.02);
+  const Eigen::Map<const Eigen::VectorXd> q(m.position.data(), 100), v(m.velocity.data(), 100);
+  const auto fit = fit_rate(q, v, 0.02);
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->factor, 1.0, 0.05);
+  Eigen::VectorXd late(100);
+  for (int k = 0; k < 100; ++k) late(k) = m.velocity[static_cast<std::size_t>(std::max(0, k - 4))];
+  const auto shifted = fit_rate(q, late, 0.02);
+  ASSERT_TRUE(shifted);
+  EXPECT_NEAR(shifted->late, 0.08, 0.021);
+}
+
+// What is said to be unused is what is unused.
+TEST_F(LogDoubts, WordsAboutARateNameWhatIsNotUsed) {
+  const Axis m = axis(1000, 0.01);
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  const ModelProposal proposal = proposed(
+      {{"time [s]", m.time},
+       {"position [inc]", mapped(m.time, [&](double) { return std::round(5e3 * any(random)); })},
+       {"speed [rad/s]", m.velocity},
+       {"torque [Nm]", m.force}});
+  EXPECT_NE(value_of(proposal, "velocity").find("'speed'"), std::string::npos);
+  EXPECT_NE(notes_of(proposal).find("'position [inc]' is not used"), std::string::npos)
+      << notes_of(proposal);
+  EXPECT_EQ(notes_of(proposal).find("it is not used"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace graybox
