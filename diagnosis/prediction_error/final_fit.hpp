@@ -70,9 +70,9 @@ class FinalFit {
   // beside a disturbance, which costs more over a whole run than any law; else that of the model.
   [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const;
   // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
-  // what is kept out is the larger motion, or the harder driven, the ratio of the signals, or of the
-  // drives, is divided out: what a law lacks grows with these, and so do most disturbances. In free
-  // run where the plant forgets, else as far ahead as the remaining force lets foresee.
+  // what is kept out is the larger motion, or the harder driven, the ratio of the signals, or of
+  // the drives, is divided out: what a law lacks grows with these, and so do most disturbances. In
+  // free run where the plant forgets, else as far ahead as the remaining force lets foresee.
   struct Growth {
     Eigen::VectorXd ratio;
     Eigen::VectorXd deviation;  // of its logarithm, by blocks
