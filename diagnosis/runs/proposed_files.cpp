@@ -104,7 +104,7 @@ void reverse_forces(const std::filesystem::path& model, const std::filesystem::p
 bool has_enough_samples(const std::filesystem::path& model, const std::filesystem::path& campaign) {
   try {
     const PredictionData data(load_lumped_model(model), read_campaign(campaign), 1);
-    return data.window_count(kFirstHorizon) >= kFewestRungWindows;
+    return data.window_count(kShortestHorizon) >= kFewestHorizonWindows;
   } catch (const InputError&) {
     return false;
   }
