@@ -749,8 +749,6 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   const std::string held = hold_scale(data, stated);
   PredictionData searched(stated, campaign, threads, kSearchedSamples);
   require_windows(stated, searched, campaign);
-  limit_noise(searched, stated, threads);
-  data.limit_noise(searched.noise());
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;
   search_options.threads = threads;
@@ -759,6 +757,8 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
   PredictionDiagnosis result{hypotheses.hypotheses(), {}, {}};
   PredictionSearch search(searched, hypotheses, search_options);
   try {
+    limit_noise(searched, stated, threads);
+    data.limit_noise(searched.noise());
     if (!options.ignore_channel_faults) {
       result.diagnosis.channel_faults =
           find_reversed_outputs(stated, searched, hypotheses, threads);
