@@ -303,7 +303,7 @@ TEST_F(LogDoubts, AHeldMotionIsTakenAtItsOwnRate) {
 // ---- splits -------------------------------------------------------------------------------------
 
 TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
-  const Axis m = axis(130, 0.04);
+  const Axis m = axis(70, 0.04);
   const std::string file = write(
       "short.csv", {{"time [s]", m.time}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
   const ModelProposal proposal = written({file});

@@ -243,7 +243,7 @@ TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   alone.validation_after.reset();
   alone.effects[0].held_out.reset();
   alone.reasons = verdict_reasons(alone, {});
-  EXPECT_EQ(verdict_of(alone.reasons), Verdict::kExplained);  // said, but it does not block
+  EXPECT_EQ(verdict_of(alone.reasons), Verdict::kAmbiguous);
   all.clear();
   for (const std::string& line : verdict_words(alone, kHypotheses)) all += line + "\n";
   EXPECT_NE(all.find("No recordings were kept out, so what it predicts was not tested."),
