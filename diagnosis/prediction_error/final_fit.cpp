@@ -545,7 +545,8 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
       near.fit(without_part(with.model, law.part), weights, with.initials, kIterations);
   if (!with.usable || !without.usable || is_idle(without, with)) return -kMissed;
   if (!is_told(with, law)) return -kMissed;
-  return z_of_law(without, with);
+  return hypotheses_->is_late_channel(law.hypothesis) ? z_of_law(without, with)
+                                                      : z_between(without, with);
 }
 
 // What the search found on one rung and neither that rung bears out beside the others nor the
@@ -560,7 +561,10 @@ void FinalFit::drop_idle_laws() {
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
                               !is_told(found_.fit, law) || raises_held_out(law, poorer, found_);
-      const double z = is_nothing ? -kMissed : z_over(poorer);
+      const bool is_late = hypotheses_->is_late_channel(law.hypothesis);
+      const double z = is_nothing ? -kMissed
+                       : is_late  ? z_of_law(poorer.fit, found_.fit)
+                                  : z_over(poorer);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
@@ -683,7 +687,7 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
       if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
     }
   }
-  if (!best.usable || !(z_of_law(poorer, best) > kErrors)) return {};
+  if (!best.usable || !(z_between(poorer, best) > kErrors)) return {};
   if (is_idle(poorer, best)) return {};
   return best.model;
 }
@@ -718,7 +722,7 @@ JudgedModel FinalFit::without(std::size_t law) const {
 }
 
 double FinalFit::z_over(const JudgedModel& poorer) const {
-  return z_of_law(poorer.fit, found_.fit);
+  return z_between(poorer.fit, found_.fit);
 }
 
 double FinalFit::z_over_rival(const JudgedModel& rival) const {

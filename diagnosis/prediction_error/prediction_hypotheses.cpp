@@ -267,6 +267,11 @@ bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
   return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
 }
 
+bool PredictionHypotheses::is_late_channel(std::size_t hypothesis) const {
+  const std::string& law = hypotheses_[hypothesis].law;
+  return law == "delay" || law == "lag";
+}
+
 PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
     const Location& place, const Eigen::MatrixXd& motion) const {
   MotionAt at;

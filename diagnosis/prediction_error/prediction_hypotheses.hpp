@@ -31,6 +31,8 @@ class PredictionHypotheses {
   // Friction, constant forces, weights, late channels: what many machines have. Others must gain
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
+  // A delay or a lag: it acts in the few moments in which something changes.
+  [[nodiscard]] bool is_late_channel(std::size_t hypothesis) const;
   // Every law in every start that the motion suggests. `motion`: q and q' of all coordinates
   // (PredictionFitter::motion). Ripples as they are given.
   [[nodiscard]] std::vector<LawExtension> extensions(

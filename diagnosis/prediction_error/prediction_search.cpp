@@ -84,7 +84,7 @@ ExtendedLumpedModel without_laws(ExtendedLumpedModel model) {
 
 bool is_idle(const PredictionFit& without, const PredictionFit& with) {
   if (!without.usable) return false;
-  const double gain = 1.0 - with.cost / without.cost, z = z_of_law(without, with);
+  const double gain = 1.0 - with.cost / without.cost, z = z_between(without, with);
   return gain < kNoGain || z < 0.0 || (gain < kPruneGain && z < kPruneErrors);
 }
 
@@ -275,7 +275,8 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     if (gain(one) >= kRace * best) {
       one.fit = fitter(state).fit_on(one.fit, state.weights, kRefitIterations);
     }
-    one.z = z_of_law(state.fit, one.fit);
+    one.z = hypotheses_->is_late_channel(one.hypothesis) ? z_of_law(state.fit, one.fit)
+                                                         : z_between(state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);
@@ -286,7 +287,10 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
 std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
                                        const std::vector<LawExtension>& extensions,
                                        const State& state) const {
-  // Rounding follows the motion, and a law may take some of it.
+  // Near the noise of a sensor, which may be rounding and not white, more is asked for. Rounding
+  // follows the motion, and a law may take some of it; a late channel takes less than others.
+  const bool is_near_noise =
+      (state.error.array() < options_.noise_multiple * state.by_noise.array()).all();
   double rounding = 0.0;
   for (Index k = 0; k < state.error.size(); ++k) {
     if (!data_->is_rounded(k)) continue;
@@ -298,7 +302,10 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     double least =
         hypotheses_->is_plain(law.hypothesis) ? options_.least_gain : options_.least_gain_rare;
     if (name == "mode" || name == "resonance") least = options_.least_gain_mode;
-    return std::max(least, options_.least_gain_of_rounding * rounding);
+    if (hypotheses_->is_late_channel(law.hypothesis)) {
+      return std::max(least, options_.least_gain_of_rounding * rounding);
+    }
+    return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
   };
   const auto is_good = [&](const TriedLaw& law) {
     return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law);

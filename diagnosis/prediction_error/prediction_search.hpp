@@ -11,9 +11,10 @@
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also viscous and Coulomb friction at all masses at once
 //      (friction_group.hpp); taken if they leave less than 80 % of what the best single law does
-//   4. accept if z > 3 (z_of_law), the cost falls by more than 3 %, 10 % by a law that few machines
-//      have, and by a quarter of what may be rounding, and the frictions do not feed energy in
-//      (friction_energy.hpp); among those not told from the best, the plainest
+//   4. accept if z > 3 (left_out_blocks.hpp; of late channels z_of_law), the cost falls by more than
+//      3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter of
+//      what may be rounding), and the frictions do not feed energy in (friction_energy.hpp); among
+//      those not told from the best, the plainest
 //   5. prune: drop every law found that is not missed (is_idle); again from 2
 //
 // Where errors grow with the horizon (the plant does not forget) a disturbance hides small laws. So
@@ -42,16 +43,18 @@ namespace graybox {
 inline constexpr double kRareGain = 0.1;
 
 struct PredictionSearchOptions {
-  double errors_of_gain = 3.0;           // z
-  double least_gain = 0.03;              // of the cost
-  double least_gain_rare = kRareGain;    // of the cost, by a law that few machines have
-  double least_gain_mode = 0.3;          // by something that swings: it imitates much
-  double equal_errors = 2.5;             // z within which another law is no better
-  double equal_gain = 0.85;              // share of the best one's gain
-  double rival_errors = 2.0;             // z within which a law is not excluded
-  double at_noise = 1.05;                // times the sensors' noise: nothing to see
-  double at_rounding = 1.3;              // likewise, where it may be rounding
-  double least_gain_of_rounding = 0.25;  // of the share of the cost that may be rounding
+  double errors_of_gain = 3.0;         // z
+  double least_gain = 0.03;            // of the cost
+  double least_gain_rare = kRareGain;  // of the cost, by a law that few machines have
+  double least_gain_mode = 0.3;        // by something that swings: it imitates much
+  double equal_errors = 2.5;           // z within which another law is no better
+  double equal_gain = 0.85;            // share of the best one's gain
+  double rival_errors = 2.0;           // z within which a law is not excluded
+  double at_noise = 1.05;              // times the sensors' noise: nothing to see
+  double at_rounding = 1.3;            // likewise, where it may be rounding
+  double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
+  double least_gain_near_noise = 0.15;   // so much of the cost
+  double least_gain_of_rounding = 0.25;  // a late channel: of the share that may be rounding
   double no_skill = 0.95;                // of the signal
   double fed_in = 0.02;                  // of the energy, at a place
   double group_gain = 0.2;               // of the cost that the best single law leaves

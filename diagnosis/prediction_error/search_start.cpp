@@ -125,7 +125,9 @@ PredictionFit short_fit(const ExtendedLumpedModel& start, const PredictionData& 
 }
 
 void limit_noise(PredictionData& data, const LumpedModel& model, int threads) {
+  constexpr double kDoubtful = 0.001;  // of the signal; less is read well from differences
   const VectorXd& scale = data.output_scale();
+  if ((data.noise().array() < kDoubtful * scale.array()).all()) return;
   VectorXd most = data.noise();
   for (const Index horizon : {Index{1}, data.first_horizon()}) {
     const PredictionTask task = data.windows(horizon);

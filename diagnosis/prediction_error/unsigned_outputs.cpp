@@ -20,7 +20,7 @@ constexpr double kBetter = 0.9, kErrors = 3.0;
 bool predicts_better(const PredictionFit& without_sign, const PredictionFit& stated) {
   if (!stated.usable) return without_sign.usable;
   return without_sign.usable && without_sign.cost < kBetter * stated.cost &&
-         z_of_law(stated, without_sign) > kErrors;
+         z_between(stated, without_sign) > kErrors;
 }
 
 bool never_negative(Index output, const PredictionData& data) {
