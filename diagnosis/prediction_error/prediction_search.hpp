@@ -1,8 +1,8 @@
 // The search for missing physics by prediction errors.
 //
-// The ladder: horizons of 10, 30, 100, 300, ... samples (first_horizon() where few), short
-// ones first. Over a long horizon a
-// model that lacks friction predicts best by ignoring its own input; over a short one it can't. A
+// The ladder: horizons of 10, 30, 100, 300, ... samples (first_horizon() where few), short ones
+// first. Over a long horizon a model that lacks friction predicts best by ignoring its own input;
+// over a short one it can't. A
 // plant that forgets (springs and dampers on every coordinate), and imposed motion, are searched in
 // free run, from where a fit ten samples ahead led. On each rung:
 //
@@ -11,10 +11,10 @@
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also viscous and Coulomb friction at all masses at once
 //      (friction_group.hpp); taken if they leave less than 80 % of what the best single law does
-//   4. accept if z > 3 (left_out_blocks.hpp; of late channels z_of_law), the cost falls by more than
-//      3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter of
-//      what may be rounding), and the frictions do not feed energy in (friction_energy.hpp); among
-//      those not told from the best, the plainest
+//   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
+//      than 3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter
+//      of what may be rounding), and the frictions do not feed energy in (friction_energy.hpp);
+//      among those not told from the best, the plainest
 //   5. prune: drop every law found that is not missed (is_idle); again from 2
 //
 // Where errors grow with the horizon (the plant does not forget) a disturbance hides small laws. So
