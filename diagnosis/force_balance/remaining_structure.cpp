@@ -118,7 +118,8 @@ Eigen::VectorXd prediction_errors(const StepColumns& columns, const Eigen::Vecto
   return errors;
 }
 
-// Likewise by a constant, the velocity and its sign: few samples tell these and not thirty steps.
+// What is left when a constant, the velocity and its sign predict each fold by the others: few
+// samples tell these and not thirty steps.
 Eigen::VectorXd friction_errors(const std::vector<double>& velocity,
                                 const Eigen::VectorXd& values) {
   const Eigen::Index n = values.size();

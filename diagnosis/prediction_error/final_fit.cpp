@@ -312,7 +312,7 @@ VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
   return deviations;
 }
 
-// The same windows, or whole runs, of the recordings kept out.
+// Windows as long as the fit's, or whole runs, of the recordings kept out.
 PredictionTask FinalFit::held_out_task(const PredictionTask& task) const {
   return task.is_free() ? data_->free_after(kSeenSamples, ExperimentRole::kValidation)
                         : data_->windows(task.horizon, ExperimentRole::kValidation);
@@ -545,8 +545,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
       near.fit(without_part(with.model, law.part), weights, with.initials, kIterations);
   if (!with.usable || !without.usable || is_idle(without, with)) return -kMissed;
   if (!is_told(with, law)) return -kMissed;
-  return hypotheses_->is_late_channel(law.hypothesis) ? z_of_law(without, with)
-                                                      : z_between(without, with);
+  return hypotheses_->z_of_law(law.hypothesis, without, with);
 }
 
 // What the search found on one rung and neither that rung bears out beside the others nor the
@@ -561,10 +560,8 @@ void FinalFit::drop_idle_laws() {
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
                               !is_told(found_.fit, law) || raises_held_out(law, poorer, found_);
-      const bool is_late = hypotheses_->is_late_channel(law.hypothesis);
-      const double z = is_nothing ? -kMissed
-                       : is_late  ? z_of_law(poorer.fit, found_.fit)
-                                  : z_over(poorer);
+      const double z =
+          is_nothing ? -kMissed : hypotheses_->z_of_law(law.hypothesis, poorer.fit, found_.fit);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
       least = z;
@@ -723,10 +720,6 @@ JudgedModel FinalFit::without(std::size_t law) const {
 
 double FinalFit::z_over(const JudgedModel& poorer) const {
   return z_between(poorer.fit, found_.fit);
-}
-
-double FinalFit::z_over_rival(const JudgedModel& rival) const {
-  return z_between(rival.fit, found_.fit);
 }
 
 MatrixXd FinalFit::motion() const { return fitter(task_).motion(found_.fit); }

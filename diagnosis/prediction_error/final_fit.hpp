@@ -78,10 +78,8 @@ class FinalFit {
     Eigen::VectorXd deviation;  // of its logarithm, by blocks
   };
   [[nodiscard]] std::optional<Growth> growth() const;
-  // z of the model found over a poorer one, that lacks one of its laws, and over one with another
-  // law in its place; by blocks left out.
+  // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
-  [[nodiscard]] double z_over_rival(const JudgedModel& rival) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
   // Along time, those of recordings kept out first: by the predictions that its errors are of.
   [[nodiscard]] std::vector<ResidualCurve> curves(const JudgedModel& model) const;

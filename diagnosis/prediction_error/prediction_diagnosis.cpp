@@ -216,7 +216,7 @@ class DiagnosisBuilder {
       const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
       Rival rival = rival_of(tried);
       if (exchanged.fit.usable) {
-        const double z = final_->z_over_rival(exchanged);
+        const double z = final_->z_over(exchanged);
         rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
         rival.bic_difference = z * std::abs(z);
         const bool stands = z < kExcluded;
@@ -247,7 +247,7 @@ class DiagnosisBuilder {
       if (is_named(other, effect)) continue;
       const JudgedModel exchanged = final_->with_law(without, other);
       if (!exchanged.fit.usable) continue;
-      const double z = final_->z_over_rival(exchanged);
+      const double z = final_->z_over(exchanged);
       if (z >= kExcluded) continue;
       Rival rival;
       rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);

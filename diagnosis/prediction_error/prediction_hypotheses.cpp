@@ -272,6 +272,11 @@ bool PredictionHypotheses::is_late_channel(std::size_t hypothesis) const {
   return law == "delay" || law == "lag";
 }
 
+double PredictionHypotheses::z_of_law(std::size_t hypothesis, const PredictionFit& poorer,
+                                      const PredictionFit& richer) const {
+  return is_late_channel(hypothesis) ? z_as_given(poorer, richer) : z_between(poorer, richer);
+}
+
 PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
     const Location& place, const Eigen::MatrixXd& motion) const {
   MotionAt at;

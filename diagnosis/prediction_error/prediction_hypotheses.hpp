@@ -12,6 +12,7 @@
 #include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/predictor/extended_lumped_model.hpp"
 #include "diagnosis/predictor/prediction_data.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
 
@@ -33,6 +34,10 @@ class PredictionHypotheses {
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
   // A delay or a lag: it acts in the few moments in which something changes.
   [[nodiscard]] bool is_late_channel(std::size_t hypothesis) const;
+  // z of a fit with this law over the one without it: z_as_given() of late channels, z_between() of
+  // others.
+  [[nodiscard]] double z_of_law(std::size_t hypothesis, const PredictionFit& poorer,
+                                const PredictionFit& richer) const;
   // Every law in every start that the motion suggests. `motion`: q and q' of all coordinates
   // (PredictionFitter::motion). Ripples as they are given.
   [[nodiscard]] std::vector<LawExtension> extensions(

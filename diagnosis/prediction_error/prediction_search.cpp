@@ -275,8 +275,7 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     if (gain(one) >= kRace * best) {
       one.fit = fitter(state).fit_on(one.fit, state.weights, kRefitIterations);
     }
-    one.z = hypotheses_->is_late_channel(one.hypothesis) ? z_of_law(state.fit, one.fit)
-                                                         : z_between(state.fit, one.fit);
+    one.z = hypotheses_->z_of_law(one.hypothesis, state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);

@@ -2,9 +2,8 @@
 //
 // The ladder: horizons of 10, 30, 100, 300, ... samples (first_horizon() where few), short ones
 // first. Over a long horizon a model that lacks friction predicts best by ignoring its own input;
-// over a short one it can't. A
-// plant that forgets (springs and dampers on every coordinate), and imposed motion, are searched in
-// free run, from where a fit ten samples ahead led. On each rung:
+// over a short one it can't. A plant that forgets (springs and dampers on every coordinate), and
+// imposed motion, are searched in free run, from where a fit ten samples ahead led. On each rung:
 //
 //   1. fit the model of the rung before; skip the rung where its errors are what the sensors' noise
 //      leaves by itself, stop where they exceed 95 % of the signal

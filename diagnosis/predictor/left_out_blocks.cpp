@@ -44,7 +44,7 @@ double long_run_sum(const VectorXd& values) {
   return std::max(variance, kLeastOfPlain * plain);
 }
 
-// Of the probability of a value of Student's t.
+// The normal quantile of the same probability as a value of Student's t.
 double normal_quantile(double t, double freedom) {
   return t * (1.0 - 1.0 / (4.0 * freedom)) / std::sqrt(1.0 + t * t / (2.0 * freedom));
 }

@@ -48,7 +48,7 @@ double z_between(const PredictionFit& poorer, const PredictionFit& richer) {
                     counted_rows(richer) / static_cast<double>(edges.size() - 1));
 }
 
-double z_of_law(const PredictionFit& poorer, const PredictionFit& richer) {
+double z_as_given(const PredictionFit& poorer, const PredictionFit& richer) {
   const BlockEdges& edges = richer.fine_edges;
   const double z = z_between(poorer, richer);
   if (edges.size() < 2) return z;

@@ -52,7 +52,7 @@ struct PredictionFit {
 [[nodiscard]] double z_between(const PredictionFit& poorer, const PredictionFit& richer);
 // Where the richer is the poorer with a law more: the larger of that and added_z(), by which a law
 // that acts in a few blocks only is seen too.
-[[nodiscard]] double z_of_law(const PredictionFit& poorer, const PredictionFit& richer);
+[[nodiscard]] double z_as_given(const PredictionFit& poorer, const PredictionFit& richer);
 
 class PredictionFitter {
  public:

@@ -46,7 +46,7 @@ std::string time_text(const LogTime& time) {
                                  : time.why);
 }
 
-// Of a unit with a factor, "[0.1 deg]": what one recorded number is; else empty.
+// What one recorded number is in a unit with a factor, "[0.1 deg]"; else empty.
 std::string gain_of_factor(const DraftChannel& channel, const LogRecording& recording) {
   if (!channel.gain.empty() || channel.column == "ANSWER") return "";
   const double factor = recording.at(channel.file, channel.column).words.unit_factor;

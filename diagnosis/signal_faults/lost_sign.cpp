@@ -52,7 +52,7 @@ double rest_of(const Eigen::ColPivHouseholderQR<Eigen::MatrixXd>& solver,
   return std::sqrt((right - model).squaredNorm() / static_cast<double>(right.size()));
 }
 
-// The same for the sizes with signs that the motion gives them, from these on.
+// What is left of the sizes, with signs that the motion gives them; it begins with these signs.
 double rest_with_signs(const Eigen::MatrixXd& columns, const Eigen::VectorXd& size,
                        Eigen::VectorXd signs) {
   constexpr int kRounds = 6;
