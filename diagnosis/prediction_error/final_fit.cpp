@@ -702,6 +702,20 @@ JudgedModel FinalFit::with_law(const JudgedModel& poorer, std::size_t hypothesis
   return best;
 }
 
+JudgedModel FinalFit::in_place_of(std::size_t law, std::size_t hypothesis) const {
+  constexpr double kStart = 0.1;  // of what acts at all
+  const ExtendedLumpedModel& model = found_.fit.model;
+  JudgedModel best;
+  for (const LawExtension& start : hypotheses_->extensions(model, motion())) {
+    if (start.hypothesis != hypothesis || start.replaces != model.laws[law].part) continue;
+    JudgedModel each = judged(extended(model, start, kStart * start.unit), kIterations);
+    if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
+    best = std::move(each);
+  }
+  if (best.fit.usable) judge_held_out(best);
+  return best;
+}
+
 std::size_t FinalFit::accepted_as(std::size_t hypothesis) const {
   const auto found = accepted_as_.find(hypothesis);
   return found == accepted_as_.end() ? hypothesis : found->second;

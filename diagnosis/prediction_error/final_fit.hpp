@@ -58,6 +58,9 @@ class FinalFit {
   [[nodiscard]] JudgedModel without(std::size_t law) const;
   // The model refitted with the last law of `rival` in place of one of its laws.
   [[nodiscard]] JudgedModel exchanged(std::size_t law, const ExtendedLumpedModel& rival) const;
+  // The model refitted with a more general law in place of one of its laws, from the best of the
+  // starts about that one; unusable without any.
+  [[nodiscard]] JudgedModel in_place_of(std::size_t law, std::size_t hypothesis) const;
   // `poorer` with a law of another hypothesis, from the best of its starts; unusable without any.
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   // Hypotheses that may be one with this law in what is measured.

@@ -201,7 +201,10 @@ class DiagnosisBuilder {
       const auto accepted = std::ranges::find(
           findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
       if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
-      if (without.fit.usable) add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
+      if (without.fit.usable) {
+        add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
+        add_richer_friction(l, effect);
+      }
       unite_delays(effect);
       result_.effects.push_back(std::move(effect));
     }
@@ -254,6 +257,37 @@ class DiagnosisBuilder {
       rival.bic_difference = z * std::abs(z);
       effect.rivals.push_back(std::move(rival));
     }
+  }
+
+  // A plain friction takes most of what a richer one would, and leaves a rest that may pass for a
+  // disturbance. Where the richer one predicts better, kept-out recordings included, it is named:
+  // as a rival, or where that may be chance beside the law found.
+  void add_richer_friction(std::size_t law, FoundEffect& effect) const {
+    constexpr double kWorthNaming = 1.0;  // z
+    const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+    const std::size_t found = final_->found().fit.model.laws[law].hypothesis;
+    if (all[found].law != "coulomb" && all[found].law != "viscous") return;
+    for (std::size_t richer = 0; richer < all.size(); ++richer) {
+      const auto is_this = [&](const Rival& rival) { return rival.law.hypothesis == richer; };
+      if (!contains(richer, found) || is_found(richer)) continue;
+      if (std::ranges::any_of(effect.rivals, is_this)) continue;
+      const JudgedModel fitted = final_->in_place_of(law, richer);
+      if (!fitted.fit.usable) continue;
+      const double z = z_between(final_->found().fit, fitted.fit);
+      if (!(z > kWorthNaming) || raises_held_out(fitted)) continue;
+      Rival rival;
+      rival.law = fitted_law(fitted.fit.model, fitted.fit.model.laws.back(), nullptr);
+      rival.bic_difference = -z * z;
+      std::erase_if(effect.excluded, is_this);
+      (z > kExcluded ? effect.rivals : effect.generalisations).push_back(std::move(rival));
+    }
+  }
+
+  [[nodiscard]] bool raises_held_out(const JudgedModel& other) const {
+    const auto with = final_->law_held_out(other), without = final_->law_held_out(final_->found());
+    if (!with || !without) return false;
+    const VectorXd& scale = final_->found().held_out_scale;
+    return pooled(with->error, scale) > pooled(without->error, scale);
   }
 
   // With one drive and one sensor a delay at either is one system, whatever lies between them and
@@ -408,10 +442,23 @@ class DiagnosisBuilder {
     return own;
   }
 
+  // The whole of each recording is foretold within half a step of each sensor, kept-out ones
+  // included: rounding is no white noise (at rest it stays), and is all that is left.
+  [[nodiscard]] bool is_within_a_step() const {
+    const JudgedModel& found = final_->found();
+    if (found.horizon != 0 || !found.fit.usable) return false;
+    for (Index j = 0; j < data_->output_count(); ++j) {
+      const double most = 0.5 * data_->rounding_step(j);
+      if (!(found.error(j) <= most)) return false;
+      if (found.held_out_error && !((*found.held_out_error)(j) <= most)) return false;
+    }
+    return true;
+  }
+
   // What is left could be the sensors' noise and a disturbance.
   [[nodiscard]] bool is_disturbance() const {
     const UnmodelledForce& rest = final_->rest();
-    if (rest.multiple_of_noise() <= kNoiseMultiple) return true;
+    if (rest.multiple_of_noise() <= kNoiseMultiple || is_within_a_step()) return true;
     return rest.multiple_of_rest() <= kNoiseMultiple &&
            100.0 * rest.structured_share() <= kStructureLimit &&
            100.0 * rest.share() <= kSmallForce;

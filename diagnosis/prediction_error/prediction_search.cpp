@@ -467,6 +467,31 @@ void PredictionSearch::search_beside_disturbance() {
   }
 }
 
+// Where no window shows more than the sensors' noise, forces are too small to be seen so soon: over
+// the whole recording they add up. What explains that is a law; what nothing explains may be the
+// sum of disturbances, and says nothing.
+void PredictionSearch::look_at_free_run() {
+  if (findings_.rungs.empty() || findings_.has_free_run || !findings_.laws.empty() ||
+      std::ranges::any_of(findings_.rungs, &Rung::was_searched)) {
+    return;
+  }
+  const PredictionFindings before = findings_;
+  State state;
+  if (proceed("free run: fitting") && climb(0, findings_.found, state) && !is_noise(state)) {
+    search_rung(state);
+    if (!findings_.laws.empty()) {
+      findings_.found = state.fit.model;
+      findings_.rungs.push_back({0, true});
+      findings_.left = state.error.cwiseQuotient(data_->output_scale());
+      findings_.has_free_run = true;
+      return;
+    }
+  }
+  const bool stopped = findings_.stopped;
+  findings_ = before;
+  findings_.stopped = stopped;
+}
+
 // Where what is measured forgets the start, free run says all. But where a law is missing the model
 // may leave its valley there, and the law then gains nothing. So where much is left the search is
 // repeated over longer and longer windows, and the better of both is taken.
@@ -504,6 +529,7 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
                               {},
                               {}});
   }
+  if (moves) findings_.found = started_to_predict(findings_.found, *data_, options_.threads);
   start_ = findings_.found;
   disturbance_ = {};
   findings_.as_given = without_laws(findings_.found);
@@ -533,6 +559,7 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
     findings_.left = state.error.cwiseQuotient(data_->output_scale());
     findings_.has_free_run = horizon == 0;
   }
+  if (moves && !findings_.stopped) look_at_free_run();
   const bool is_disturbed = !findings_.rungs.empty() && !findings_.has_free_run &&
                             std::ranges::any_of(findings_.rungs, &Rung::was_searched);
   if (is_disturbed && !findings_.stopped) search_beside_disturbance();

@@ -131,6 +131,7 @@ class PredictionSearch {
   [[nodiscard]] ExtendedLumpedModel as_started(const ExtendedLumpedModel& model) const;
   void weigh(State& state) const;
   void search_rung(State& state);
+  void look_at_free_run();
   void search_beside_disturbance();
   [[nodiscard]] bool add_law(State& state);
   [[nodiscard]] std::vector<LatentForce> latent_forces(const ExtendedLumpedModel& model) const;

@@ -14,20 +14,69 @@ constexpr double kConstant = 10.0;  // mean of a spring's deflection over its de
 constexpr int kDecades = 3, kPerDecade = 2;
 constexpr double kMargin = 0.5;  // of the cost, for another factor than one
 constexpr int kShortIterations = 15;
+constexpr std::size_t kStarts = 3;      // that are fitted
 constexpr double kClearlyBetter = 0.5;  // of the cost
 constexpr double kErrors = 3.0;         // z
 
-ExtendedLumpedModel scaled_by(const ExtendedLumpedModel& model, double factor) {
+// Factors of what a lumped model states, by kind.
+struct Factors {
+  double masses = 1.0, dampings = 1.0, springs = 1.0;
+  [[nodiscard]] double of(const LumpedParameter& parameter) const {
+    if (parameter.unit.starts_with("kg")) return masses;
+    const bool is_damping = parameter.unit.find(" s") != std::string::npos;  // N s/m, N m s/rad
+    return is_damping ? dampings : springs;
+  }
+};
+
+ExtendedLumpedModel scaled_by(const ExtendedLumpedModel& model, const Factors& factors) {
   ExtendedLumpedModel scaled = model;
   std::vector<double> values = model.values();
   const std::size_t own = model.own_parameters();
   for (std::size_t p = 0; p < own; ++p) {
     ParameterSpace& space = scaled.space[p];
     if (model.model.parameters[p].fixed || !space.logarithmic) continue;
+    const double factor = factors.of(model.model.parameters[p]);
     for (double* const each : {&values[p], &space.scale}) *each *= factor;
     (factor < 1.0 ? space.low : space.high) *= factor;  // what is stated stays inside
   }
   return with_values(scaled, values);
+}
+
+// 1, 10^(-1/2), 10^(1/2), 10^-1, ... to 1000 either way.
+double factor_of_step(int i) {
+  const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
+  return std::pow(10.0, static_cast<double>(step) / kPerDecade);
+}
+constexpr int kFactors = 2 * kDecades * kPerDecade + 1;
+
+// rms of what each output moves by within so many samples, in the recordings of the fit.
+VectorXd motion_within(Index samples, const PredictionData& data) {
+  VectorXd squares = VectorXd::Zero(data.output_count());
+  double count = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    const Index rows = recording.outputs.rows() - samples;
+    if (recording.role != ExperimentRole::kEstimation || rows < 1) continue;
+    squares += (recording.outputs.bottomRows(rows) - recording.outputs.topRows(rows))
+                   .colwise()
+                   .squaredNorm()
+                   .transpose();
+    count += static_cast<double>(rows);
+  }
+  return (squares / std::max(1.0, count)).cwiseSqrt();
+}
+
+// The first rung so far ahead that some output moves by twenty times its noise, else the last one:
+// nearer, a prediction tells of the noise alone.
+Index telling_horizon(const PredictionData& data) {
+  constexpr double kMultiple = 20.0;
+  Index horizon = data.first_horizon();
+  for (const Index next : {3 * horizon, 10 * horizon, 30 * horizon, 100 * horizon}) {
+    const VectorXd moved = motion_within(horizon, data);
+    if ((moved.array() > kMultiple * data.noise().array()).any()) break;
+    if (data.window_count(next) < kFewestHorizonWindows) break;
+    horizon = next;
+  }
+  return horizon;
 }
 
 // The position output of each mass; none: not measured.
@@ -78,6 +127,13 @@ std::optional<Index> last_mass(const Element& spring,
     last = i;
   }
   return last;
+}
+
+// After a few iterations.
+double fitted_cost(const PredictionFitter& fitter, const ExtendedLumpedModel& start,
+                   const PredictionData& data) {
+  const PredictionFit fit = fitter.fit(start, data.output_scale(), {}, kShortIterations);
+  return fit.usable ? fit.cost : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -173,18 +229,51 @@ ExtendedLumpedModel scaled_to_predict(const ExtendedLumpedModel& model, const Pr
   ExtendedLumpedModel best = model;
   double least = std::numeric_limits<double>::infinity();
   VectorXd residuals;
-  for (int i = 0; i <= 2 * kDecades * kPerDecade; ++i) {
-    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // 0, -1, 1, -2, 2, ...
-    const double factor = std::pow(10.0, static_cast<double>(step) / kPerDecade);
-    ExtendedLumpedModel scaled = scaled_by(model, factor);
+  for (int i = 0; i < kFactors; ++i) {
+    const double factor = factor_of_step(i);
+    ExtendedLumpedModel scaled = scaled_by(model, {factor, factor, factor});
     if (!fitter.residuals(scaled, data.output_scale(), fitter.measured_initials(scaled.model), {},
                           residuals)) {
       continue;
     }
     const double cost = residuals.squaredNorm();
-    if (!(cost < (step == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
+    if (!(cost < (i == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
     least = cost;
     best = std::move(scaled);
+  }
+  return best;
+}
+
+ExtendedLumpedModel started_to_predict(const ExtendedLumpedModel& model, const PredictionData& data,
+                                       int threads) {
+  const PredictionTask task = data.windows(telling_horizon(data));
+  if (task.runs.empty() || task.counted() == 0) return model;
+  struct Start {
+    double cost = 0.0;
+    Factors factors;
+  };
+  std::vector<Start> starts;
+  const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
+  for (int i = 0; i < kFactors; ++i) {
+    for (int k = 0; k < kFactors; ++k) {
+      const double masses = factor_of_step(i), dampings = factor_of_step(k);
+      const PredictionFit fit = fitter.fit(scaled_by(model, {masses, dampings, masses}),
+                                           data.output_scale(), {}, 0, false);
+      if (fit.usable) starts.push_back({fit.cost, {masses, dampings, masses}});
+      if (i == 0 && k == 0) starts.resize(1, {std::numeric_limits<double>::infinity(), {}});
+    }
+  }
+  const Start given = starts.front();
+  std::ranges::stable_sort(starts, std::less{}, &Start::cost);
+  ExtendedLumpedModel best = model;
+  double least = kMargin * fitted_cost(fitter, model, data);
+  for (std::size_t s = 0; s < std::min<std::size_t>(kStarts, starts.size()); ++s) {
+    if (!(starts[s].cost < given.cost)) break;
+    ExtendedLumpedModel start = scaled_by(model, starts[s].factors);
+    const double cost = fitted_cost(fitter, start, data);
+    if (!(cost < least)) continue;
+    least = cost;
+    best = std::move(start);
   }
   return best;
 }

@@ -330,11 +330,13 @@ PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, i
   nodes_ = recorded_nodes(recordings(), hold(), steps_);
   estimate_noise();
   for (std::size_t j = 0; j < model.outputs.size(); ++j) {
-    bool is_rounded = model.outputs[j].quantity == LumpedOutput::Quantity::kPosition;
+    double step = 0.0;
     for (const OutputErrorRecording& recording : recordings()) {
-      is_rounded |= encoder_step(recording.outputs.col(static_cast<Index>(j))) > 0.0;
+      step = std::max(step, encoder_step(recording.outputs.col(static_cast<Index>(j))));
     }
-    rounded_.push_back(is_rounded);
+    steps_of_outputs_.push_back(step);
+    rounded_.push_back(step > 0.0 ||
+                       model.outputs[j].quantity == LumpedOutput::Quantity::kPosition);
   }
   for (const OutputErrorRecording& recording : recordings()) {
     standing_.push_back(standing_samples(model, recording.outputs, noise_));

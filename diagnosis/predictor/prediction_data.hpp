@@ -94,6 +94,10 @@ class PredictionData {
   [[nodiscard]] bool is_rounded(Eigen::Index output) const {
     return rounded_[static_cast<std::size_t>(output)];
   }
+  // The step of an output that is rounded, in its unit; 0: none is seen.
+  [[nodiscard]] double rounding_step(Eigen::Index output) const {
+    return steps_of_outputs_[static_cast<std::size_t>(output)];
+  }
   [[nodiscard]] bool states_noise(Eigen::Index output) const {
     return stated_[static_cast<std::size_t>(output)];
   }
@@ -129,8 +133,9 @@ class PredictionData {
   double sample_time_ = 0.0;
   RecordedNodes nodes_;
   Eigen::VectorXd noise_;
-  std::vector<bool> stated_;                         // of each output's
+  std::vector<bool> stated_;  // of each output's
   std::vector<bool> rounded_;
+  std::vector<double> steps_of_outputs_;             // by which they are rounded
   std::vector<std::vector<std::uint8_t>> standing_;  // by recording: samples
   bool moves_freely_ = false;
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
