@@ -42,6 +42,19 @@ bool is_within_ranges(const PlacedLaw& law) {
   return true;
 }
 
+// Of a spring on a lever that is short beside its anchor's distance only a sine of the angle is
+// left.
+bool has_lever(const PlacedLaw& law) {
+  constexpr double kShortest = 0.01;  // of the distance
+  double distance = 0.0, lever = 0.0;
+  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+    const std::string_view name = law.entry->parameters[i].name;
+    if (name == "anchor_distance") distance = law.parameters[i];
+    if (name == "lever_length") lever = law.parameters[i];
+  }
+  return lever >= kShortest * distance;
+}
+
 }  // namespace
 
 BalanceHypotheses::BalanceHypotheses(const ForceBalanceData& data) : data_(data) {
@@ -77,6 +90,7 @@ std::string BalanceHypotheses::trouble_with(const PlacedLaw& law) const {
   }
   if (!slides(law)) return "a friction never slides: it is a damper here";
   if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
+  if (!has_lever(law)) return "a balancer's lever is next to nothing: its torque is a weight's";
   if (!is_within_reach(law)) return "a payload is farther from the flange than the robot is long";
   return "";
 }

@@ -18,6 +18,7 @@ namespace {
 constexpr double kSignal = 100.0;         // %
 constexpr double kMostIsTaken = 0.5;      // of the error without laws
 constexpr double kHardlyChanges = 250.0;  // %; what is nearly constant tells no law
+constexpr double kOfLevel = 75.0;         // % of its rms: more is no model of a constant force
 constexpr double kLeastGain = 0.03;       // of the squared error, where the noise is not known
 // So much of it says that a force of such a shape is there, whatever its parameters are.
 constexpr double kDecisiveGain = 0.3;
@@ -174,17 +175,24 @@ bool reject_worst(SearchState& state) {
   return true;
 }
 
-// The error kept out, in % of the signal, of the channel that is predicted best among those on
-// which the law acts; of all together where channels are not told apart.
-double error_where_it_acts(const std::vector<ChannelRest>& channels, const Hypothesis& hypothesis,
-                           double pooled) {
-  if (channels.empty()) return pooled;
-  double least = std::numeric_limits<double>::infinity();
+// The error kept out of the channel that is predicted best among those on which the law acts; of
+// all together where channels are not told apart.
+struct LeftWhereItActs {
+  double of_signal = std::numeric_limits<double>::infinity();  // % of what changes
+  double of_level = std::numeric_limits<double>::infinity();   // % of the rms about zero
+};
+
+LeftWhereItActs left_where_it_acts(const std::vector<ChannelRest>& channels,
+                                   const Hypothesis& hypothesis, double pooled) {
+  if (channels.empty()) return {pooled, pooled};
+  LeftWhereItActs least;
   for (std::size_t channel = 0; channel < channels.size(); ++channel) {
     const bool acts_there =
         hypothesis.acts_on.empty() || std::ranges::count(hypothesis.acts_on, channel) > 0;
     if (!acts_there) continue;
-    least = std::min(least, channels[channel].held_out_nrmse.value_or(channels[channel].nrmse));
+    const ChannelRest& rest = channels[channel];
+    const double error = rest.held_out_nrmse.value_or(rest.nrmse);
+    if (error < least.of_signal) least = {error, error / rest.held_out_level};
   }
   return least;
 }
@@ -205,9 +213,10 @@ bool reject_hopeless(SearchState& state) {
   std::vector<RejectedLaw> rejected;
   for (std::size_t law = after.laws.size(); law-- > 0;) {
     const Hypothesis& hypothesis = state.hypothesis(after.laws[law].hypothesis);
-    const double error = error_where_it_acts(channels, hypothesis, pooled);
-    const double bare_error = error_where_it_acts(bare_channels, hypothesis, bare_pooled);
-    const bool takes_most = error < kMostIsTaken * bare_error && error <= kHardlyChanges;
+    const auto [error, of_level] = left_where_it_acts(channels, hypothesis, pooled);
+    const double bare_error = left_where_it_acts(bare_channels, hypothesis, bare_pooled).of_signal;
+    const bool takes_most =
+        error < kMostIsTaken * bare_error && error <= kHardlyChanges && of_level <= kOfLevel;
     if (error <= kSignal || takes_most) continue;
     kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(law));
     rejected.push_back(

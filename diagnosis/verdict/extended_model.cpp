@@ -177,6 +177,25 @@ void add_physics(YAML::Node root, const std::filesystem::path& file) {
   }
 }
 
+// A command that acts late, of a lumped model with one input; null: none does.
+YAML::Node delay_of_input(const YAML::Node& root, std::span<const LateChannel> late) {
+  const YAML::Node inputs = root["inputs"];
+  const bool is_lumped = root["format"].as<std::string>() == "graybox-lumped/1";
+  if (!is_lumped || !inputs || inputs.size() != 1 || late.size() != 1) return {};
+  if (!(late.front().moved.seconds < 0.0)) return {};
+  const std::string input = inputs[0]["name"].as<std::string>();
+  YAML::Node element;
+  element["name"] = "found delay at actuator " + input;
+  element["location"]["kind"] = "actuator";
+  element["location"]["input"] = input;
+  element["location"].SetStyle(YAML::EmitterStyle::Flow);
+  element["law"] = "delay";
+  element["parameters"]["time"]["value"] = exact_number(-late.front().moved.seconds);
+  element["parameters"]["time"]["unit"] = "s";
+  element["parameters"]["time"].SetStyle(YAML::EmitterStyle::Flow);
+  return element;
+}
+
 std::string heading(const std::filesystem::path& model, const char* holds, const YAML::Node& root) {
   return fmt::format("# {} with {}.\n{}", model.filename().string(), holds,
                      root["base_parameters"] ? kBaseParametersComment : "");
@@ -192,13 +211,17 @@ std::string text_of(const YAML::Node& root) {
 
 std::string extended_model_text(const std::filesystem::path& model,
                                 const std::filesystem::path& target, const ExtendedFit& fit,
-                                std::span<const Hypothesis> hypotheses) {
+                                std::span<const Hypothesis> hypotheses,
+                                std::span<const LateChannel> late) {
   YAML::Node root = YAML::LoadFile(model.string());
   take_estimates(root, fit.model_parameters, model, target);
   add_definitions(root, fit, hypotheses);
   std::set<std::string> names = element_names(root);
   for (const FittedLaw& law : fit.laws) {
     root["elements"].push_back(element_node(law, hypotheses, names));
+  }
+  if (const YAML::Node delay = delay_of_input(root, late); delay.IsMap()) {
+    root["elements"].push_back(delay);
   }
   return heading(model, "estimated parameters and the physics that was found missing", root) +
          text_of(root);

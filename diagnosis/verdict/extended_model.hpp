@@ -21,10 +21,13 @@ namespace graybox {
 
 // The file's text for the place `target`. Throws InputError where an estimate has no place in the
 // model.
+// A lumped model's only input whose force was recorded earlier than its motion (`late`) gets a
+// delay.
 [[nodiscard]] std::string extended_model_text(const std::filesystem::path& model,
                                               const std::filesystem::path& target,
                                               const ExtendedFit& fit,
-                                              std::span<const Hypothesis> hypotheses);
+                                              std::span<const Hypothesis> hypotheses,
+                                              std::span<const LateChannel> late = {});
 
 // The same of a fit: its values, and the elements of the graybox-physics/1 files that were fitted
 // with the model.
