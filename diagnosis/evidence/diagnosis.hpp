@@ -167,6 +167,8 @@ struct Diagnosis {
   std::vector<ForcePicture> pictures;  // of the effects, in their order
   std::vector<RejectedLaw> rejected;
   std::optional<FreedModel> freed_model;
+  // What the model states as certain, and these recordings contradict: it was not freed.
+  std::optional<FreedModel> doubted_model;
   std::vector<LateChannel> late_channels;
   std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
   bool plausibility_judged = true;          // false: there was no time to

@@ -43,6 +43,10 @@ class BalanceFitter {
   [[nodiscard]] const BalanceHypotheses& hypotheses() const { return hypotheses_; }
   // The noise of each coordinate: what the model alone leaves, less what depends on the motion.
   [[nodiscard]] std::span<const ColouredNoise> noises() const { return noises_; }
+  // Samples that those of a coordinate are worth.
+  [[nodiscard]] double effective_samples(Eigen::Index coordinate) const {
+    return effective_[static_cast<std::size_t>(coordinate)];
+  }
   // Samples that they are worth, of all coordinates together.
   [[nodiscard]] double sample_count() const;
 

@@ -14,6 +14,7 @@
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/balance_scores.hpp"
 #include "diagnosis/force_balance/remaining_structure.hpp"
+#include "diagnosis/force_balance/rival_motions.hpp"
 #include "diagnosis/force_balance_data/derivative_noise.hpp"
 #include "diagnosis/force_balance_data/force_balance_data.hpp"
 #include "diagnosis/force_balance_data/force_balance_laws.hpp"
@@ -47,18 +48,23 @@ double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
   return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
 }
 
-// The recordings once more, with the forces of each joint moved by so many seconds.
-using ReadInTime = std::function<ForceBalanceData(const Eigen::VectorXd& advance)>;
+// The recordings once more, with the forces of each joint moved by so many seconds, and bodies as
+// uncertain as this if that is not 0.
+using ReadAgain =
+    std::function<ForceBalanceData(const Eigen::VectorXd& advance, double body_uncertainty)>;
+
+// By so much the bodies of a drawing may be off at the worst.
+constexpr double kDoubt = 0.3;
 
 class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
  public:
-  ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options,
-                      ReadInTime read_in_time = {})
+  ForceBalanceProblem(ForceBalanceData data, ForceBalanceOptions options, ReadAgain read_again = {})
       : data_(std::move(data)),
         options_(std::move(options)),
-        read_in_time_(std::move(read_in_time)),
+        read_again_(std::move(read_again)),
         hypotheses_(data_),
-        fitter_(data_, hypotheses_, options_.keep_going) {}
+        fitter_(data_, hypotheses_, options_.keep_going),
+        motions_(fitter_) {}
 
   // The fitter refers to the data beside it.
   ForceBalanceProblem(const ForceBalanceProblem&) = delete;
@@ -117,7 +123,20 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     if (!(counted > 0.0)) return nullptr;
     std::optional<ForceBalanceData> freed = with_uncertain_bodies(data_, effective / counted);
     if (!freed) return nullptr;
-    return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_, read_in_time_);
+    return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_, read_again_);
+  }
+  [[nodiscard]] std::unique_ptr<MismatchProblem> with_doubted_model(
+      const ExtendedFit& fit) const override {
+    const RigidRobotModel& robot = data_.robot;
+    const bool states_bodies = std::ranges::any_of(
+        robot.joints, [](const RobotJoint& joint) { return joint.body && joint.body->mass > 0.0; });
+    if (!read_again_ || !states_bodies || robot.body_uncertainty > 0.0) return nullptr;
+    try {
+      return ForceBalanceProblem(read_again_(data_.advance, kDoubt), options_, read_again_)
+          .with_uncertain_model(fit);
+    } catch (const InputError&) {
+      return nullptr;  // the files have gone: what is known stands
+    }
   }
   [[nodiscard]] std::vector<std::string> departures_from_stated(
       const ExtendedFit& fit) const override {
@@ -189,7 +208,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] std::unique_ptr<MismatchProblem> in_time(const ExtendedFit& fit) const override {
-    if (!read_in_time_ || data_.validation.empty()) return nullptr;
+    if (!read_again_ || data_.validation.empty()) return nullptr;
     std::vector<ChannelRest> channels = channel_rests(fit);
     find_late_channels(fit, channels);
     Eigen::VectorXd each = Eigen::VectorXd::Zero(coordinates());
@@ -231,6 +250,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   [[nodiscard]] CheckedRange checked_range() const override {
     return graybox::checked_range(data_);
+  }
+
+  [[nodiscard]] std::optional<RivalExperiments> experiments_between(
+      const ExtendedFit& a, const ExtendedFit& b) const override {
+    return motions_.between(a, b);
   }
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
@@ -330,13 +354,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       const Eigen::VectorXd& advance) const {
     if (advance.cwiseAbs().maxCoeff() > kLongestDelay) return nullptr;
     try {
-      ForceBalanceData moved = read_in_time_(advance);
+      ForceBalanceData moved = read_again_(advance, 0.0);
       if (!data_.uncertain.empty()) {
         auto freed = with_uncertain_bodies(moved, data_.estimation.worth);
         if (!freed) return nullptr;
         moved = *std::move(freed);
       }
-      return std::make_unique<ForceBalanceProblem>(std::move(moved), options_, read_in_time_);
+      return std::make_unique<ForceBalanceProblem>(std::move(moved), options_, read_again_);
     } catch (const InputError&) {
       return nullptr;  // too few samples are left, or the files have gone: what is known stands
     }
@@ -460,15 +484,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       if (!(signal > 0.0)) continue;
       ChannelRest& channel = channels[static_cast<std::size_t>(j)];
       channel.held_out_nrmse = 100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
+      channel.held_out_level = std::sqrt(data_.validation.measured.col(j).squaredNorm() / signal);
       channel.held_out_signal = signal_of(data_.validation, j) / signal_of(data_.estimation, j);
     }
   }
 
   ForceBalanceData data_;
   ForceBalanceOptions options_;
-  ReadInTime read_in_time_;
+  ReadAgain read_again_;
   BalanceHypotheses hypotheses_;
   BalanceFitter fitter_;
+  RivalMotions motions_;
 };
 
 }  // namespace
@@ -476,11 +502,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::path& model,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
-  const auto read = [robot = load_rigid_robot(model), campaign,
-                     places = options.place_files](const Eigen::VectorXd& advance) {
-    return load_force_balance_data(robot, campaign, places, advance);
+  const auto read = [robot = load_rigid_robot(model), campaign, places = options.place_files](
+                        const Eigen::VectorXd& advance, double body_uncertainty) {
+    RigidRobotModel uncertain = robot;
+    if (body_uncertainty > 0.0) uncertain.body_uncertainty = body_uncertainty;
+    return load_force_balance_data(uncertain, campaign, places, advance);
   };
-  return std::make_unique<ForceBalanceProblem>(read({}), options, read);
+  return std::make_unique<ForceBalanceProblem>(read({}, 0.0), options, read);
 }
 
 std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
@@ -489,7 +517,7 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
   Campaign smooth = campaign;
   const std::optional<LowPass> low_pass = missing_low_pass(drive, campaign);
   if (low_pass) smooth.preprocess.emplace_back(*low_pass);
-  const auto read = [drive, smooth, low_pass](const Eigen::VectorXd& advance) {
+  const auto read = [drive, smooth, low_pass](const Eigen::VectorXd& advance, double /*one body*/) {
     ForceBalanceData data = load_force_balance_data(drive, smooth, {}, advance);
     if (low_pass) {
       data.remarks.push_back(fmt::format(
@@ -500,7 +528,7 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
     name_as_lumped(data);
     return data;
   };
-  return std::make_unique<ForceBalanceProblem>(read({}), options, read);
+  return std::make_unique<ForceBalanceProblem>(read({}, 0.0), options, read);
 }
 
 }  // namespace graybox

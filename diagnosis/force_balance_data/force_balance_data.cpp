@@ -174,6 +174,7 @@ void keep_base_parameters(const TorqueColumns& columns, ForceBalanceData& data) 
   data.parameter_names = base.names;
   keep(base.columns, data.estimation.model);
   keep(base.columns, data.validation.model);
+  data.base_columns = base.columns;
 }
 
 // ---- places -------------------------------------------------------------------------------------
@@ -437,6 +438,18 @@ void remark_idle_joints(const RigidRobotModel& robot, ForceBalanceData& data) {
   }
 }
 
+// Where no force kept out ever changes (a drive that is off, a machine that coasts) there is
+// nothing to be predicted.
+void leave_out_constant_forces(ForceBalanceData& data) {
+  if (data.validation.empty()) return;
+  const Eigen::MatrixXd& measured = data.validation.measured;
+  if (((measured.rowwise() - measured.row(0)).array() != 0.0).any()) return;
+  data.remarks.emplace_back(
+      "no force changes in what was kept out (is the drive off there?), so it checks nothing: keep "
+      "out recordings in which the drive works");
+  data.validation = {};
+}
+
 // All forces of idle joints are zero, on both sides of the balance.
 void silence(const std::vector<bool>& idle, ForceBalanceRows& rows) {
   for (std::size_t j = 0; j < idle.size(); ++j) {
@@ -470,6 +483,16 @@ void prepare_places(const std::vector<CandidatePlace>& places, ForceBalanceRows&
 
 std::string BalanceCoordinate::channel() const {
   return (units.force == "N m" ? "torque of " : "force of ") + name;
+}
+
+void BalanceColumns::append(const BalanceColumns& more, const std::vector<Eigen::Index>& chosen) {
+  for (std::size_t j = 0; j < in.size(); ++j) {
+    Eigen::MatrixXd& block = in[j];
+    block.conservativeResize(more.in[j].rows(), count + static_cast<Eigen::Index>(chosen.size()));
+    Eigen::Index column = count;
+    for (const Eigen::Index k : chosen) block.col(column++) = more.in[j].col(k);
+  }
+  count += static_cast<Eigen::Index>(chosen.size());
 }
 
 double ForceBalanceRows::counted(Eigen::Index coordinate) const {
@@ -551,6 +574,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   for (ForceBalanceRows* rows : {&data.estimation, &data.validation}) silence(data.idle, *rows);
   if (robot.size() == 1) data.known_inertia = known_inertia(columns);
   keep_base_parameters(columns, data);
+  leave_out_constant_forces(data);
   add_joint_places(robot, data.places);
   if (robot.channels.unknown_drive_gains) {
     data.gain_parameters = gain_parameters(data);
@@ -572,6 +596,21 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   prepare_places(data.places, data.estimation);
   prepare_places(data.places, data.validation);
   return data;
+}
+
+ForceBalanceRows rows_along(const ForceBalanceData& data, Motion motion) {
+  TorqueColumns columns(data.robot);
+  std::vector<Motion> pieces;
+  pieces.push_back(std::move(motion));
+  ForceBalanceRows rows = rows_of(std::move(pieces), {""}, data.robot, columns);
+  silence(data.idle, rows);
+  keep(data.base_columns, rows.model);
+  std::vector<Eigen::Index> departures;
+  for (const UncertainParameter& parameter : data.uncertain) {
+    departures.push_back(parameter.link * kStandardParameters + parameter.parameter);
+  }
+  if (!departures.empty()) rows.model.append(rows.bodies, departures);
+  return rows;
 }
 
 void name_as_lumped(ForceBalanceData& data) {

@@ -25,6 +25,9 @@ namespace graybox {
 struct BalanceColumns {
   std::vector<Eigen::MatrixXd> in;
   Eigen::Index count = 0;  // of columns
+
+  // These columns of another term, after those that are there.
+  void append(const BalanceColumns& more, const std::vector<Eigen::Index>& chosen);
 };
 
 // All recordings of one role. Samples of all pieces one after another.
@@ -79,6 +82,7 @@ struct ForceBalanceData {
   // What each may be: a sum of masses, moments of inertia or coefficients of laws, or kOther where
   // anything is possible.
   std::vector<QuantityKind> parameter_kinds;
+  std::vector<Eigen::Index> base_columns;  // of TorqueColumns, that these parameters belong to
   ForceBalanceRows estimation, validation;
   std::vector<CandidatePlace> places;
   Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();  // in the last link's frame
@@ -102,6 +106,10 @@ struct ForceBalanceData {
 [[nodiscard]] ForceBalanceData load_force_balance_data(
     const RigidRobotModel& robot, const Campaign& campaign,
     std::span<const std::filesystem::path> place_files = {}, const Eigen::VectorXd& advance = {});
+
+// What the model says along a motion that nobody has recorded: rows whose measured force is that of
+// the motion (zero, if it has none). The model's parameters are those of `data`.
+[[nodiscard]] ForceBalanceRows rows_along(const ForceBalanceData& data, Motion motion);
 
 // Places and parameters of the only joint named as those of a mass of a lumped model.
 void name_as_lumped(ForceBalanceData& data);

@@ -27,20 +27,6 @@ constexpr std::array<std::string_view, 10> kWords{
     "inertia XX", "inertia XY",   "inertia XZ",   "inertia YY",   "inertia YZ",
     "inertia ZZ", "mass times x", "mass times y", "mass times z", "mass"};
 
-void add_columns(const std::vector<Index>& chosen, const BalanceColumns& more,
-                 BalanceColumns& columns) {
-  const auto count = static_cast<Index>(chosen.size());
-  for (std::size_t j = 0; j < columns.in.size(); ++j) {
-    Eigen::MatrixXd& block = columns.in[j];
-    const Index before = columns.count;
-    block.conservativeResize(more.in[j].rows(), before + count);
-    for (Index k = 0; k < count; ++k) {
-      block.col(before + k) = more.in[j].col(chosen[static_cast<std::size_t>(k)]);
-    }
-  }
-  columns.count += count;
-}
-
 PhysicalBody body_of(const StandardParameters& p, std::string name) {
   PhysicalBody body{std::move(name), p(9), p.segment<3>(6), Eigen::Matrix3d(), 0.0};
   body.inertia << p(0), p(1), p(2), p(1), p(3), p(4), p(2), p(4), p(5);
@@ -129,8 +115,8 @@ std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& da
   if (chosen.empty()) return {};
   ForceBalanceData result = data;
   const Index before = data.estimation.model.count;
-  add_columns(chosen, data.estimation.bodies, result.estimation.model);
-  add_columns(chosen, data.validation.bodies, result.validation.model);
+  result.estimation.model.append(data.estimation.bodies, chosen);
+  result.validation.model.append(data.validation.bodies, chosen);
   Eigen::VectorXd& precision = result.estimation.model_precision;
   precision = Eigen::VectorXd::Zero(result.estimation.model.count);
   result.estimation.worth = worth;

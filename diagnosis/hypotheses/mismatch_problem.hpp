@@ -212,6 +212,7 @@ struct ChannelRest {
   // nrmse on recordings kept out of the fit; none where there are none.
   std::optional<double> held_out_nrmse = {};
   double held_out_signal = 1.0;  // std of the signal there over that of the fit's recordings
+  double held_out_level = 1.0;   // rms of the signal there, about zero, over its std
   // The error kept out over that of the fit: in the unit of the channel, or each of its own signal
   // where what is kept out is the larger motion, with which the error of a law grows.
   [[nodiscard]] double growth() const {
@@ -327,6 +328,12 @@ class MismatchProblem {
   // fit leaves; the hypotheses are the same. Null where nothing is uncertain, or all is free
   // already.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> with_uncertain_model(
+      const ExtendedFit& /*fit*/) const {
+    return nullptr;
+  }
+  // The same where the model states that it is certain: free as much as a drawing may be off at the
+  // worst. Null where nothing is stated.
+  [[nodiscard]] virtual std::unique_ptr<MismatchProblem> with_doubted_model(
       const ExtendedFit& /*fit*/) const {
     return nullptr;
   }

@@ -16,7 +16,10 @@
 // n M_i of as many recordings again, all of option i. Weights are shares of those n recordings.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,11 +28,25 @@
 
 namespace graybox {
 
+// A motion to be made: where each channel should be at each time.
+struct PlannedMotion {
+  std::vector<std::string> channels, units;
+  Eigen::VectorXd time;      // s
+  Eigen::MatrixXd position;  // samples x channels
+};
+
+// A periodic excitation, or a recorded motion that is changed and made again.
 struct ExperimentOption {
   std::string position;                  // in words
   std::vector<double> position_degrees;  // empty for models without positions
   double level = 0.0;                    // in the unit of the campaign's levels
   double from = 0.0, to = 0.0;           // Hz, excited band
+
+  std::string recording = {};  // whose motion is made again; empty: periodic excitation
+  double amplitude = 1.0;      // times that of the recording
+  double speed = 1.0;          // times as fast, beside what the amplitude does
+  std::string alone = {};      // the only joint that moves; empty: all as recorded
+  std::shared_ptr<const PlannedMotion> motion = {};
 };
 
 struct RivalExperiments {
@@ -56,13 +73,22 @@ struct NextExperiment {
   double recordings_needed = 0.0;
 };
 
+// M_0 and n M_i of each option, in any units, as such a set; parameters that the recordings do not
+// see are left out. None where they determine no parameter, or an option is no number.
+[[nodiscard]] std::optional<RivalExperiments> rival_experiment_set(
+    const Eigen::MatrixXd& now, const std::vector<Eigen::MatrixXd>& further,
+    std::vector<ExperimentOption> options, double recordings);
+
 // The distance D at which the wrong explanation is excluded with a probability of 90 %. Of two
 // explanations with as many parameters the difference in BIC is about normal with mean D and
 // variance 4 D, and exclusion asks for `margin` of it: D = (z + (z^2 + margin)^(1/2))^2, z = 1.28.
 [[nodiscard]] double distance_that_excludes(double margin);
 
-// `exclusion_margin`: of SearchOptions. None where the problem can't be solved.
-[[nodiscard]] std::optional<NextExperiment> next_experiment(const RivalExperiments& rivals,
-                                                            double exclusion_margin = 10.0);
+// `exclusion_margin`: of SearchOptions. `told_now`: the distance that the recordings at hand were
+// found to have, where that is less than what M_0 says: noise is then taken to be larger by as
+// much. None where the problem can't be solved.
+[[nodiscard]] std::optional<NextExperiment> next_experiment(
+    const RivalExperiments& rivals, double exclusion_margin = 10.0,
+    double told_now = std::numeric_limits<double>::infinity());
 
 }  // namespace graybox

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,7 +11,6 @@
 #include <utility>
 
 #include "diagnosis/harmonic_balance/period_transform.hpp"
-#include "problems/base/packed_matrix.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {
@@ -136,22 +134,6 @@ std::vector<std::vector<const MeasuredRecord*>> templates_of(const PeriodicData&
   return templates;
 }
 
-// Schur complement of the last diagonal entry; none where the others are singular or any is no
-// number.
-std::optional<double> distance_in(const MatrixXd& information) {
-  const Index n = information.rows() - 1;
-  if (!information.allFinite()) return {};
-  if (information(n, n) == 0.0) return 0.0;  // both explain the same
-  const VectorXd scale = information.diagonal().cwiseSqrt();
-  if (!(scale.minCoeff() > 0.0)) return {};
-  const MatrixXd scaled =
-      scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
-  const Eigen::LLT<MatrixXd> factor(scaled.topLeftCorner(n, n));
-  if (factor.info() != Eigen::Success) return {};
-  const VectorXd half = factor.matrixL().solve(scaled.col(n).head(n));
-  return std::max(0.0, (scaled(n, n) - half.squaredNorm())) * information(n, n);
-}
-
 struct Option {
   std::size_t position = 0;
   double factor = 1.0;
@@ -180,13 +162,6 @@ ExperimentOption described(const Option& option, const MeasuredRecord& record,
   result.from = data.frequencies[option.band.first] / (2.0 * std::numbers::pi);
   result.to = data.frequencies[option.band.last] / (2.0 * std::numbers::pi);
   return result;
-}
-
-// Units of the parameters that make the diagonal of M_0 one; s keeps its own.
-VectorXd parameter_scale(const MatrixXd& information) {
-  VectorXd scale = information.diagonal().cwiseSqrt();
-  scale(scale.size() - 1) = 1.0;
-  return scale;
 }
 
 }  // namespace
@@ -228,35 +203,14 @@ std::optional<RivalExperiments> rival_experiments(const PlantFamily& family,
   stop_if_requested();
   MatrixXd now = MatrixXd::Zero(tasks.front().rows(), tasks.front().cols());
   for (std::size_t i = 0; i < known; ++i) now += tasks[i];
-  // Parameters that are known have no columns.
-  std::vector<Index> free;
-  for (Index p = 0; p + 1 < now.rows(); ++p) {
-    if (now(p, p) > 0.0) free.push_back(p);
+  std::vector<ExperimentOption> described_options;
+  for (const Option& option : options) {
+    described_options.push_back(described(option, *templates[option.position].front(), data));
   }
-  if (free.empty()) return {};
-  free.push_back(now.rows() - 1);
-  now = MatrixXd(now(free, free));
-  const std::optional<double> distance_now = distance_in(now);
-  if (!distance_now) return {};
-  const VectorXd scale = parameter_scale(now);
-  const auto dimension = static_cast<std::size_t>(now.rows());
-  const std::size_t packed = packed_size(dimension);
-  AlignedArray information(options.size() * packed);
-  RivalExperiments result{{}, InformationSet(dimension, AlignedArray(packed))};
-  for (std::size_t i = 0; i < options.size(); ++i) {
-    const MatrixXd then = now + tasks[known + i](free, free);
-    const MatrixXd scaled =
-        scale.cwiseInverse().asDiagonal() * then * scale.cwiseInverse().asDiagonal();
-    const std::optional<double> distance = distance_in(then);
-    if (!distance) return {};
-    result.distance_at_best = std::max(result.distance_at_best, *distance);
-    pack(scaled.data(), dimension, information.data() + i * packed);
-    result.options.push_back(described(options[i], *templates[options[i].position].front(), data));
-  }
-  result.information = InformationSet(dimension, std::move(information), {}, {}, "next experiment");
-  result.distance_now = *distance_now;
-  result.recordings = static_cast<double>(known);
-  return result;
+  const std::vector<MatrixXd> further(tasks.begin() + static_cast<std::ptrdiff_t>(known),
+                                      tasks.end());
+  return rival_experiment_set(now, further, std::move(described_options),
+                              static_cast<double>(known));
 }
 
 }  // namespace graybox

@@ -61,6 +61,10 @@ void add_next_plans(const DiagnosisRequest& request, const Campaign& campaign,
   if (question.rival == nullptr) return;
   const std::string format = YamlField::load(request.model).at("format").text();
   int number = 0;
+  for (const std::string& motion : next_motions(*question.rival->next)) {
+    texts[fmt::format("next_motion_{}.csv", ++number)] = motion;
+  }
+  if (number > 0) return;
   for (const std::string& plan :
        next_plans(*question.rival->next, campaign, format == "graybox-robot/1")) {
     texts[fmt::format("next_plan_{}.yaml", ++number)] = plan;
@@ -71,7 +75,7 @@ void add_next_plans(const DiagnosisRequest& request, const Campaign& campaign,
 ReportContext context_of(const std::map<std::string, std::string>& texts, PageOrigin origin) {
   ReportContext context{.origin = std::move(origin)};
   for (const auto& [name, text] : texts) {
-    if (name.starts_with("next_plan_")) {
+    if (name.starts_with("next_plan_") || name.starts_with("next_motion_")) {
       context.plans.push_back({name, text, "the experiment to make"});
     } else if (name == "model_extended.yaml") {
       context.models.push_back({name, text, "the model with the laws found"});
@@ -322,7 +326,7 @@ std::map<std::string, std::string> DiagnosisAnswer::figures() const {
 std::string DiagnosisAnswer::extended_model(const std::string& model,
                                             const std::filesystem::path& target) const {
   if (!diagnosis.after.usable) return {};
-  return extended_model_text(model, target, diagnosis.after, hypotheses());
+  return extended_model_text(model, target, diagnosis.after, hypotheses(), diagnosis.late_channels);
 }
 
 DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {

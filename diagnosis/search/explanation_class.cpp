@@ -34,6 +34,7 @@ constexpr std::size_t kNames = 3;
 std::vector<FittedLaw>* same_law_among(const SearchState& state,
                                        const std::vector<const ExtendedFit*>& members,
                                        const ExtendedFit& fit, FoundEffect& effect) {
+  if (!state.problem->noise_is_known()) return nullptr;  // the distance is in units of the noise
   const std::span<const Hypothesis> all = state.problem->hypotheses();
   for (std::size_t m = 0; m < members.size(); ++m) {
     const FittedLaw& law = m == 0 ? effect.law : effect.rivals[m - 1].law;
@@ -78,6 +79,14 @@ bool is_rarer(const SearchState& state, const Trial& trial, const FoundEffect& e
          state.compare.disadvantage(trial.fit, state.result.after) > -kRarerErrors * kRarerErrors;
 }
 
+// Where the noise is not known, what is left is no white noise: how far blocks kept out tell the
+// two apart says how much the recordings at hand are worth.
+double told_now(const SearchState& state, const ExtendedFit& rival) {
+  constexpr double kLeast = 1.0;  // less is chance
+  if (state.problem->noise_is_known()) return std::numeric_limits<double>::infinity();
+  return std::max(kLeast, state.compare.disadvantage(rival, state.result.after));
+}
+
 std::optional<NextExperiment> experiment_against(SearchState& state, const ExtendedFit& rival) {
   if (!state.proceed("designing the experiment that excludes " +
                      state.name_of(rival.laws.back().hypothesis))) {
@@ -86,7 +95,7 @@ std::optional<NextExperiment> experiment_against(SearchState& state, const Exten
   const auto experiments = state.problem->experiments_between(state.result.after, rival);
   if (!experiments || !(experiments->distance_at_best > 0.0)) return {};
   try {
-    return next_experiment(*experiments, state.options.exclusion_margin);
+    return next_experiment(*experiments, state.options.exclusion_margin, told_now(state, rival));
   } catch (const InputError&) {
     // No experiment of this kind sees all parameters of the rival, which is no reason to end here.
     return {};

@@ -10,6 +10,8 @@
 #include <set>
 #include <tuple>
 
+#include "diagnosis/verdict/verdict_words.hpp"
+
 namespace graybox {
 namespace {
 
@@ -64,6 +66,29 @@ std::vector<std::string> next_plans(const NextExperiment& next, const Campaign& 
     plans.push_back(std::move(text));
   }
   return plans;
+}
+
+std::vector<std::string> next_motions(const NextExperiment& next) {
+  std::vector<std::string> files;
+  for (const NextExperiment::Share& share : next.shares) {
+    if (!share.option.motion) continue;
+    const PlannedMotion& motion = *share.option.motion;
+    std::string text = fmt::format("# {:.0f} % of the time: {}\ntime (s)", 100.0 * share.weight,
+                                   experiment_words(share.option));
+    for (std::size_t c = 0; c < motion.channels.size(); ++c) {
+      text += fmt::format(",{} ({})", motion.channels[c], motion.units[c]);
+    }
+    text += '\n';
+    for (Eigen::Index t = 0; t < motion.time.size(); ++t) {
+      text += fmt::format("{:.6g}", motion.time(t));
+      for (Eigen::Index c = 0; c < motion.position.cols(); ++c) {
+        text += fmt::format(",{:.7g}", motion.position(t, c));
+      }
+      text += '\n';
+    }
+    files.push_back(std::move(text));
+  }
+  return files;
 }
 
 }  // namespace graybox

@@ -15,4 +15,9 @@ namespace graybox {
 [[nodiscard]] std::vector<std::string> next_plans(const NextExperiment& next,
                                                   const Campaign& campaign, bool has_plant);
 
+// Motions of the design as CSV files, one a share: the time in s and where each channel should be,
+// after a comment that says whose motion it is and what share of the time it gets. Empty for
+// periodic experiments.
+[[nodiscard]] std::vector<std::string> next_motions(const NextExperiment& next);
+
 }  // namespace graybox

@@ -83,22 +83,38 @@ std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
   return lines;
 }
 
-std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis) {
-  if (!diagnosis.freed_model) return {};
-  const FreedModel& freed = *diagnosis.freed_model;
+namespace {
+
+std::string departures_words(const std::vector<std::string>& departures) {
   constexpr std::size_t kMost = 5;  // that are named
-  std::vector<std::string> lines{fmt::format(
+  const std::size_t shown = std::min(kMost, departures.size());
+  const std::span<const std::string> named(departures.data(), shown);
+  return fmt::format(
+      "Off most: {}{}.", fmt::join(named, "; "),
+      shown < departures.size() ? fmt::format("; and {} more", departures.size() - shown) : "");
+}
+
+}  // namespace
+
+std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis) {
+  std::vector<std::string> lines;
+  if (diagnosis.doubted_model) {
+    const FreedModel& doubted = *diagnosis.doubted_model;
+    lines.push_back(fmt::format(
+        "The bodies of the links are not as the model states them: with these free, the error on "
+        "recordings kept out falls from {:.4g} % to {:.4g} %. Check masses and centres of mass; "
+        "`body_uncertainty: 0.1` in the model has a diagnosis take them along.",
+        doubted.error_stated, doubted.error_freed));
+    if (!doubted.departures.empty()) lines.push_back(departures_words(doubted.departures));
+  }
+  if (!diagnosis.freed_model) return lines;
+  const FreedModel& freed = *diagnosis.freed_model;
+  lines.push_back(fmt::format(
       "The bodies of the links were free within their uncertainty (body_uncertainty in the model): "
       "beside plain laws that changes the error on {} from {:.4g} % to {:.4g} %.",
       freed.on_kept_out ? "recordings kept out" : "the recordings of the fit", freed.error_stated,
-      freed.error_freed)};
-  const std::size_t shown = std::min(kMost, freed.departures.size());
-  if (shown == 0) return lines;
-  const std::span<const std::string> named(freed.departures.data(), shown);
-  lines.push_back(fmt::format("Off most: {}{}.", fmt::join(named, "; "),
-                              shown < freed.departures.size()
-                                  ? fmt::format("; and {} more", freed.departures.size() - shown)
-                                  : ""));
+      freed.error_freed));
+  if (!freed.departures.empty()) lines.push_back(departures_words(freed.departures));
   return lines;
 }
 
@@ -150,9 +166,9 @@ Json reasons_json(const Diagnosis& diagnosis) {
   return list;
 }
 
-Json freed_model_json(const Diagnosis& diagnosis) {
-  if (!diagnosis.freed_model) return nullptr;
-  const FreedModel& freed = *diagnosis.freed_model;
+Json freed_model_json(const std::optional<FreedModel>& model) {
+  if (!model) return nullptr;
+  const FreedModel& freed = *model;
   return {{"error_stated", freed.error_stated},
           {"error_freed", freed.error_freed},
           {"on_kept_out", freed.on_kept_out},

@@ -32,7 +32,7 @@ namespace graybox {
 [[nodiscard]] nlohmann::ordered_json rejected_json(const Diagnosis& diagnosis,
                                                    std::span<const Hypothesis> hypotheses);
 // null where the model stands as stated.
-[[nodiscard]] nlohmann::ordered_json freed_model_json(const Diagnosis& diagnosis);
+[[nodiscard]] nlohmann::ordered_json freed_model_json(const std::optional<FreedModel>& model);
 [[nodiscard]] nlohmann::ordered_json range_json(const CheckedRange& range);
 
 }  // namespace graybox

@@ -199,7 +199,7 @@ PageSection next_section(const Diagnosis& diagnosis, const DiagnosedFiles& files
     section.points.push_back(next_experiment_words(*question.rival->next));
   }
   section.downloads = context.plans;
-  if (!context.plans.empty()) {
+  if (!context.plans.empty() && context.plans.front().name.ends_with(".yaml")) {
     section.commands.push_back(
         fmt::format("graybox simulate {} {} -o next", files.model, context.plans.front().name));
   }

@@ -267,6 +267,14 @@ Json channel_faults_json(const Diagnosis& diagnosis) {
 Json shares_json(const NextExperiment& next) {
   Json list = Json::array();
   for (const NextExperiment::Share& share : next.shares) {
+    if (!share.option.recording.empty()) {
+      list.push_back({{"recording", share.option.recording},
+                      {"amplitude", share.option.amplitude},
+                      {"speed", share.option.speed},
+                      {"alone", share.option.alone},
+                      {"weight", share.weight}});
+      continue;
+    }
     list.push_back({{"position", share.option.position_degrees},
                     {"level", share.option.level},
                     {"band_hz", {share.option.from, share.option.to}},
@@ -398,7 +406,8 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"physics", physics},
       {"rejected", rejected_json(diagnosis, hypotheses)},
       {"late_channels", late_channels_json(diagnosis)},
-      {"freed_model", freed_model_json(diagnosis)},
+      {"freed_model", freed_model_json(diagnosis.freed_model)},
+      {"doubted_model", freed_model_json(diagnosis.doubted_model)},
       {"shapes_compared", diagnosis.shapes_compared},
       {"departures", departures_json(diagnosis, hypotheses)},
       {"shared_characteristics", shared_json(diagnosis, hypotheses)},

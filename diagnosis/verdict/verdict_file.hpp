@@ -34,6 +34,7 @@
 //    "rejected": [{"place", "law", "reason", "held_out": {"error_without", "error_with", "gain"}}],
 //    "late_channels": [{"channel", "late_by_s", "nrmse_held_out_before", "nrmse_held_out"}],
 //    "freed_model": {"error_stated", "error_freed", "on_kept_out", "departures": ["..."]},
+//    "doubted_model": the same,
 //    "shapes_compared": true,
 //    "departures": [{"place", "law", "chi_square", "degrees_of_freedom", "p_value",
 //                    "share"}],

@@ -269,6 +269,11 @@ void add_standing_rivals(const FoundEffect& effect, std::span<const Hypothesis> 
   if (!noise_is_known && !effect.rivals.empty()) {
     lines.push_back(
         fmt::format("Not excluded in its place: {}.", names_of_rivals(effect.rivals, hypotheses)));
+    for (const Rival& rival : effect.rivals) {
+      if (!rival.next) continue;
+      lines.push_back(next_experiment_words(
+          *rival.next, "it from " + hypothesis_words(hypotheses[rival.law.hypothesis])));
+    }
     return;
   }
   for (const Rival& rival : effect.rivals) {
@@ -393,7 +398,7 @@ void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::s
 
 // "torque of wrist_2 0.026 s (error kept out 8.61 %, now 7.1 %)"
 std::string moved_words(const LateChannel& late) {
-  return fmt::format("{} {:.2g} s (error kept out {:.3g} %, now {:.3g} %)", late.moved.channel,
+  return fmt::format("{} by {:.2g} s (error kept out {:.3g} %, now {:.3g} %)", late.moved.channel,
                      std::abs(late.moved.seconds), late.error_before, late.error_after);
 }
 
@@ -406,9 +411,10 @@ void add_moved_channels(const Diagnosis& diagnosis, std::vector<std::string>& li
     }
     if (channels.empty()) continue;
     lines.push_back(fmt::format(
-        "Late: forces that come {} than the motion says, and were moved by that before laws were "
-        "sought: {}. The {} late, or behind a filter (preprocess: advance).",
-        is_late ? "later" : "earlier", channels, is_late ? "forces are" : "positions are"));
+        "{} the motion that belongs to it: {}. {}, or stands behind a filter. It was moved in time "
+        "before laws were sought (preprocess: advance).",
+        is_late ? "Recorded later than" : "Recorded earlier than", channels,
+        is_late ? "It is read late" : "The command acts late, or the position is read late"));
   }
 }
 
@@ -447,7 +453,31 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 
 }  // namespace
 
+namespace {
+
+// "the motion of slow at half its amplitude and twice its speed, joint_2 alone".
+std::string motion_words(const ExperimentOption& option) {
+  const auto times = [](double factor) -> std::string {
+    if (factor == 0.25) return "a quarter of";
+    if (factor == 0.5) return "half";
+    return factor == 2.0 ? "twice" : fmt::format("{:g} times", factor);
+  };
+  std::string changes;
+  if (option.amplitude != 1.0)
+    changes = fmt::format(" at {} its amplitude", times(option.amplitude));
+  if (option.speed != 1.0) {
+    changes +=
+        fmt::format("{} {} its speed", changes.empty() ? " at" : " and", times(option.speed));
+  }
+  if (changes.empty()) changes = option.alone.empty() ? " again" : "";
+  const std::string alone = option.alone.empty() ? "" : fmt::format(", {} alone", option.alone);
+  return fmt::format("the motion of {}{}{}", option.recording, changes, alone);
+}
+
+}  // namespace
+
 std::string experiment_words(const ExperimentOption& option) {
+  if (!option.recording.empty()) return motion_words(option);
   const std::string place =
       option.position_degrees.empty() ? "" : fmt::format("in position {} ", option.position);
   return fmt::format("{}at level {:.4g} from {:.4g} to {:.4g} Hz", place, option.level, option.from,
@@ -491,23 +521,24 @@ std::string map_words(const Diagnosis& diagnosis) {
   return words;
 }
 
-std::string next_experiment_words(const NextExperiment& next) {
+std::string next_experiment_words(const NextExperiment& next, const std::string& what) {
+  if (!std::isfinite(next.recordings_needed)) {
+    return fmt::format("No experiment of the same kind would tell {}.", what);
+  }
   std::string shares;
   for (const NextExperiment::Share& share : next.shares) {
     shares += fmt::format("{}{:.0f} % {}", shares.empty() ? "" : ", ", 100.0 * share.weight,
                           experiment_words(share.option));
   }
-  if (!std::isfinite(next.recordings_needed)) {
-    return "No experiment of the same kind would tell the two apart.";
-  }
   const double count = std::max(1.0, next.recordings_needed);
+  const bool is_motion = !next.shares.empty() && !next.shares.front().option.recording.empty();
   return fmt::format(
-      "To tell the two apart: {:.0f} more recording{}, {} (designed to a duality gap of {:.1g}; "
-      "the "
+      "To tell {}: {:.0f} more recording{}{}, {} (designed to a duality gap of {:.1g}; the "
       "distance between the two grows from {:.3g} to {:.3g} with {:.0f} of them, {:.3g} is "
       "needed).",
-      count, count > 1.0 ? "s" : "", shares, next.duality_gap, next.distance_now,
-      next.distance_then, next.recordings, next.distance_needed);
+      what, count, count > 1.0 ? "s" : "", is_motion ? " as long as those at hand" : "", shares,
+      next.duality_gap, next.distance_now, next.distance_then, next.recordings,
+      next.distance_needed);
 }
 
 std::string estimate_words(const LawParameterEstimate& estimate) {

@@ -25,7 +25,8 @@ namespace graybox {
 [[nodiscard]] std::string headline(const Diagnosis& diagnosis);
 
 // What to record to tell two explanations apart.
-[[nodiscard]] std::string next_experiment_words(const NextExperiment& next);
+[[nodiscard]] std::string next_experiment_words(const NextExperiment& next,
+                                                const std::string& what = "the two apart");
 
 // One sentence a line: the verdict, each effect with its parameters and rivals, the fit before and
 // after, what could not be seen.
