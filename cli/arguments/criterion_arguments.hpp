@@ -1,4 +1,5 @@
-// The options --criterion, --weights and --interest, shared by the commands that solve and check.
+// The options --criterion, --weights, --interest, --combination, --region and --p, shared by the
+// commands that solve and check.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,11 +12,14 @@
 namespace graybox::cli {
 
 struct CriterionArguments {
-  std::string name;      // "D", "A", "E", "L", "Ds", or empty
-  std::string weights;   // L: a file, or "name=weight,..."
-  std::string interest;  // Ds: "name,..."
+  std::string name;              // "D", ..., or "D=0.5,A=0.5" (compound), or empty
+  std::string weights = {};      // L: a file, or "name=weight,..."
+  std::string interest = {};     // Ds: "name,..."
+  std::string combination = {};  // c: a file, or "name=factor,...;name=factor,..."
+  std::string region = {};       // I, G: a file; empty: the candidates
+  std::string p = {};            // phi_p: a number, or "inf"
 
-  // Throws InputError for an unknown criterion, or weights or interest without theirs.
+  // Throws InputError for an unknown criterion, or an option without its criterion.
   void require_consistent() const;
   // The criterion asked for; none where --criterion was not given. Throws InputError where it does
   // not fit the set.

@@ -16,13 +16,16 @@
 //     "dual_point": [...]
 //   }
 //
-// "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
-// lower triangle); without it the design is meant for D. Criterion E may add "dual_matrix" (E,
-// packed lower triangle), which certify() makes use of. A design made for more than one information
-// set, or under a limit, says so in "objective". This is an object with a "name" ("average",
-// "worst_case", "concentration_limit") and what else its maker reports. The entry "limits" states
-// those that the checker holds it to (design_limits.hpp). Only candidates of non-zero weight are
-// listed; indices count from zero; "candidate" holds the coordinates where the set has some.
+// "criterion" has "interest" for Ds (indices; their names beside them), and "weights" for L, I and
+// c (W, packed lower triangle). For phi_p it has "p". For G there is "region": the rows of all J_j
+// and how many each point has; none stands for the candidates. A compound criterion has "parts",
+// each with its "share" and its own "criterion". Without "criterion" the design is meant for D.
+// Criterion E may add "dual_matrix" (E, packed lower triangle), and G "dual_weights" (one a point),
+// which certify() makes use of. A design made for more than one information set, or under a limit,
+// says so in "objective". This is an object with a "name" ("average", "worst_case",
+// "concentration_limit") and what else its maker reports. The entry "limits" states those that the
+// checker holds it to (design_limits.hpp). Only candidates of non-zero weight are listed; indices
+// count from zero; "candidate" holds the coordinates where the set has some.
 // The "dual_point" of a D-optimal design is W = M^-1 d / max_i tr(M^-1 H_i), a packed lower
 // triangle. It obeys the constraints tr(W H_i) <= d of the paper's dual (10). So anybody can check
 // with a few lines that no design has a log det M above -log det W, up to the rounding of W in

@@ -50,6 +50,7 @@ class DesignReader {
     if (check == WeightCheck::kRepaired) repair(file);
     if (check != WeightCheck::kForChecker) require_simplex(file.design.weights);
     file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
+    file.design.dual_weights = numbers<double>(root_, "", "dual_weights");
     return file;
   }
 
@@ -163,7 +164,8 @@ class DesignReader {
   }
 
   [[nodiscard]] Criterion criterion_of(const Json& entry) const {
-    switch (criterion_kind(text(entry, "name"))) {
+    const CriterionKind kind = criterion_kind(text(entry, "name"));
+    switch (kind) {
       case CriterionKind::kA:
         return Criterion::a();
       case CriterionKind::kE:
@@ -172,10 +174,45 @@ class DesignReader {
         return Criterion::l(numbers<double>(entry, "criterion.", "weights"));
       case CriterionKind::kDs:
         return Criterion::ds(numbers<std::size_t>(entry, "criterion.", "interest"));
+      case CriterionKind::kC:
+        return Criterion::c(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kI:
+        return Criterion::i(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kPhiP:
+        return Criterion::phi_p(number(entry, "criterion.", "p").value_or(std::nan("")));
+      case CriterionKind::kG:
+        return entry.contains("region") ? Criterion::g(region_of(entry["region"])) : Criterion::g();
+      case CriterionKind::kCompound:
+        return Criterion::compound(parts_of(entry));
       case CriterionKind::kD:
         break;
     }
     return {};
+  }
+
+  [[nodiscard]] PredictionRegion region_of(const Json& entry) const {
+    if (!entry.is_object()) fail("criterion.region must be an object");
+    return {set_.dimension(), numbers<double>(entry, "criterion.region.", "rows"),
+            numbers<std::size_t>(entry, "criterion.region.", "row_counts")};
+  }
+
+  // Parts that are compound themselves are refused before they are read, whatever their depth.
+  [[nodiscard]] std::vector<CriterionPart> parts_of(const Json& entry) const {
+    const auto found = entry.find("parts");
+    if (found == entry.end() || !found->is_array()) fail("criterion.parts must be an array");
+    std::vector<CriterionPart> parts;
+    for (const Json& part : *found) {
+      if (!part.is_object() || !part.contains("criterion") || !part["criterion"].is_object()) {
+        fail("criterion.parts: each must be an object with share and criterion");
+      }
+      const Json& inner = part["criterion"];
+      if (criterion_kind(text(inner, "name")) == CriterionKind::kCompound) {
+        fail("criterion.parts: a part can't be compound itself");
+      }
+      parts.push_back(
+          {number(part, "criterion.parts.", "share").value_or(std::nan("")), criterion_of(inner)});
+    }
+    return parts;
   }
 
   void require_this_problem(const std::string& stated) const {

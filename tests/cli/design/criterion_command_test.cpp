@@ -40,14 +40,29 @@ TEST_F(CriterionCommand, SolveAndCheckEachCriterion) {
     double value;  // NaN: not known in closed form
   };
   const double unknown = std::nan("");
-  for (const Case& one : std::vector<Case>{{"--criterion D", "D", std::log(4.0 / 27.0)},
-                                           {"--criterion A", "A", 8.0},
-                                           {"--criterion E", "E", 0.2},
-                                           {"--criterion L --weights W.csv", "L", unknown},
-                                           {"--criterion L --weights c.csv", "L", 49.0},
-                                           {"--criterion L --weights 0=1,1=1,2=1", "L", 8.0},
-                                           {"--criterion Ds --interest 2", "Ds", std::log(0.25)},
-                                           {"--criterion Ds --interest 'x^1, 2'", "Ds", unknown}}) {
+  for (const Case& one :
+       std::vector<Case>{{"--criterion D", "D", std::log(4.0 / 27.0)},
+                         {"--criterion A", "A", 8.0},
+                         {"--criterion E", "E", 0.2},
+                         {"--criterion L --weights W.csv", "L", unknown},
+                         {"--criterion L --weights c.csv", "L", 49.0},
+                         {"--criterion L --weights 0=1,1=1,2=1", "L", 8.0},
+                         {"--criterion Ds --interest 2", "Ds", std::log(0.25)},
+                         {"--criterion c --combination 'x^2=1'", "c", 4.0},
+                         {"--criterion c --combination '0=1,1=2,2=4'", "c", 49.0},
+                         {"--criterion c --combination '0=1;1=1;2=1'", "c", 8.0},
+                         {"--criterion c --combination c.csv", "c", 49.0},
+                         {"--criterion I", "I", unknown},
+                         {"--criterion I --region c.csv", "I", 49.0},
+                         {"--criterion I --region set.h5", "I", unknown},
+                         {"--criterion G", "G", 3.0},
+                         {"--criterion phi_p --p 1", "phi_p", 8.0 / 3},
+                         {"--criterion phi_p --p 0", "D", std::log(4.0 / 27.0)},
+                         {"--criterion phi_p --p inf", "E", 0.2},
+                         {"--criterion phi_p --p 0.5", "phi_p", unknown},
+                         {"--criterion A=2", "compound", -std::log(8.0)},
+                         {"--criterion D=1,Ds=3 --interest 2", "compound", unknown},
+                         {"--criterion Ds --interest 'x^1, 2'", "Ds", unknown}}) {
     SCOPED_TRACE(one.options);
     const Outcome solved = graybox("solve set.h5 --gap 1e-8 --json -o design.json " + one.options);
     ASSERT_EQ(solved.exit_code, 0) << solved.err;
@@ -107,7 +122,23 @@ TEST_F(CriterionCommand, WrongInputIsOneLine) {
   write_text(folder_.file("words.csv"), "1,0,0\n0,one,0\n0,0,1\n");
   write_text(folder_.file("skew.csv"), "1,0,0\n1,1,0\n0,0,1\n");
   write_text(folder_.file("indefinite.csv"), "1,2,0\n2,1,0\n0,0,1\n");
-  expect_refused("solve set.h5 --criterion Q", "unknown criterion 'Q'; choose D, A, E, L or Ds");
+  expect_refused("solve set.h5 --criterion Q", "unknown criterion 'Q'; choose D, A, E, L, Ds, c");
+  expect_refused("solve set.h5 --criterion c", "needs --combination");
+  expect_refused("solve set.h5 --criterion c --combination nobody=1", "unknown parameter 'nobody'");
+  expect_refused("solve set.h5 --criterion c --combination '0=1;'", "'' is no name=factor");
+  expect_refused("solve set.h5 --criterion c --combination small.csv", "line 1 has 2 numbers");
+  expect_refused("solve set.h5 --criterion phi_p", "needs --p");
+  expect_refused("solve set.h5 --criterion phi_p --p -1", "p is -1");
+  expect_refused("solve set.h5 --criterion phi_p --p x", "'x' is no number");
+  expect_refused("solve set.h5 --criterion I --region small.csv", "line 1 has 2 numbers");
+  expect_refused("solve set.h5 --criterion G --region missing.h5", "missing.h5");
+  expect_refused("solve set.h5 --region set.h5", "--region belongs to --criterion I or G");
+  expect_refused("solve set.h5 --criterion D=1,E=1", "E can't be part");
+  expect_refused("solve set.h5 --criterion D=1,A", "'A' is no criterion=share");
+  expect_refused("solve set.h5 --criterion D=1,A=-1", "must be positive");
+  expect_refused("solve set.h5 --criterion compound", "D=0.5,A=0.5");
+  expect_refused("exact set.h5 --experiments 6 --criterion G", "no exact method");
+  expect_refused("solve set.h5 --experiments 6 --stock 1 --criterion phi_p --p 2", "constraints");
   expect_refused("solve set.h5 --criterion L", "needs --weights");
   expect_refused("solve set.h5 --criterion Ds", "needs --interest");
   expect_refused("solve set.h5 --criterion A --weights 0=1", "--weights belongs to --criterion L");
@@ -160,7 +191,8 @@ TEST_F(CriterionCommand, UnsupportedSolversSaySo) {
   EXPECT_NE(report["message"].get<std::string>().find("criterion A"), std::string::npos);
   for (const Json& solver : Json::parse(graybox("solvers --json").out)) {
     if (solver["name"] == "column_generation") {
-      EXPECT_EQ(solver["criteria"], (Json{"D", "A", "E", "L", "Ds"}));
+      EXPECT_EQ(solver["criteria"],
+                (Json{"D", "A", "E", "L", "Ds", "c", "I", "phi_p", "G", "compound"}));
     } else if (solver["name"] == "fedorov_wynn") {
       EXPECT_EQ(solver["criteria"], Json::array({"D"}));
     }
