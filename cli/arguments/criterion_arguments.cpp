@@ -183,17 +183,18 @@ double power_of(const std::string& text) {
 bool is_compound(const std::string& name) { return name.find('=') != std::string::npos; }
 
 // "D=0.5,A=0.5".
-std::vector<std::pair<CriterionKind, double>> shares_of(const std::string& name) {
+std::vector<std::pair<CriterionKind, double>> shares_of(const std::string& name,
+                                                        const std::string& option) {
   std::vector<std::pair<CriterionKind, double>> shares;
   for (const std::string& part : split(name, ',')) {
     const std::size_t equals = part.find('=');
     if (equals == std::string::npos) {
-      throw InputError(fmt::format("--criterion: '{}' is no criterion=share", part));
+      throw InputError(fmt::format("{}: '{}' is no criterion=share", option, part));
     }
     const std::string kind = trimmed(std::string_view(part).substr(0, equals));
     shares.emplace_back(
         criterion_kind(kind),
-        number(trimmed(std::string_view(part).substr(equals + 1)), "--criterion: " + kind));
+        number(trimmed(std::string_view(part).substr(equals + 1)), option + ": " + kind));
   }
   return shares;
 }
@@ -202,7 +203,7 @@ std::vector<CriterionKind> kinds_of(const std::string& name) {
   if (name.empty()) return {CriterionKind::kD};
   if (!is_compound(name)) return {criterion_kind(name)};
   std::vector<CriterionKind> kinds;
-  for (const auto& [kind, share] : shares_of(name)) kinds.push_back(kind);
+  for (const auto& [kind, share] : shares_of(name, "--criterion")) kinds.push_back(kind);
   return kinds;
 }
 
@@ -236,7 +237,10 @@ Criterion read_kind(const CriterionArguments& arguments, const InformationSet& s
 }  // namespace
 
 void CriterionArguments::require_consistent() const {
-  const std::vector<CriterionKind> kinds = kinds_of(name);
+  std::vector<CriterionKind> kinds = kinds_of(name);
+  if (!floor.empty()) {
+    for (const auto& [kind, share] : shares_of(floor, "--floor")) kinds.push_back(kind);
+  }
   const auto asked = [&](CriterionKind kind) { return std::ranges::count(kinds, kind) > 0; };
   if (!is_compound(name) && asked(CriterionKind::kCompound)) {
     throw InputError("a compound criterion is given by its parts: --criterion D=0.5,A=0.5");
@@ -265,10 +269,24 @@ std::optional<Criterion> CriterionArguments::read(const InformationSet& set) con
   if (name.empty()) return std::nullopt;
   if (!is_compound(name)) return read_kind(*this, set, criterion_kind(name));
   std::vector<CriterionPart> parts;
-  for (const auto& [kind, share] : shares_of(name)) {
+  for (const auto& [kind, share] : shares_of(name, "--criterion")) {
     parts.push_back({share, read_kind(*this, set, kind)});
   }
   return Criterion::compound(std::move(parts));
+}
+
+std::vector<EfficiencyFloor> CriterionArguments::read_floors(const InformationSet& set) const {
+  std::vector<EfficiencyFloor> floors;
+  if (floor.empty()) return floors;
+  for (const auto& [kind, share] : shares_of(floor, "--floor")) {
+    floors.push_back({.share = share, .criterion = read_kind(*this, set, kind), .multiplier = 0.0});
+  }
+  return floors;
+}
+
+void add_floor_option(CLI::App& command, CriterionArguments& arguments) {
+  command.add_option("--floor", arguments.floor,
+                     "the least efficiency under other criteria: A=0.9,I=0.8");
 }
 
 void add_criterion_options(CLI::App& command, CriterionArguments& arguments) {

@@ -122,4 +122,21 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
   write_text_file(path, root.dump(1) + "\n");
 }
 
+Json floors_json(const InformationSet& set, std::span<const EfficiencyFloor> floors) {
+  Json all = Json::array();
+  for (const EfficiencyFloor& floor : floors) {
+    all.push_back({{"share", floor.share},
+                   {"criterion", criterion_entry(set, floor.criterion)},
+                   {"multiplier", floor.multiplier}});
+  }
+  return all;
+}
+
+void write_floored_design(const std::string& path, const InformationSet& set, const Design& design,
+                          const SolveReport& report, std::span<const EfficiencyFloor> floors) {
+  Json root = design_json(set, design, report);
+  root["floors"] = floors_json(set, floors);
+  write_text_file(path, root.dump(1) + "\n");
+}
+
 }  // namespace graybox

@@ -44,6 +44,7 @@ class DesignReader {
     file.counters.iterations = whole(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
     file.limits = limits();
+    file.floors = floors();
     file.objective = text(object("objective"), "name");
     file.account = account();
     file.design.weights = weights();
@@ -188,6 +189,27 @@ class DesignReader {
         break;
     }
     return {};
+  }
+
+  [[nodiscard]] std::vector<EfficiencyFloor> floors() const {
+    const auto found = root_.find("floors");
+    if (found == root_.end()) return {};
+    if (!found->is_array()) fail("floors must be an array");
+    std::vector<EfficiencyFloor> all;
+    for (const Json& floor : *found) {
+      if (!floor.is_object() || !floor.contains("criterion") || !floor["criterion"].is_object()) {
+        fail("floors: each must be an object with share, criterion and multiplier");
+      }
+      try {
+        all.push_back({.share = number(floor, "floors.", "share").value_or(std::nan("")),
+                       .criterion = criterion_of(floor["criterion"]),
+                       .multiplier = number(floor, "floors.", "multiplier").value_or(0.0)});
+        all.back().criterion.require_fits(set_);
+      } catch (const InputError& error) {
+        fail(error.what());
+      }
+    }
+    return all;
   }
 
   [[nodiscard]] PredictionRegion region_of(const Json& entry) const {
