@@ -46,10 +46,10 @@ class Solve(InFolder):
                              ({"criterion": "I", "region": points[-1:]}, 1.0)):
             design = graybox.solve(H, gap=1e-5, **asked)
             self.assertTrue(design.solved, asked)
-            self.assertAlmostEqual(design.criterion_value, value, 3)
+            self.assertAlmostEqual(design.certificate.criterion_value, value, 3)
             self.assertTrue(design.certify(gap=1e-4).status == "certified")
-        variances = [4 * graybox.solve(H, "phi_p", p=1).criterion_value,
-                     graybox.solve(H, "A").criterion_value]
+        variances = [4 * graybox.solve(H, "phi_p", p=1).certificate.criterion_value,
+                     graybox.solve(H, "A").certificate.criterion_value]
         self.assertAlmostEqual(variances[0] / variances[1], 1.0, 5)
         for wrong in ({"criterion": "phi_p"}, {"criterion": "c"}, {"criterion": "A", "p": 1},
                       {"criterion": "D", "region": points}):
