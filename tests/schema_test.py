@@ -29,6 +29,12 @@ CASES = [
     ("report", "solve set.h5 --json -o {file}", "design"),
     ("report", "solve set.h5 --criterion L --weights 0=1,2=3 --json -o {file}", "design"),
     ("report", "solve robot.h5 --criterion Ds --interest 0,1 --json -o {file}", "design"),
+    ("report", "solve set.h5 --criterion phi_p --p 2 --json -o {file}", "design"),
+    ("report", "solve set.h5 --criterion G --region set.h5 --json -o {file}", "design"),
+    ("report", "solve set.h5 --criterion D=0.5,A=0.5 --json -o {file}", "design"),
+    ("report", "solve set.h5 --floor A=0.9,I=0.8 --json -o {file}", "design"),
+    ("report", "design discriminate truth.csv rival.csv other.csv --relative --json -o {file} "
+     "--set {file}.h5", "design"),
     ("report", "solve set.h5 --stock 2 --experiments 20 --criterion A --json -o {file}", "design"),
     ("report", "solve set.h5 --solver multiplicative --iteration-limit 2 --json", None),
     ("report", "check set.h5 first.json --json", None),
@@ -139,6 +145,9 @@ def main():
     used = set()
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "axis.yaml").write_text(AXIS)
+        for name, text in (("truth", "y\n1\n0\n1\n4\n"), ("rival", "a\n1\n1\n1\n1\n"),
+                           ("other", "b,prediction\n-1,0\n0,1\n1,0\n2,1\n")):
+            (Path(folder) / f"{name}.csv").write_text(text)
         run("problem random --family wis --candidates 300 --dimension 4 -o set.h5", folder)
         run("problem robot --grid 60 -o robot.h5", folder)
         run("solve set.h5 -o first.json", folder)

@@ -2,15 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/files/input_file.hpp"
+#include "problems/formats/information_set_file.hpp"
+#include "solvers/core/prediction_region.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -40,19 +45,28 @@ double number(const std::string& text, const std::string& where) {
   return value;
 }
 
-// "a=1,b=4": a diagonal W; parameters that are not named have weight zero.
-std::vector<double> named_weights(const InformationSet& set, const std::string& text) {
-  std::vector<double> packed(set.packed_size(), 0.0);
+// "a=1,b=4": one number for each parameter; zero for those that are not named.
+std::vector<double> named_numbers(const InformationSet& set, const std::string& text,
+                                  const std::string& option, std::string_view what) {
+  std::vector<double> numbers(set.dimension(), 0.0);
   for (const std::string& part : split(text, ',')) {
     const std::size_t equals = part.find('=');
     if (equals == std::string::npos) {
-      throw InputError(fmt::format("--weights: '{}' is no name=weight", part));
+      throw InputError(fmt::format("{}: '{}' is no name={}", option, part, what));
     }
     const std::vector<std::string> name{trimmed(std::string_view(part).substr(0, equals))};
     const std::size_t index = parameter_indices(set, name).front();
-    const std::string weight = trimmed(std::string_view(part).substr(equals + 1));
-    packed[packed_index(index, index)] = number(weight, "--weights: " + name.front());
+    const std::string value = trimmed(std::string_view(part).substr(equals + 1));
+    numbers[index] = number(value, option + ": " + name.front());
   }
+  return numbers;
+}
+
+// A diagonal W.
+std::vector<double> named_weights(const InformationSet& set, const std::string& text) {
+  const std::vector<double> diagonal = named_numbers(set, text, "--weights", "weight");
+  std::vector<double> packed(set.packed_size(), 0.0);
+  for (std::size_t k = 0; k < diagonal.size(); ++k) packed[packed_index(k, k)] = diagonal[k];
   return packed;
 }
 
@@ -102,50 +116,196 @@ std::vector<double> weights_from_file(const InformationSet& set, const std::stri
   return packed;
 }
 
-}  // namespace
-
-void CriterionArguments::require_consistent() const {
-  const CriterionKind kind = name.empty() ? CriterionKind::kD : criterion_kind(name);
-  if (!weights.empty() && kind != CriterionKind::kL) {
-    throw InputError("--weights belongs to --criterion L");
+// Lines of d numbers, one after another.
+std::vector<double> regressors(const InformationSet& set, const std::string& path) {
+  std::vector<double> all;
+  for (const std::vector<double>& row : read_rows(path)) {
+    if (row.size() != set.dimension()) {
+      throw InputError(fmt::format("{}: line {} has {} numbers; the set has {} parameters", path,
+                                   all.size() / set.dimension() + 1, row.size(), set.dimension()));
+    }
+    all.insert(all.end(), row.begin(), row.end());
   }
-  if (!interest.empty() && kind != CriterionKind::kDs) {
-    throw InputError("--interest belongs to --criterion Ds");
-  }
-  if (kind == CriterionKind::kL && weights.empty()) {
-    throw InputError("--criterion L needs --weights: a file, or name=weight,...");
-  }
-  if (kind == CriterionKind::kDs && interest.empty()) {
-    throw InputError("--criterion Ds needs --interest: names of parameters, separated by commas");
-  }
+  if (all.empty()) throw InputError(fmt::format("{}: no line of numbers", path));
+  return all;
 }
 
-std::optional<Criterion> CriterionArguments::read(const InformationSet& set) const {
-  if (name.empty()) return std::nullopt;
-  switch (criterion_kind(name)) {
+// W = sum_j c_j c_j^T.
+Criterion read_combinations(const InformationSet& set, const std::string& text) {
+  std::vector<double> all;
+  if (text.find('=') == std::string::npos) {
+    all = regressors(set, text);
+  } else {
+    for (const std::string& each : split(text, ';')) {
+      const std::vector<double> c = named_numbers(set, each, "--combination", "factor");
+      all.insert(all.end(), c.begin(), c.end());
+    }
+  }
+  const PredictionRegion functions =
+      PredictionRegion::of_regressors(set.dimension(), std::move(all));
+  std::vector<double> weights = functions.mean_information();
+  for (double& entry : weights) entry *= static_cast<double>(functions.count());
+  return Criterion::c(std::move(weights));
+}
+
+bool is_table(const std::string& path) { return std::filesystem::path(path).extension() == ".csv"; }
+
+// A CSV file with a regressor a line, or a second information set.
+PredictionRegion read_region(const InformationSet& set, const std::string& path) {
+  if (is_table(path))
+    return PredictionRegion::of_regressors(set.dimension(), regressors(set, path));
+  const InformationSet second = read_information_set(path);
+  if (second.dimension() != set.dimension()) {
+    throw InputError(fmt::format("{}: {} parameters; the set has {}", path, second.dimension(),
+                                 set.dimension()));
+  }
+  return PredictionRegion::of_set(second);
+}
+
+Criterion read_prediction(const InformationSet& set, const std::string& path, CriterionKind kind) {
+  if (path.empty()) {
+    return kind == CriterionKind::kG ? Criterion::g() : Criterion::i(mean_information(set));
+  }
+  PredictionRegion region = read_region(set, path);
+  return kind == CriterionKind::kG ? Criterion::g(std::move(region))
+                                   : Criterion::i(region.mean_information());
+}
+
+double power_of(const std::string& text) {
+  double p = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), p);
+  if (error != std::errc() || end != text.data() + text.size()) {
+    throw InputError(fmt::format("--p: '{}' is no number", text));
+  }
+  return p;
+}
+
+bool is_compound(const std::string& name) { return name.find('=') != std::string::npos; }
+
+// "D=0.5,A=0.5".
+std::vector<std::pair<CriterionKind, double>> shares_of(const std::string& name,
+                                                        const std::string& option) {
+  std::vector<std::pair<CriterionKind, double>> shares;
+  for (const std::string& part : split(name, ',')) {
+    const std::size_t equals = part.find('=');
+    if (equals == std::string::npos) {
+      throw InputError(fmt::format("{}: '{}' is no criterion=share", option, part));
+    }
+    const std::string kind = trimmed(std::string_view(part).substr(0, equals));
+    shares.emplace_back(
+        criterion_kind(kind),
+        number(trimmed(std::string_view(part).substr(equals + 1)), option + ": " + kind));
+  }
+  return shares;
+}
+
+std::vector<CriterionKind> kinds_of(const std::string& name) {
+  if (name.empty()) return {CriterionKind::kD};
+  if (!is_compound(name)) return {criterion_kind(name)};
+  std::vector<CriterionKind> kinds;
+  for (const auto& [kind, share] : shares_of(name, "--criterion")) kinds.push_back(kind);
+  return kinds;
+}
+
+Criterion read_kind(const CriterionArguments& arguments, const InformationSet& set,
+                    CriterionKind kind) {
+  switch (kind) {
     case CriterionKind::kA:
       return Criterion::a();
     case CriterionKind::kE:
       return Criterion::e();
     case CriterionKind::kL:
-      return Criterion::l(weights.find('=') == std::string::npos ? weights_from_file(set, weights)
-                                                                 : named_weights(set, weights));
+      return Criterion::l(arguments.weights.find('=') == std::string::npos
+                              ? weights_from_file(set, arguments.weights)
+                              : named_weights(set, arguments.weights));
     case CriterionKind::kDs:
-      return Criterion::ds(parameter_indices(set, split(interest, ',')));
+      return Criterion::ds(parameter_indices(set, split(arguments.interest, ',')));
+    case CriterionKind::kC:
+      return read_combinations(set, arguments.combination);
+    case CriterionKind::kI:
+    case CriterionKind::kG:
+      return read_prediction(set, arguments.region, kind);
+    case CriterionKind::kPhiP:
+      return Criterion::phi_p(power_of(arguments.p));
     case CriterionKind::kD:
+    case CriterionKind::kCompound:
       break;
   }
-  return Criterion();
+  return {};
+}
+
+}  // namespace
+
+void CriterionArguments::require_consistent() const {
+  std::vector<CriterionKind> kinds = kinds_of(name);
+  if (!floor.empty()) {
+    for (const auto& [kind, share] : shares_of(floor, "--floor")) kinds.push_back(kind);
+  }
+  const auto asked = [&](CriterionKind kind) { return std::ranges::count(kinds, kind) > 0; };
+  if (!is_compound(name) && asked(CriterionKind::kCompound)) {
+    throw InputError("a compound criterion is given by its parts: --criterion D=0.5,A=0.5");
+  }
+  const auto belongs = [](bool given, bool fits, const char* text) {
+    if (given && !fits) throw InputError(text);
+  };
+  const bool predicts = asked(CriterionKind::kI) || asked(CriterionKind::kG);
+  belongs(!weights.empty(), asked(CriterionKind::kL), "--weights belongs to --criterion L");
+  belongs(!interest.empty(), asked(CriterionKind::kDs), "--interest belongs to --criterion Ds");
+  belongs(!combination.empty(), asked(CriterionKind::kC), "--combination belongs to --criterion c");
+  belongs(!region.empty(), predicts, "--region belongs to --criterion I or G");
+  belongs(!p.empty(), asked(CriterionKind::kPhiP), "--p belongs to --criterion phi_p");
+  const auto needs = [&](CriterionKind kind, const std::string& option, const char* text) {
+    if (asked(kind) && option.empty()) throw InputError(text);
+  };
+  needs(CriterionKind::kL, weights, "--criterion L needs --weights: a file, or name=weight,...");
+  needs(CriterionKind::kDs, interest,
+        "--criterion Ds needs --interest: names of parameters, separated by commas");
+  needs(CriterionKind::kC, combination,
+        "--criterion c needs --combination: name=factor,..., or a file with a function a line");
+  needs(CriterionKind::kPhiP, p, "--criterion phi_p needs --p: 0 (D), 1 (A), inf (E) or between");
+}
+
+std::optional<Criterion> CriterionArguments::read(const InformationSet& set) const {
+  if (name.empty()) return std::nullopt;
+  if (!is_compound(name)) return read_kind(*this, set, criterion_kind(name));
+  std::vector<CriterionPart> parts;
+  for (const auto& [kind, share] : shares_of(name, "--criterion")) {
+    parts.push_back({share, read_kind(*this, set, kind)});
+  }
+  return Criterion::compound(std::move(parts));
+}
+
+std::vector<EfficiencyFloor> CriterionArguments::read_floors(const InformationSet& set) const {
+  std::vector<EfficiencyFloor> floors;
+  if (floor.empty()) return floors;
+  for (const auto& [kind, share] : shares_of(floor, "--floor")) {
+    floors.push_back({.share = share, .criterion = read_kind(*this, set, kind), .multiplier = 0.0});
+  }
+  return floors;
+}
+
+void add_floor_option(CLI::App& command, CriterionArguments& arguments) {
+  command.add_option("--floor", arguments.floor,
+                     "the least efficiency under other criteria: A=0.9,I=0.8");
 }
 
 void add_criterion_options(CLI::App& command, CriterionArguments& arguments) {
   command.add_option("--criterion", arguments.name,
-                     "D (default), A, E, L (with --weights) or Ds (with --interest)");
+                     "D (default), A, E, L (with --weights), Ds (with --interest), c (with "
+                     "--combination), I, G (with --region), phi_p (with --p), or several with "
+                     "their shares: D=0.5,A=0.5");
   command.add_option("--weights", arguments.weights,
                      "W of criterion L: name=weight,... (a diagonal W), or a CSV file with W, or "
                      "with one line for the variance of one combination of the parameters");
   command.add_option("--interest", arguments.interest,
                      "parameters of interest of criterion Ds: names or indices, with commas");
+  command.add_option("--combination", arguments.combination,
+                     "linear functions of criterion c: name=factor,... with semicolons between "
+                     "them, or a CSV file with a function a line");
+  command.add_option("--region", arguments.region,
+                     "where I and G predict: a CSV file with a regressor a line, or an information "
+                     "set (default: the candidates)");
+  command.add_option("--p", arguments.p, "of criterion phi_p: above 0 (D) over 1 (A) to inf (E)");
 }
 
 }  // namespace graybox::cli

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "cli/arguments/criterion_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
@@ -16,9 +17,11 @@
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
 #include "cli/output/exact_report_text.hpp"
+#include "cli/output/floor_text.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
+#include "solvers/floors/efficiency_floor.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
 
@@ -189,6 +192,16 @@ int check(const CheckArguments& arguments) {
                        .message = {}};
   SolveReport report = judge(set, file.solver, options, claim);
   report.problem_hash = set.content_hash();
+  const bool floored = !file.floors.empty() && options.criterion == made_for;
+  std::vector<double> efficiencies;
+  if (floored) {
+    const FlooredCertificate proof =
+        certify_floored(set, file.design, options.criterion, file.floors, options.duality_gap);
+    efficiencies = proof.efficiencies;
+    report.certificate = proof.certificate;
+    report.status = judge(claim.status, options.duality_gap, report.certificate);
+    report.message = report.certificate.message;
+  }
   const bool limited = file.limits.any() && options.criterion.kind() == CriterionKind::kD;
   if (limited) {
     report.certificate = certify_limited(set, file.design, file.limits);
@@ -206,12 +219,17 @@ int check(const CheckArguments& arguments) {
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     if (limited) line["limits"] = to_json(file.limits);
+    if (floored) line["floors"] = floors_json(set, file.floors);
+    for (std::size_t k = 0; k < efficiencies.size(); ++k) {
+      line["floors"][k]["efficiency"] = efficiencies[k];
+    }
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else {
     fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
                describe(report));
     if (limited) fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
+    if (floored) fmt::print("{}", describe_floors(file.floors, efficiencies));
     fmt::print("{}", describe_support(set, file.design));
     if (file.problem_hash.empty())
       fmt::print("note: the design does not say which set it is for\n");

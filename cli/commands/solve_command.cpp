@@ -18,12 +18,15 @@
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
+#include "cli/output/floor_text.hpp"
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/constrained/constrained_design_file.hpp"
+#include "solvers/floors/efficiency_floor.hpp"
+#include "solvers/floors/floored_design.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -116,8 +119,51 @@ int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
 // Throws InputError for a back-end that can't take them.
 void require_constrained(const SolveArguments& arguments) {
   if (arguments.solver != ColumnGeneration().name()) {
-    throw InputError(fmt::format("{} can't take constraints, costs or earlier trials; use {}",
-                                 arguments.solver, ColumnGeneration().name()));
+    throw InputError(
+        fmt::format("{} can't take constraints, costs, earlier trials or floors; use {}",
+                    arguments.solver, ColumnGeneration().name()));
+  }
+}
+
+// Under floors of other criteria: by column generation on compound criteria.
+int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
+                 const SolveOptions& options, std::vector<EfficiencyFloor> floors) {
+  const InformationSet& set = read.set;
+  Progress progress{arguments.solver};
+  catch_interrupts();
+  const Solution solution = solve_floored(set, options, floors, &progress);
+  SolveReport report = judge(set, arguments.solver, options, solution);
+  report.problem_hash = set.content_hash();
+  const FlooredCertificate proof =
+      certify_floored(set, solution.design, options.criterion, floors, options.duality_gap);
+  report.certificate = proof.certificate;
+  report.status = judge(solution.status, options.duality_gap, report.certificate);
+  report.message = solution.message.empty() ? proof.certificate.message : solution.message;
+  if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
+  if (!arguments.output.empty()) {
+    write_floored_design(arguments.output, set, solution.design, report, floors);
+  }
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    line["floors"] = floors_json(set, floors);
+    for (std::size_t k = 0; k < proof.efficiencies.size(); ++k) {
+      line["floors"][k]["efficiency"] = proof.efficiencies[k];
+    }
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    print(arguments, read, solution, report);
+    fmt::print("{}", describe_floors(floors, proof.efficiencies));
+  }
+  return report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+// Throws InputError for what floors can't be combined with.
+void require_floors_alone(const SolveArguments& arguments, bool has_request) {
+  if (arguments.criterion.floor.empty()) return;
+  require_constrained(arguments);
+  if (has_request) {
+    throw InputError("--floor can't be combined with constraints, costs or earlier trials");
   }
 }
 
@@ -127,6 +173,7 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
   if (request.any()) require_constrained(arguments);
+  require_floors_alone(arguments, request.any());
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const ProjectedSet read = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
@@ -140,6 +187,9 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
   if (request.any()) return solve_request(arguments, read, options, std::move(request));
+  if (std::vector<EfficiencyFloor> floors = arguments.criterion.read_floors(set); !floors.empty()) {
+    return solve_floors(arguments, read, options, std::move(floors));
+  }
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
@@ -161,6 +211,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
       ->capture_default_str();
   add_criterion_options(*command, arguments->criterion);
+  add_floor_option(*command, arguments->criterion);
   add_request_options(*command, arguments->request);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
@@ -179,6 +230,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
+      "  graybox solve set.h5 --criterion D --floor A=0.9\n"
       "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"
       "  graybox solve set.h5 --experiments 20 --done last_week.json --stock 1\n"
       "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"

@@ -1,6 +1,7 @@
 // `graybox design ...`: designs beyond one solve of one information set. One file each
 // (design_x_command.cpp), added here.
 #include "cli/commands/commands.hpp"
+#include "cli/design/design_discriminate_command.hpp"
 
 namespace graybox::cli {
 
@@ -9,6 +10,7 @@ void add_design_command(CLI::App& app, Invocation& invocation) {
       app.add_subcommand("design", "Designs beyond one criterion and one information set");
   command->require_subcommand(1);
   add_design_criteria_command(*command, invocation);
+  add_design_discriminate_command(*command, invocation);
   add_design_plan_command(*command, invocation);
   add_design_continuous_command(*command, invocation);
   add_design_sequential_command(*command, invocation);

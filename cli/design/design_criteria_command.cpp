@@ -62,7 +62,8 @@ std::vector<Row> rows_for(const CriteriaArguments& arguments, const InformationS
   for (const auto& [name, option] :
        {std::pair{"L", arguments.weights}, {"Ds", arguments.interest}}) {
     if (option.empty()) continue;
-    const CriterionArguments chosen{name, arguments.weights, arguments.interest};
+    const CriterionArguments chosen{
+        .name = name, .weights = arguments.weights, .interest = arguments.interest};
     rows.emplace_back().criterion = chosen.read(set).value();
   }
   return rows;

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <utility>
 #include <vector>
@@ -25,28 +26,51 @@ std::string seconds_text(double seconds) {
   return seconds < 1.0 ? fmt::format("{:.3g} ms", 1e3 * seconds) : fmt::format("{:.3g} s", seconds);
 }
 
+// What criterion_value is.
+const char* name_of_value(CriterionKind kind) {
+  switch (kind) {
+    case CriterionKind::kD:
+      return "log det M";
+    case CriterionKind::kDs:
+      return "log det S";
+    case CriterionKind::kA:
+      return "tr M^-1";
+    case CriterionKind::kL:
+      return "tr W M^-1";
+    case CriterionKind::kE:
+      return "lambda_min M";
+    case CriterionKind::kC:
+      return "variance";
+    case CriterionKind::kI:
+      return "mean variance";
+    case CriterionKind::kPhiP:
+      return "phi_p";
+    case CriterionKind::kG:
+      return "largest var.";
+    case CriterionKind::kCompound:
+      return "log Phi";
+  }
+  return "";
+}
+
 // The criterion's value, and how far from the best it can be.
 std::string value_text(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
+  const CriterionKind kind = report.options.criterion.kind();
   const double gap = largest_gap(certificate);
-  switch (report.options.criterion.kind()) {
-    case CriterionKind::kA:
-    case CriterionKind::kL:
-      return fmt::format(
-          "  {:<12}  {:.10g}, at most a factor {:.2e} above the optimum\n",
-          report.options.criterion.kind() == CriterionKind::kA ? "tr M^-1" : "tr W M^-1",
-          certificate.criterion_value, gap);
-    case CriterionKind::kE:
-      return fmt::format("  lambda_min M  {:.10g}, at most a factor {:.2e} below the optimum\n",
-                         certificate.criterion_value, gap);
+  const std::string start =
+      fmt::format("  {:<12}  {:.10g}, ", name_of_value(kind), certificate.criterion_value);
+  switch (kind) {
     case CriterionKind::kD:
     case CriterionKind::kDs:
-      break;
+      return start + fmt::format("at most {:.2e} below the optimum\n", certificate.log_det_gap);
+    case CriterionKind::kCompound:
+      return start + fmt::format("at most {:.2e} below the optimum\n", std::log1p(gap));
+    case CriterionKind::kE:
+      return start + fmt::format("at most a factor {:.2e} below the optimum\n", gap);
+    default:
+      return start + fmt::format("at most a factor {:.2e} above the optimum\n", gap);
   }
-  return fmt::format(
-      "  {:<12}  {:.10g}, at most {:.2e} below the optimum\n",
-      report.options.criterion.kind() == CriterionKind::kD ? "log det M" : "log det S",
-      certificate.criterion_value, certificate.log_det_gap);
 }
 
 std::string counted(std::size_t count, const char* noun) {

@@ -169,6 +169,24 @@ Criterion weighted_criterion(const py::object& value, const InformationSet& set)
   return Criterion::l(std::move(packed));
 }
 
+// The rows of a matrix with d columns, or one vector.
+PredictionRegion rows_of(const py::object& value, const char* name, const InformationSet& set) {
+  const Array rows = numbers(value, name);
+  const auto d = static_cast<py::ssize_t>(set.dimension());
+  if (rows.ndim() < 1 || rows.ndim() > 2 || rows.shape(rows.ndim() - 1) != d) {
+    throw InputError(fmt::format("{}: expected rows of {} numbers", name, d));
+  }
+  return PredictionRegion::of_regressors(set.dimension(), {rows.data(), rows.data() + rows.size()});
+}
+
+// W = sum of c c^T over the rows.
+Criterion combined_criterion(const py::object& value, const InformationSet& set) {
+  const PredictionRegion functions = rows_of(value, "W", set);
+  std::vector<double> weights = functions.mean_information();
+  for (double& entry : weights) entry *= static_cast<double>(functions.count());
+  return Criterion::c(std::move(weights));
+}
+
 std::vector<std::size_t> interest_of(const py::object& value, const InformationSet& set) {
   std::vector<std::string> names;
   for (const py::handle& each : value) names.emplace_back(py::str(each));
@@ -279,9 +297,16 @@ Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
   const CriterionKind kind = criterion_kind(text_of(argument(arguments, "criterion")));
   const py::object weights = argument(arguments, "W");
   const py::object interest = argument(arguments, "interest");
-  if (!weights.is_none() && kind != CriterionKind::kL) {
-    throw InputError("W belongs to criterion L");
+  const py::object region = argument(arguments, "region");
+  const py::object p = argument(arguments, "p");
+  if (!weights.is_none() && kind != CriterionKind::kL && kind != CriterionKind::kC) {
+    throw InputError("W belongs to criterion L or c");
   }
+  if (!region.is_none() && kind != CriterionKind::kI && kind != CriterionKind::kG) {
+    throw InputError("region belongs to criterion I or G");
+  }
+  if (!p.is_none() && kind != CriterionKind::kPhiP)
+    throw InputError("p belongs to criterion phi_p");
   if (!interest.is_none() && kind != CriterionKind::kDs) {
     throw InputError("interest belongs to criterion Ds");
   }
@@ -296,6 +321,20 @@ Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
     case CriterionKind::kDs:
       if (interest.is_none()) throw InputError("criterion Ds needs interest: names of parameters");
       return Criterion::ds(interest_of(interest, set));
+    case CriterionKind::kC:
+      if (weights.is_none()) throw InputError("criterion c needs W: a vector, or rows of them");
+      return combined_criterion(weights, set);
+    case CriterionKind::kI:
+      return Criterion::i(region.is_none() ? mean_information(set)
+                                           : rows_of(region, "region", set).mean_information());
+    case CriterionKind::kG:
+      return region.is_none() ? Criterion::g() : Criterion::g(rows_of(region, "region", set));
+    case CriterionKind::kPhiP:
+      if (p.is_none())
+        throw InputError("criterion phi_p needs p: 0 (D), 1 (A), inf (E) or between");
+      return Criterion::phi_p(py::cast<double>(p));
+    case CriterionKind::kCompound:
+      throw InputError("compound criteria are not in the module; use graybox solve");
     case CriterionKind::kD:
       break;
   }

@@ -29,19 +29,21 @@ def _information(H, request, psd_tolerance=1e-6):
 
 
 def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, interest=None,
-          time_limit=None, iteration_limit=0, seed=1, threads=1, psd_tolerance=1e-6, progress=None,
-          **request):
+          region=None, p=None, time_limit=None, iteration_limit=0, seed=1, threads=1,
+          psd_tolerance=1e-6, progress=None, **request):
     """The best design, certified: the share of the experiments that each candidate gets.
 
     H: matrices [Q, d, d], packed ones [Q, p] (float64: not copied), a file, or an InformationSet.
-    criterion: "D", "A", "E", "L" with W (a matrix, or the vector c of one combination), or "Ds" with
-    interest (names or indices of parameters).
+    criterion: "D", "A", "E", "L" with W (a matrix, or the vector c of one combination), "Ds" with
+    interest (names or indices of parameters), "c" with W (a vector, or rows of them), "I" or "G" with
+    region (rows of regressors; None: the candidates), or "phi_p" with p.
     request: experiments, budget, prior, done, costs, stock, require, forbid, constraints, and rows
     A_ub x <= b_ub, A_eq x = b_eq of the numbers of experiments x.
     """
     request = _request(request)
     information = _information(H, request, psd_tolerance)
-    asked = {"criterion": criterion, "W": W, "interest": interest, "gap": gap}
+    asked = {"criterion": criterion, "W": W, "interest": interest, "region": region, "p": p,
+             "gap": gap}
     run = {"solver": solver, "time_limit": time_limit, "iteration_limit": iteration_limit,
            "seed": seed, "threads": threads}
     with Line(progress) as show:
@@ -50,8 +52,8 @@ def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, int
     return finished(Design(information, {**asked, **request}, fields), interrupted)
 
 
-def certify(H, weights, criterion="D", *, gap=1e-9, W=None, interest=None, dual_matrix=None,
-            psd_tolerance=1e-6, **request):
+def certify(H, weights, criterion="D", *, gap=1e-9, W=None, interest=None, region=None, p=None,
+            dual_matrix=None, psd_tolerance=1e-6, **request):
     """What the checker proves of a design, from set and weights alone, whoever made it.
 
     weights: Q numbers, or a Design. Under a request they are numbers of experiments.
@@ -64,13 +66,13 @@ def certify(H, weights, criterion="D", *, gap=1e-9, W=None, interest=None, dual_
             raise _graybox.InputError("weights: there is no design to certify")
     information = _information(H, request, psd_tolerance)
     return Certificate(**_graybox.certify(
-        information, weights, {"criterion": criterion, "W": W, "interest": interest, "gap": gap,
-                               "dual_matrix": dual_matrix}, request))
+        information, weights, {"criterion": criterion, "W": W, "interest": interest, "region": region,
+                               "p": p, "gap": gap, "dual_matrix": dual_matrix}, request))
 
 
 def exact(H, experiments=None, criterion="D", *, method="branch_and_bound", gap=1e-6, W=None,
-          interest=None, top=1, time_limit=None, seed=1, threads=1, psd_tolerance=1e-6,
-          progress=None, **request):
+          interest=None, region=None, p=None, top=1, time_limit=None, seed=1, threads=1,
+          psd_tolerance=1e-6, progress=None, **request):
     """How often to run each candidate, in whole numbers, with a proven efficiency.
 
     The further arguments are those of solve(); top: how many of the best designs to list.
@@ -79,7 +81,8 @@ def exact(H, experiments=None, criterion="D", *, method="branch_and_bound", gap=
         request["experiments"] = experiments
     request = _request(request)
     information = _information(H, request, psd_tolerance)
-    asked = {"criterion": criterion, "W": W, "interest": interest, "gap": gap}
+    asked = {"criterion": criterion, "W": W, "interest": interest, "region": region, "p": p,
+             "gap": gap}
     run = {"method": method, "time_limit": time_limit, "seed": seed, "threads": threads, "top": top}
     with Line(progress) as show:
         fields = _graybox.exact(information, {**asked, **run}, request, show)

@@ -59,9 +59,13 @@ void price_all(const InformationSet& set, const Design& design, const Criterion&
   certificate.status = CertificateStatus::kCertified;
   certificate.log_det = static_cast<double>(information.log_det());
   bounds.upper.resize(set.candidate_count());
-  if (criterion.kind() == CriterionKind::kD) {
-    certificate.criterion_value = certificate.log_det;
+  if (criterion.is_solved_as_d()) {
     price(set, information, candidates, bounds, certificate);
+    // The D-optimal designs are those of G, and d its least value (Kiefer and Wolfowitz 1960).
+    certificate.criterion_value =
+        criterion.kind() == CriterionKind::kG
+            ? static_cast<double>(set.dimension()) * (1.0 + certificate.duality_gap)
+            : certificate.log_det;
   } else {
     price_criterion(set, design, criterion, information, candidates, bounds, certificate);
   }
@@ -150,7 +154,7 @@ Certificate certify(const InformationSet& set, const Design& design, const Crite
     certificate.message =
         "the design's information matrix is singular: it can't estimate all "
         "parameters";
-    if (criterion.kind() == CriterionKind::kL || criterion.kind() == CriterionKind::kDs) {
+    if (criterion.has_weights() || criterion.kind() == CriterionKind::kDs) {
       certificate.message += "; mix in a little of a design that can";
     }
     return certificate;
@@ -182,13 +186,15 @@ void state_bounds(double factors, Certificate& certificate) {
 double relative_efficiency(const InformationSet& set, const Criterion& criterion, double value,
                            double best_value) {
   switch (criterion.kind()) {
-    case CriterionKind::kA:
-    case CriterionKind::kL:
-      return best_value / value;
     case CriterionKind::kE:
       return value / best_value;
-    default:
+    case CriterionKind::kD:
+    case CriterionKind::kDs:
       return std::exp((value - best_value) / log_det_size(set, criterion));
+    case CriterionKind::kCompound:
+      return std::exp(value - best_value);
+    default:
+      return best_value / value;
   }
 }
 

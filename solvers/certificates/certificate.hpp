@@ -23,8 +23,12 @@
 //   Ds   (det S)^(1/s)              (M^-1 - [M_nn^-1 in n, else 0])/s  tr(M^-1 H_i)
 //                                                                      - tr(M_nn^-1 H_i,nn)
 //   E    lambda_min(M)              E / lambda_min(M)                  tr(E H_i)
+//   phi_p  (tr(M^-p)/d)^(-1/p)      M^-(p+1) / tr M^-p                 tr(M^-(p+1) H_i)
+//   G    1 / max_j tr(R_j M^-1)     that of L, W = sum_j mu_j R_j      that of L
+//   compound  prod_k Phi_k^a_k      sum_k a_k G_k                      tr(G H_i)
 //
-// At the optimum max_i w_i is d, phi, s and lambda_min.
+// At the optimum max_i w_i is d, phi, s, lambda_min, tr M^-p, phi and 1. I and c are L with their
+// W.
 //
 //   A, L   1/phi is concave: phi(M) = tr(K^T M^-1 K), W = K K^T, is the sum over the columns k of K
 //          of 1/g_k with g_k(M) = 1/(k^T M^-1 k) = min {x^T M x : k^T x = 1}, a minimum of linear
@@ -39,6 +43,11 @@
 //          semidefinite and of trace one here (dual_repair says by how much), or where it has none
 //          that of the best design, which is looked for (criterion_column_generation.hpp). A wrong
 //          E can only loosen the bound.
+//   phi_p, compound  Proofs in dual_bound.hpp.
+//   G      R_j = J_j^T J_j. A minimum of the information functions of L with W = R_j. As for E the
+//          gradient is not unique: any weights mu of sum one will do, since the largest of the
+//          tr(R_j N^-1) is no less than their mean. They are the design's dual_weights, or those
+//          of the best design. Over the candidates themselves the gap is that of D.
 //
 // M must be regular, for L and Ds as well, whose optimum may be singular: designs arbitrarily close
 // to it are regular and have gaps arbitrarily close to zero (smooth_restricted_problem.hpp).
@@ -86,8 +95,9 @@ struct Certificate {
   double duality_gap = 0.0;         // max_i tr(G H_i) - 1, after clipping and renormalising
   double rounding_bound = 0.0;      // |error of duality_gap| is at most this
   double log_det = 0.0;             // log det M
-  double criterion_value = 0.0;     // D: log det M; A: tr M^-1; E: lambda_min(M); L: tr(W M^-1);
-                                    // Ds: log det S
+  double criterion_value = 0.0;     // D: log det M; A: tr M^-1; E: lambda_min(M); L: tr(W M^-1),
+                                    // so c, I; Ds: log det S; phi_p: (tr(M^-p)/d)^(1/p);
+                                    // G: the largest variance; compound: log Phi
   double log_det_gap = 0.0;         // D, Ds: d (s) log(1 + duality_gap + rounding_bound), how far
                                     // log det M (S) can be from optimal; NaN for the others
   double efficiency = 0.0;          // at least 1/(1 + duality_gap + rounding_bound)

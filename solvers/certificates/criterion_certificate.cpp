@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "problems/base/packed_matrix.hpp"
+#include "solvers/certificates/dual_bound.hpp"
 #include "solvers/column_generation/criterion_column_generation.hpp"
 #include "solvers/conditioning/quadruple.hpp"
 #include "solvers/core/tracer.hpp"
@@ -232,6 +233,71 @@ void price_smallest_eigenvalue(const InformationSet& set, const Design& design,
   if (found.size() == 0 || !(price(found) < simple_gap)) price(inverse.vector);
 }
 
+// Weights of the region's points that prove something: those of the design, else those of the best
+// design, found from the support of this one. Neither needs trust. Empty where there are none.
+std::vector<double> point_weights(const InformationSet& set, const Design& design,
+                                  const Criterion& criterion) {
+  const auto usable = [&](std::vector<double>& mu) {
+    double sum = 0.0;
+    for (double& each : mu) sum += each = std::isfinite(each) ? std::max(each, 0.0) : 0.0;
+    if (mu.size() != criterion.region().count() || !(sum > 0.0) || !std::isfinite(sum)) {
+      return false;
+    }
+    for (double& each : mu) each /= sum;
+    return true;
+  };
+  std::vector<double> mu = design.dual_weights;
+  if (usable(mu)) return mu;
+  const SolveOptions options{.duality_gap = kGoodGap, .criterion = criterion};
+  Tracer tracer(set, options, nullptr);
+  Design start{design.weights};
+  for (double& weight : start.weights) weight = std::max(weight, 0.0);
+  mu = solve_criterion(set, options, start, tracer).design.dual_weights;
+  if (!usable(mu)) {
+    const std::size_t count = criterion.region().count();
+    mu.assign(count, 1.0 / static_cast<double>(count));
+  }
+  return mu;
+}
+
+// The bounds of all parts, joined to one matrix Z (dual_bound.hpp).
+template <class Real>
+void price_dual_bounds(const InformationSet& set, const Design& design, const Criterion& criterion,
+                       const InformationIn<Real>& information, const CandidateList& candidates,
+                       SensitivityBounds& bounds, Certificate& certificate) {
+  using std::exp;
+  using std::sqrt;
+  const std::size_t d = set.dimension();
+  std::vector<CriterionPart> parts(criterion.parts().begin(), criterion.parts().end());
+  if (parts.empty()) parts.push_back({1.0, criterion});
+  std::vector<double> mu;
+  if (criterion.kind() == CriterionKind::kG) mu = point_weights(set, design, criterion);
+  MatrixOf<Real> z(static_cast<Eigen::Index>(d), 0);
+  Real error = 0, log_phi = 0;
+  for (const CriterionPart& part : parts) {
+    // Nuisance parameters come first where there are some.
+    const std::vector<std::size_t> order = elimination_order(set, part.criterion);
+    const DualBound<Real> bound =
+        order.empty()
+            ? dual_bound(part.criterion, d, information, mu)
+            : dual_bound(part.criterion, d,
+                         InformationIn<Real>(set, CheckedWeights(set, design).weights, order), mu);
+    const Eigen::Index before = z.cols();
+    z.conservativeResize(Eigen::NoChange, before + bound.z.cols());
+    z.rightCols(bound.z.cols()) = sqrt(Real(Real(part.share) / bound.scale)) * bound.z;
+    error = std::max<Real>(error, bound.error);
+    log_phi += Real(part.share) * bound.log_phi;
+  }
+  const Real unit = std::numeric_limits<Real>::epsilon() / 2;
+  Pricing<Real> pricing(set, information, z);
+  pricing.run(candidates, bounds, [](const Real&, std::size_t) -> Real { return 0; });
+  // Shares of sum one but for their rounding, in double precision.
+  const Real shares = parts.size() > 1 ? Real(parts.size() + 1) * Real(1.2e-16) : Real(0);
+  pricing.certify(Real(1), std::min<Real>(error + shares + 8 * unit, Real(0.5)), certificate);
+  certificate.criterion_value = static_cast<double>(
+      criterion.kind() == CriterionKind::kCompound ? log_phi : Real(exp(Real(-log_phi))));
+}
+
 }  // namespace
 
 std::vector<std::size_t> elimination_order(const InformationSet& set, const Criterion& criterion) {
@@ -252,6 +318,9 @@ void price_criterion(const InformationSet& set, const Design& design, const Crit
     if (criterion.kind() == CriterionKind::kE) {
       return price_smallest_eigenvalue(set, design, information, candidates, bounds, certificate);
     }
+  }
+  if (!criterion.has_factor()) {
+    return price_dual_bounds(set, design, criterion, information, candidates, bounds, certificate);
   }
   if (criterion.kind() == CriterionKind::kDs) {
     return price_interest(set, criterion, information, candidates, bounds, certificate);

@@ -1,4 +1,4 @@
-// The equivalence theorems of A, E, L and Ds (certificate.hpp) in the checker's arithmetic;
+// The equivalence theorems of all criteria but D (certificate.hpp) in the checker's arithmetic;
 // certify() is the one to call.
 //
 // Every criterion has a matrix Z with G = Z Z^T up to a factor, so that w_i = tr(Z^T H_i Z) can't
@@ -6,7 +6,7 @@
 // (extended_information .hpp), B_i = X H_i X^T, T = (X M X^T)^-1, so that M^-1 = X^T T X and ||T -
 // I|| <= eta = delta/(1 - delta); a_i = tr(B_i).
 //
-//   A, L   Z = X^T (X K), V = X K (X K)^T. The true w_i is tr(T V T B_i), and
+//   A, L   (I, c alike) Z = X^T (X K), V = X K (X K)^T. The true w_i is tr(T V T B_i), and
 //          |tr((T V T - V) B_i)| <= 2 eta |V^(1/2)| |V^(1/2) B_i^(1/2)|_F |B_i^(1/2)|_F + ...
 //                                <= 2 eta sqrt(phi w_i a_i) + eta^2 phi a_i;
 //          the true phi is tr(T V), within eta tr V.
@@ -14,6 +14,7 @@
 //          true w_i is the difference of tr(M^-1 H_i) and tr(M_nn^-1 H_i,nn), each known to within
 //          the factors 1/(1 -+ delta) from X and its leading block: error at most
 //          delta (a_i + b_i)/(1 - delta) <= 2 eta a_i.
+//   phi_p, G, compound   dual_bound.hpp: bounds that hold for any Z, with an error of their own.
 //   E      lambda_min(M) = 1/lambda_max(X^T T X), within the factors 1 -+ delta of
 //          1/lambda_max(X X^T); Z is the factor of the repaired E: no error of its own.
 //
@@ -62,8 +63,8 @@ struct SensitivityBounds {
 };
 
 // Fills in criterion_value, duality_gap, rounding_bound, worst_candidate, dual_repair and the
-// bounds for a regular information matrix, factorised in elimination_order(). Not for D; in
-// quadruple precision not for E.
+// bounds for a regular information matrix, factorised in elimination_order(). Not for D, nor for G
+// without a region; in quadruple precision not for E.
 template <class Real>
 void price_criterion(const InformationSet& set, const Design& design, const Criterion& criterion,
                      const InformationIn<Real>& information, const CandidateList& candidates,

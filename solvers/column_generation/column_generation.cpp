@@ -248,7 +248,7 @@ MethodOutcome solve_d(const InformationSet& set, const SolveOptions& options, Tr
 Solution ColumnGeneration::solve(const InformationSet& set, const SolveOptions& options,
                                  SolveObserver* observer) const {
   Tracer tracer(set, options, observer);
-  if (options.criterion.kind() != CriterionKind::kD) {
+  if (!options.criterion.is_solved_as_d()) {
     options.criterion.require_fits(set);
     return solve_other_criterion(set, options, tracer);
   }

@@ -49,7 +49,8 @@ class ColumnGeneration : public Solver {
             .memory_exponent = 1,
             .randomised = true,
             .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kE, CriterionKind::kL,
-                         CriterionKind::kDs}};
+                         CriterionKind::kDs, CriterionKind::kC, CriterionKind::kI,
+                         CriterionKind::kPhiP, CriterionKind::kG, CriterionKind::kCompound}};
   }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;

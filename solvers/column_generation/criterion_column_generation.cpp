@@ -109,6 +109,7 @@ void CriterionRun::keep_if_better(double gap) {
     best_design_.weights[problem_->indices()[k]] = problem_->weights()[k];
   }
   best_design_.dual_matrix = problem_->dual_matrix();
+  best_design_.dual_weights = problem_->dual_weights();
 }
 
 Solution CriterionRun::finish(SolveStatus status, std::string message) {

@@ -1,9 +1,9 @@
-// Column generation for the criteria A, E, L and Ds: what column_generation does where the
-// criterion is not D. The scheme is the same. It prices all candidates with tr(G H_i), adds the
-// most violating to a working set of a few dozen and solves the problem there
-// (restricted_problem.hpp). Between passes over the whole set it goes on with a short list of those
-// with the largest sensitivities. It starts from a D-optimal design of gap 0.1, which is regular
-// and whose support sees every direction.
+// Column generation for all criteria but D: what column_generation does where the criterion is not
+// D, nor G over the candidates, whose optimum is D's. The scheme is the same. It prices all
+// candidates with tr(G H_i), adds the most violating to a working set of a few dozen and solves the
+// problem there (restricted_problem.hpp). Between passes over the whole set it goes on with a short
+// list of those with the largest sensitivities. It starts from a D-optimal design of gap 0.1, which
+// is regular and whose support sees every direction.
 //
 // No candidates are removed for good: the rules of screening.hpp hold for D alone, and the short
 // list is a guess that the next pass over all candidates corrects. It stops on a pass over ALL
@@ -24,7 +24,7 @@
 namespace graybox {
 
 // `start`: a design with a regular information matrix. For criterion E the answer carries its
-// dual_matrix.
+// dual_matrix, for G its dual_weights.
 [[nodiscard]] Solution solve_criterion(const InformationSet& set, const SolveOptions& options,
                                        const Design& start, Tracer& tracer);
 

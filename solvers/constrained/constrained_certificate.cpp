@@ -230,8 +230,10 @@ ConstrainedCertificate certify_constrained(const InformationSet& set,
                                            const Criterion& criterion, double asked_gap) {
   criterion.require_fits(set);
   require_fits(constraints, set);
-  if (criterion.kind() == CriterionKind::kE) {
-    throw InputError("criterion E has no certificate under constraints; use D, A, L or Ds");
+  if (!criterion.has_factor()) {
+    throw InputError(
+        fmt::format("criterion {} has no certificate under constraints; use D, A, L, I, c or Ds",
+                    to_string(criterion.kind())));
   }
   ConstrainedCertificate out{.certificate = nothing_proven()};
   Certificate& certificate = out.certificate;

@@ -414,8 +414,10 @@ ConstrainedSolution solve_constrained(const InformationSet& set,
                                       const SolveOptions& options, SolveObserver* observer) {
   options.criterion.require_fits(set);
   require_fits(constraints, set);
-  if (options.criterion.kind() == CriterionKind::kE) {
-    throw InputError("criterion E can't be solved under constraints; use D, A, L or Ds");
+  if (!options.criterion.has_factor()) {
+    throw InputError(
+        fmt::format("criterion {} can't be solved under constraints; use D, A, L, I, c or Ds",
+                    to_string(options.criterion.kind())));
   }
   ConstrainedSolution solution = try_constrained(set, constraints, options, observer);
   if (solution.infeasible) throw_contradiction(constraints);

@@ -561,8 +561,9 @@ ConstrainedExactSolution solve_constrained_exact(const InformationSet& set,
                                                  ExactObserver* observer) {
   options.criterion.require_fits(set);
   require_fits(constraints, set);
-  if (options.criterion.kind() == CriterionKind::kE) {
-    throw InputError("criterion E has no exact method; use D, A, L or Ds");
+  if (!options.criterion.has_factor()) {
+    throw InputError(fmt::format("criterion {} has no exact method; use D, A, L, I, c or Ds",
+                                 to_string(options.criterion.kind())));
   }
   if (!(options.gap >= 1e-9) || options.top < 1) {
     throw InputError("gap must be at least 1e-9, and top at least 1");

@@ -41,6 +41,8 @@ double log_phi(const Certificate& certificate, const Criterion& criterion, std::
   switch (criterion.kind()) {
     case CriterionKind::kA:
     case CriterionKind::kL:
+    case CriterionKind::kC:
+    case CriterionKind::kI:
       return -std::log(certificate.criterion_value);
     case CriterionKind::kDs:
       return certificate.criterion_value / static_cast<double>(criterion.interest().size());

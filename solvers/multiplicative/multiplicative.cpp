@@ -1,5 +1,7 @@
 #include "solvers/multiplicative/multiplicative.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -40,7 +42,9 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
   Tracer tracer(set, options, observer);
   options.criterion.require_fits(set);
   const CriterionKind kind = options.criterion.kind();
-  if (kind == CriterionKind::kE) throw InputError("multiplicative does not solve criterion E");
+  if (!options.criterion.has_factor()) {
+    throw InputError(fmt::format("multiplicative does not solve criterion {}", to_string(kind)));
+  }
   const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
   const std::size_t count = set.candidate_count();
   const bool plain = kind == CriterionKind::kD;

@@ -41,9 +41,9 @@ class Multiplicative final : public Solver {
     return "weights times w/d, the classical baseline in its plain form";
   }
   [[nodiscard]] SolverTraits traits() const override {
-    return {
-        .reachable_gap = 1e-6,
-        .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kL, CriterionKind::kDs}};
+    return {.reachable_gap = 1e-6,
+            .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kL,
+                         CriterionKind::kDs, CriterionKind::kC, CriterionKind::kI}};
   }
   // Throws InputError for criterion E.
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,

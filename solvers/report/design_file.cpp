@@ -28,7 +28,16 @@ Json support_entry(const InformationSet& set, std::size_t index, double weight) 
 
 Json criterion_entry(const InformationSet& set, const Criterion& criterion) {
   Json entry{{"name", to_string(criterion.kind())}};
-  if (criterion.kind() == CriterionKind::kL) entry["weights"] = criterion.weights();
+  if (criterion.has_weights()) entry["weights"] = criterion.weights();
+  if (criterion.kind() == CriterionKind::kPhiP) entry["p"] = criterion.p();
+  if (criterion.region().count() > 0) {
+    entry["region"] = {{"rows", criterion.region().rows()},
+                       {"row_counts", criterion.region().row_counts()}};
+  }
+  for (const CriterionPart& part : criterion.parts()) {
+    entry["parts"].push_back(
+        {{"share", part.share}, {"criterion", criterion_entry(set, part.criterion)}});
+  }
   if (criterion.kind() == CriterionKind::kDs) {
     entry["interest"] = criterion.interest();
     for (const std::size_t k : criterion.interest()) {
@@ -98,6 +107,7 @@ Json design_json(const InformationSet& set, const Design& design, const SolveRep
               {"seconds", report.counters.seconds}}}};
   if (limits.any()) root["limits"] = to_json(limits);
   if (!design.dual_matrix.empty()) root["dual_matrix"] = design.dual_matrix;
+  if (!design.dual_weights.empty()) root["dual_weights"] = design.dual_weights;
   return root;
 }
 
@@ -109,6 +119,23 @@ void write_design(const std::string& path, const InformationSet& set, const Desi
     const std::vector<double> point = dual_point(set, design.weights);
     if (!point.empty()) root["dual_point"] = point;
   }
+  write_text_file(path, root.dump(1) + "\n");
+}
+
+Json floors_json(const InformationSet& set, std::span<const EfficiencyFloor> floors) {
+  Json all = Json::array();
+  for (const EfficiencyFloor& floor : floors) {
+    all.push_back({{"share", floor.share},
+                   {"criterion", criterion_entry(set, floor.criterion)},
+                   {"multiplier", floor.multiplier}});
+  }
+  return all;
+}
+
+void write_floored_design(const std::string& path, const InformationSet& set, const Design& design,
+                          const SolveReport& report, std::span<const EfficiencyFloor> floors) {
+  Json root = design_json(set, design, report);
+  root["floors"] = floors_json(set, floors);
   write_text_file(path, root.dump(1) + "\n");
 }
 

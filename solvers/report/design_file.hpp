@@ -16,13 +16,18 @@
 //     "dual_point": [...]
 //   }
 //
-// "criterion" has "interest" for Ds (indices; their names beside them), "weights" for L (W, packed
-// lower triangle); without it the design is meant for D. Criterion E may add "dual_matrix" (E,
-// packed lower triangle), which certify() makes use of. A design made for more than one information
-// set, or under a limit, says so in "objective". This is an object with a "name" ("average",
-// "worst_case", "concentration_limit") and what else its maker reports. The entry "limits" states
-// those that the checker holds it to (design_limits.hpp). Only candidates of non-zero weight are
-// listed; indices count from zero; "candidate" holds the coordinates where the set has some.
+// "criterion" has "interest" for Ds (indices; their names beside them), and "weights" for L, I and
+// c (W, packed lower triangle). For phi_p it has "p". For G there is "region": the rows of all J_j
+// and how many each point has; none stands for the candidates. A compound criterion has "parts",
+// each with its "share" and its own "criterion". Without "criterion" the design is meant for D.
+// Criterion E may add "dual_matrix" (E, packed lower triangle), and G "dual_weights" (one a point),
+// which certify() makes use of. A design made for more than one information set, or under a limit,
+// says so in "objective". This is an object with a "name" ("average", "worst_case",
+// "concentration_limit") and what else its maker reports. The entry "limits" states those that the
+// checker holds it to (design_limits.hpp). "floors" has, for each floor, its "share" (the least
+// efficiency), "criterion" and "multiplier" (efficiency_floor.hpp). Only candidates of non-zero
+// weight are listed; indices count from zero; "candidate" holds the coordinates where the set has
+// some.
 // The "dual_point" of a D-optimal design is W = M^-1 d / max_i tr(M^-1 H_i), a packed lower
 // triangle. It obeys the constraints tr(W H_i) <= d of the paper's dual (10). So anybody can check
 // with a few lines that no design has a log det M above -log det W, up to the rounding of W in
@@ -39,11 +44,14 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "problems/information/information_set.hpp"
 #include "solvers/core/design.hpp"
 #include "solvers/core/solver.hpp"
+#include "solvers/floors/efficiency_floor.hpp"
 #include "solvers/report/design_limits.hpp"
 #include "solvers/report/solve_report.hpp"
 
@@ -59,7 +67,8 @@ struct DesignFile {
   std::optional<double> asked_gap;
   std::optional<Criterion> criterion;
   DesignLimits limits;
-  std::string objective;  // name of the "objective", empty for a plain optimal design
+  std::vector<EfficiencyFloor> floors;  // with their multipliers
+  std::string objective;                // name of the "objective", empty for a plain optimal design
   SolveCounters counters;
   OwnAccount account;
   WeightRepair repair;
@@ -76,10 +85,18 @@ enum class WeightCheck {
                                                  const SolveReport& report,
                                                  const DesignLimits& limits = {});
 
+// The value of the key "floors": for each floor its "share", "criterion" and "multiplier".
+[[nodiscard]] nlohmann::ordered_json floors_json(const InformationSet& set,
+                                                 std::span<const EfficiencyFloor> floors);
+
 // Writes the file in full or not at all. report.problem_hash must be set. Throws InputError if the
 // file can't be written.
 void write_design(const std::string& path, const InformationSet& set, const Design& design,
                   const SolveReport& report, const DesignLimits& limits = {});
+
+// A design under floors, whose certificate is certify_floored()'s.
+void write_floored_design(const std::string& path, const InformationSet& set, const Design& design,
+                          const SolveReport& report, std::span<const EfficiencyFloor> floors);
 
 // Throws InputError, naming file, field and fix, for anything that is no design of this set. Such
 // are: not JSON, another format, a criterion or limits that do not fit the set, the hash of another

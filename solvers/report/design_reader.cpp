@@ -44,12 +44,14 @@ class DesignReader {
     file.counters.iterations = whole(number(counters, "counters.", "iterations").value_or(0.0));
     file.criterion = criterion();
     file.limits = limits();
+    file.floors = floors();
     file.objective = text(object("objective"), "name");
     file.account = account();
     file.design.weights = weights();
     if (check == WeightCheck::kRepaired) repair(file);
     if (check != WeightCheck::kForChecker) require_simplex(file.design.weights);
     file.design.dual_matrix = numbers<double>(root_, "", "dual_matrix");
+    file.design.dual_weights = numbers<double>(root_, "", "dual_weights");
     return file;
   }
 
@@ -163,7 +165,8 @@ class DesignReader {
   }
 
   [[nodiscard]] Criterion criterion_of(const Json& entry) const {
-    switch (criterion_kind(text(entry, "name"))) {
+    const CriterionKind kind = criterion_kind(text(entry, "name"));
+    switch (kind) {
       case CriterionKind::kA:
         return Criterion::a();
       case CriterionKind::kE:
@@ -172,10 +175,66 @@ class DesignReader {
         return Criterion::l(numbers<double>(entry, "criterion.", "weights"));
       case CriterionKind::kDs:
         return Criterion::ds(numbers<std::size_t>(entry, "criterion.", "interest"));
+      case CriterionKind::kC:
+        return Criterion::c(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kI:
+        return Criterion::i(numbers<double>(entry, "criterion.", "weights"));
+      case CriterionKind::kPhiP:
+        return Criterion::phi_p(number(entry, "criterion.", "p").value_or(std::nan("")));
+      case CriterionKind::kG:
+        return entry.contains("region") ? Criterion::g(region_of(entry["region"])) : Criterion::g();
+      case CriterionKind::kCompound:
+        return Criterion::compound(parts_of(entry));
       case CriterionKind::kD:
         break;
     }
     return {};
+  }
+
+  [[nodiscard]] std::vector<EfficiencyFloor> floors() const {
+    const auto found = root_.find("floors");
+    if (found == root_.end()) return {};
+    if (!found->is_array()) fail("floors must be an array");
+    std::vector<EfficiencyFloor> all;
+    for (const Json& floor : *found) {
+      if (!floor.is_object() || !floor.contains("criterion") || !floor["criterion"].is_object()) {
+        fail("floors: each must be an object with share, criterion and multiplier");
+      }
+      try {
+        all.push_back({.share = number(floor, "floors.", "share").value_or(std::nan("")),
+                       .criterion = criterion_of(floor["criterion"]),
+                       .multiplier = number(floor, "floors.", "multiplier").value_or(0.0)});
+        all.back().criterion.require_fits(set_);
+      } catch (const InputError& error) {
+        fail(error.what());
+      }
+    }
+    return all;
+  }
+
+  [[nodiscard]] PredictionRegion region_of(const Json& entry) const {
+    if (!entry.is_object()) fail("criterion.region must be an object");
+    return {set_.dimension(), numbers<double>(entry, "criterion.region.", "rows"),
+            numbers<std::size_t>(entry, "criterion.region.", "row_counts")};
+  }
+
+  // Parts that are compound themselves are refused before they are read, whatever their depth.
+  [[nodiscard]] std::vector<CriterionPart> parts_of(const Json& entry) const {
+    const auto found = entry.find("parts");
+    if (found == entry.end() || !found->is_array()) fail("criterion.parts must be an array");
+    std::vector<CriterionPart> parts;
+    for (const Json& part : *found) {
+      if (!part.is_object() || !part.contains("criterion") || !part["criterion"].is_object()) {
+        fail("criterion.parts: each must be an object with share and criterion");
+      }
+      const Json& inner = part["criterion"];
+      if (criterion_kind(text(inner, "name")) == CriterionKind::kCompound) {
+        fail("criterion.parts: a part can't be compound itself");
+      }
+      parts.push_back(
+          {number(part, "criterion.parts.", "share").value_or(std::nan("")), criterion_of(inner)});
+    }
+    return parts;
   }
 
   void require_this_problem(const std::string& stated) const {

@@ -1,20 +1,43 @@
 #include "solvers/restricted_problem/criterion_frame.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "problems/base/packed_matrix.hpp"
 
 namespace graybox {
+namespace {
+
+constexpr double kSmallestShare = 1e-12;  // points with less have no say in the curvature
+
+}  // namespace
 
 using Eigen::Index;
 
 CriterionFrame::CriterionFrame(const Criterion& criterion, std::size_t dimension,
                                std::span<const double> coordinates)
-    : is_trace_(criterion.kind() == CriterionKind::kA || criterion.kind() == CriterionKind::kL),
+    : form_(criterion.is_trace()                       ? Form::kTrace
+            : criterion.kind() == CriterionKind::kPhiP ? Form::kPower
+            : criterion.kind() == CriterionKind::kG    ? Form::kRegion
+                                                       : Form::kDeterminant),
       dual_(packed_size(dimension)) {
   const auto d = static_cast<Index>(dimension);
-  const std::vector<double> factor = criterion.factor(dimension);
-  k_ = Eigen::Map<const Eigen::MatrixXd>(factor.data(), d, static_cast<Index>(factor.size()) / d);
+  if (form_ == Form::kRegion) {
+    const std::span<const double> rows = criterion.region().rows();
+    k_ = Eigen::Map<const Eigen::MatrixXd>(rows.data(), d, static_cast<Index>(rows.size()) / d);
+    const auto counts = criterion.region().row_counts();
+    row_counts_.assign(counts.begin(), counts.end());
+    complete_ = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(k_).rank() == d;
+  } else if (form_ == Form::kPower) {
+    full_power_ = power_ = rank_one_ = criterion.p();
+    k_ = Eigen::MatrixXd::Identity(d, d);
+    complete_ = true;
+  } else {
+    const std::vector<double> factor = criterion.factor(dimension);
+    k_ = Eigen::Map<const Eigen::MatrixXd>(factor.data(), d, static_cast<Index>(factor.size()) / d);
+    rank_one_ = is_trace() ? 1.0 : 0.0;
+    complete_ = k_.cols() == d;
+  }
   if (!coordinates.empty()) {
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     k_ = (Eigen::Map<const RowMajor>(coordinates.data(), d, d) * k_).eval();
@@ -23,13 +46,70 @@ CriterionFrame::CriterionFrame(const Criterion& criterion, std::size_t dimension
   shares_ = Eigen::VectorXd::Zero(d);
 }
 
-double CriterionFrame::value(const InverseCholesky& inverse) {
+void CriterionFrame::set_power_at_most(double limit) {
+  if (form_ == Form::kPower) power_ = rank_one_ = std::min(full_power_, limit);
+}
+
+void CriterionFrame::set_sharpness(double sharpness) {
+  sharpness_ = sharpness;
+  if (is_smoothed()) rank_one_ = sharpness;
+}
+
+void CriterionFrame::whiten(const InverseCholesky& inverse) {
   const std::span<const double> packed = inverse.inverse_factor();
   for (Index i = 0, k = 0; i < x_.rows(); ++i) {
     for (Index j = 0; j <= i; ++j, ++k) x_(i, j) = packed[static_cast<std::size_t>(k)];
   }
   whitened_.noalias() = x_ * k_;
-  if (is_trace_) return std::log(whitened_.squaredNorm());
+}
+
+// By expm1, because p may be small.
+double CriterionFrame::power_value() {
+  svd_.compute(whitened_, Eigen::ComputeFullU);
+  const double largest = svd_.singularValues()(0);
+  relative_ = (svd_.singularValues() / largest).cwiseAbs2();
+  double excess = 0.0;  // sum of sigma^p - 1
+  for (const double sigma : relative_) excess += std::expm1(power_ * std::log(sigma));
+  const auto d = static_cast<double>(x_.rows());
+  power_sum_ = d + excess;
+  return 2.0 * std::log(largest) + std::log1p(excess / d) / power_;
+}
+
+double CriterionFrame::region_value() {
+  variance_.resize(row_counts_.size());
+  share_.resize(row_counts_.size());
+  double largest = 0.0;
+  for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
+    variance_[j] =
+        whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j]))
+            .squaredNorm();
+    largest = std::max(largest, variance_[j]);
+  }
+  double sum = 0.0;
+  for (std::size_t j = 0; j < share_.size(); ++j) {
+    share_[j] = variance_[j] > 0.0 ? std::exp(sharpness_ * std::log(variance_[j] / largest)) : 0.0;
+    sum += share_[j];
+  }
+  smoothing_factor_ = 0.0;
+  for (std::size_t j = 0; j < share_.size(); ++j) {
+    share_[j] /= sum;
+    if (share_[j] > 0.0) smoothing_factor_ += share_[j] * (largest / variance_[j]);
+  }
+  return std::log(largest) + std::log(sum) / sharpness_;
+}
+
+double CriterionFrame::value(const InverseCholesky& inverse) {
+  whiten(inverse);
+  switch (form_) {
+    case Form::kTrace:
+      return std::log(whitened_.squaredNorm());
+    case Form::kPower:
+      return power_value();
+    case Form::kRegion:
+      return region_value();
+    case Form::kDeterminant:
+      break;
+  }
   qr_.compute(whitened_);
   const Index s = k_.cols();
   return 2.0 * qr_.matrixQR().diagonal().head(s).cwiseAbs().array().log().sum() /
@@ -38,19 +118,69 @@ double CriterionFrame::value(const InverseCholesky& inverse) {
 
 double CriterionFrame::compute(const InverseCholesky& inverse) {
   const double f = value(inverse);
-  if (is_trace_) {
+  if (form_ == Form::kDeterminant) {
+    axes_ = qr_.householderQ().transpose() * x_;
+    shares_.head(k_.cols()).setConstant(1.0 / static_cast<double>(k_.cols()));
+  } else if (form_ == Form::kPower) {
+    axes_.noalias() = svd_.matrixU().transpose() * x_;
+    shares_ = relative_.array().pow(power_) / power_sum_;
+  } else {
+    if (form_ == Form::kRegion) {
+      for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
+        const double root = variance_[j] > 0.0 ? std::sqrt(share_[j] / variance_[j]) : 0.0;
+        whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j])) *=
+            root;
+      }
+      collect_outer_terms();
+    }
     dual_matrix_.noalias() = whitened_ * whitened_.transpose();
     eigen_.compute(dual_matrix_);
     shares_ = eigen_.eigenvalues().cwiseMax(0.0);
     shares_ /= shares_.sum();
     axes_.noalias() = eigen_.eigenvectors().transpose() * x_;
-  } else {
-    axes_ = qr_.householderQ().transpose() * x_;
-    shares_.head(k_.cols()).setConstant(1.0 / static_cast<double>(k_.cols()));
   }
   dual_matrix_.noalias() = axes_.transpose() * shares_.asDiagonal() * axes_;
   pack_trace_dual(dual_matrix_.data(), static_cast<std::size_t>(x_.rows()), dual_.data());
   return f;
+}
+
+// With the columns of a point scaled to pi_j in squared norm, their outer products over pi_j.
+void CriterionFrame::collect_outer_terms() {
+  outer_.clear();
+  Eigen::MatrixXd v(x_.rows(), x_.rows());
+  for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
+    if (share_[j] < kSmallestShare) continue;
+    const Eigen::MatrixXd z =
+        x_.transpose() *
+        whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j]));
+    v.noalias() = z * z.transpose() / share_[j];
+    OuterTerm& term = outer_.emplace_back();
+    term.coefficient = (sharpness_ - 1.0) * share_[j];
+    term.dual.resize(dual_.size());
+    pack_trace_dual(v.data(), static_cast<std::size_t>(x_.rows()), term.dual.data());
+  }
+}
+
+double CriterionFrame::omega(Index a, Index b) const {
+  if (form_ == Form::kDeterminant) return std::max(shares_(a), shares_(b));
+  if (form_ != Form::kPower) return shares_(a) + shares_(b);
+  // sigma_a^p (1 - t^(p+1))/(1 - t) with t = sigma_b/sigma_a <= 1.
+  const double high = std::max(relative_(a), relative_(b));
+  const double log_ratio = std::log(std::min(relative_(a), relative_(b)) / high);
+  const double quotient = log_ratio > -1e-9
+                              ? power_ + 1.0
+                              : std::expm1((power_ + 1.0) * log_ratio) / std::expm1(log_ratio);
+  return std::pow(high, power_) / power_sum_ * quotient;
+}
+
+std::vector<double> CriterionFrame::point_weights() const {
+  std::vector<double> weights(share_.size(), 0.0);
+  double sum = 0.0;
+  for (std::size_t j = 0; j < weights.size(); ++j) {
+    if (share_[j] > 0.0) sum += weights[j] = share_[j] / variance_[j];
+  }
+  for (double& weight : weights) weight /= sum;
+  return weights;
 }
 
 }  // namespace graybox

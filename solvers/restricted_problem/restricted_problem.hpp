@@ -1,7 +1,7 @@
 // RestrictedProblem: optimal design restricted to a few dozen candidates, for criteria other than
 // D: the inner problem of criterion_column_generation.hpp. Two kinds:
 //
-//   smooth_restricted_problem      A, L and Ds, by Newton's method
+//   smooth_restricted_problem      all but E, by Newton's method
 //   eigenvalue_restricted_problem  E, by a primal-dual interior point
 //
 // Both hand out the matrix G whose sensitivities tr(G H_i) prove the design optimal where none
@@ -41,6 +41,8 @@ class RestrictedProblem {
   [[nodiscard]] virtual std::span<const double> trace_dual() const = 0;
   // Criterion E: the packed dual matrix, of trace one in the set's own coordinates; else empty.
   [[nodiscard]] virtual std::vector<double> dual_matrix() const { return {}; }
+  // Criterion G over a region: a weight for each point, of sum one; else empty.
+  [[nodiscard]] virtual std::vector<double> dual_weights() const { return {}; }
 
   [[nodiscard]] std::size_t size() const { return indices_.size(); }
   [[nodiscard]] std::span<const std::size_t> indices() const { return indices_; }
@@ -62,7 +64,7 @@ class RestrictedProblem {
 
 // The problem of a criterion in the coordinates H_i -> R H_i R^T, R d x d row-major lower
 // triangular (the identity if empty). K becomes R K, and lambda_min(M) the smallest generalised
-// eigenvalue of M and R R^T. Not for D.
+// eigenvalue of M and R R^T. Not for D, nor for G without a region.
 [[nodiscard]] std::unique_ptr<RestrictedProblem> make_restricted_problem(
     const Criterion& criterion, std::size_t dimension, std::span<const double> coordinates);
 

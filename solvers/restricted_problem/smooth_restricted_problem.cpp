@@ -14,13 +14,14 @@ namespace {
 using Eigen::Index;
 
 constexpr double kRoundingSlope = 1e-12;  // below it psi no longer shows whether a step descends
+constexpr double kSharpRoundingSlope = 1e-15;  // G, whose curvature is as large as its sharpness
 
 }  // namespace
 
 SmoothRestrictedProblem::SmoothRestrictedProblem(const Criterion& criterion, std::size_t dimension,
                                                  std::span<const double> coordinates)
     : RestrictedProblem(dimension),
-      frame_(criterion, dimension, coordinates),
+      dual_(packed_size_),
       inverse_(dimension),
       trial_(dimension),
       matrix_(packed_size_),
@@ -28,10 +29,33 @@ SmoothRestrictedProblem::SmoothRestrictedProblem(const Criterion& criterion, std
       trial_matrix_(packed_size_),
       unpacked_(static_cast<Index>(dimension), static_cast<Index>(dimension)),
       ridge_dual_(packed_size_),
-      root_weight_(packed_size_) {}
+      root_weight_(packed_size_) {
+  if (criterion.kind() == CriterionKind::kCompound) {
+    for (const CriterionPart& part : criterion.parts()) {
+      parts_.push_back({part.share, CriterionFrame(part.criterion, dimension, coordinates)});
+    }
+  } else {
+    parts_.push_back({1.0, CriterionFrame(criterion, dimension, coordinates)});
+  }
+  for (const Part& part : parts_) {
+    complete_ = complete_ || part.frame.complete();
+    is_smoothed_ = is_smoothed_ || part.frame.is_smoothed();
+    largest_power_ = std::max(largest_power_, part.frame.rank_one());
+    exponent_ = std::min(exponent_, 1.0 / (1.0 + part.frame.rank_one()));
+  }
+}
 
-double SmoothRestrictedProblem::psi(double f, const InverseCholesky& inverse,
-                                    double weight_sum) const {
+std::vector<double> SmoothRestrictedProblem::dual_weights() const {
+  return is_smoothed_ ? parts_.front().frame.point_weights() : std::vector<double>{};
+}
+
+double SmoothRestrictedProblem::psi(const InverseCholesky& inverse, double weight_sum,
+                                    Frames frames) {
+  double f = 0.0;
+  for (Part& part : parts_) {
+    f += part.share *
+         (frames == Frames::kMove ? part.frame.compute(inverse) : part.frame.value(inverse));
+  }
   return f - ridge_ / static_cast<double>(dimension_) * inverse.log_det() +
          (1.0 + ridge_) * weight_sum;
 }
@@ -40,17 +64,28 @@ bool SmoothRestrictedProblem::refresh() {
   normalise();
   sum_information(weights_, matrix_);
   if (!inverse_.factor(matrix_)) return false;
-  value_ = psi(frame_.compute(inverse_), inverse_, 1.0);
+  value_ = psi(inverse_, 1.0, Frames::kMove);
+  smoothing_ = parts_.front().frame.smoothing_factor();
+  std::ranges::fill(dual_, 0.0);
+  for (const Part& part : parts_) {
+    for (std::size_t k = 0; k < packed_size_; ++k) {
+      dual_[k] += smoothing_ * part.share * part.frame.trace_dual()[k];
+    }
+  }
   std::ranges::copy(inverse_.trace_dual(), ridge_dual_.begin());
   for (double& entry : ridge_dual_) entry /= static_cast<double>(dimension_);
   return true;
 }
 
 void SmoothRestrictedProblem::price_members() {
-  sensitivity_.resize(size());
+  sensitivity_.assign(size(), 0.0);
   ridge_sensitivity_.assign(size(), 0.0);
-  kernels().price(rows_.data(), size(), packed_size_, frame_.trace_dual().data(),
-                  sensitivity_.data());
+  for (Part& part : parts_) {
+    part.sensitivity.resize(size());
+    kernels().price(rows_.data(), size(), packed_size_, part.frame.trace_dual().data(),
+                    part.sensitivity.data());
+    for (std::size_t i = 0; i < size(); ++i) sensitivity_[i] += part.share * part.sensitivity[i];
+  }
   if (ridge_ > 0.0) {
     kernels().price(rows_.data(), size(), packed_size_, ridge_dual_.data(),
                     ridge_sensitivity_.data());
@@ -72,18 +107,28 @@ void SmoothRestrictedProblem::choose_active() {
 // S of the active members, with the ridge.
 void SmoothRestrictedProblem::form_hessian() {
   const std::size_t n = active_.size();
+  hessian_.assign(n * n, 0.0);
+  gram_diagonal_.assign(n, 0.0);
+  part_hessian_.resize(n * n);
+  // The ridge is the same in the axes of every part.
+  for (const Part& part : parts_) {
+    add_second_derivative(part, &part == &parts_.front() ? ridge_ / part.share : 0.0);
+  }
+}
+
+// share times the second derivative of f_k + ridge (log det M^-1)/d.
+void SmoothRestrictedProblem::add_second_derivative(const Part& part, double ridge) {
+  const CriterionFrame& frame = part.frame;
+  const std::size_t n = active_.size();
   const std::size_t stride = (packed_size_ + 7) / 8 * 8;
   const auto d = static_cast<Index>(dimension_);
-  const Eigen::VectorXd& shares = frame_.shares();
-  const Eigen::MatrixXd& axes = frame_.axes();
+  const Eigen::MatrixXd& axes = frame.axes();
   if (gram_rows_.size() < n * stride) gram_rows_ = AlignedArray(2 * n * stride);
   for (Index a = 0, k = 0; a < d; ++a) {
     for (Index b = 0; b <= a; ++b, ++k) {
-      const double omega =
-          frame_.is_trace() ? shares(a) + shares(b) : std::max(shares(a), shares(b));
       const double both = a == b ? 1.0 : 2.0;
-      root_weight_[static_cast<std::size_t>(k)] =
-          std::sqrt(both * (omega + ridge_ / static_cast<double>(dimension_)));
+      root_weight_[static_cast<std::size_t>(k)] = std::sqrt(
+          both * part.share * (frame.omega(a, b) + ridge / static_cast<double>(dimension_)));
     }
   }
   for (std::size_t i = 0; i < n; ++i) {
@@ -97,13 +142,24 @@ void SmoothRestrictedProblem::form_hessian() {
     }
     std::fill(out + packed_size_, out + stride, 0.0);
   }
-  hessian_.resize(n * n);
-  dense_kernels().gram(gram_rows_.data(), n, stride, hessian_.data());
-  if (!frame_.is_trace()) return;
+  dense_kernels().gram(gram_rows_.data(), n, stride, part_hessian_.data());
+  for (std::size_t k = 0; k < n * n; ++k) hessian_[k] += part_hessian_[k];
+  for (std::size_t i = 0; i < n; ++i) gram_diagonal_[i] += part_hessian_[i * n + i];
+  if (frame.rank_one() != 0.0) subtract_outer(part.share * frame.rank_one(), part.sensitivity);
+  outer_sensitivity_.resize(size());
+  for (const CriterionFrame::OuterTerm& term : frame.outer_terms()) {
+    kernels().price(rows_.data(), size(), packed_size_, term.dual.data(),
+                    outer_sensitivity_.data());
+    subtract_outer(-part.share * term.coefficient, outer_sensitivity_);
+  }
+}
+
+// coefficient v v^T, v of all members, from the lower triangle of the active ones.
+void SmoothRestrictedProblem::subtract_outer(double coefficient, std::span<const double> v) {
+  const std::size_t n = active_.size();
   for (std::size_t j = 0; j < n; ++j) {
-    for (std::size_t i = j; i < n; ++i) {
-      hessian_[j * n + i] -= sensitivity_[active_[i]] * sensitivity_[active_[j]];
-    }
+    const double scaled = coefficient * v[active_[j]];
+    for (std::size_t i = j; i < n; ++i) hessian_[j * n + i] -= scaled * v[active_[i]];
   }
 }
 
@@ -116,13 +172,17 @@ bool SmoothRestrictedProblem::newton_target() {
   target_.resize(n);
   std::vector<double>& diagonal = trial_weights_;
   diagonal.resize(n);
+  curvature_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double w = slope_[i] + 1.0 + ridge_;
-    diagonal[i] = std::max(hessian_[i * n + i], 1e-6 * w * w);
+    // The curvature that sharpness adds says nothing of the directions in which there is none.
+    const double curvature = is_smoothed_ ? gram_diagonal_[i] : hessian_[i * n + i];
+    diagonal[i] = std::max(curvature, 1e-6 * w * w);
+    curvature_[i] = std::max(hessian_[i * n + i], 1e-6 * w * w);
   }
   for (double proximal = 1e-7; proximal <= 1.0; proximal *= 1e2) {
     for (std::size_t i = 0; i < n; ++i) {
-      hessian_[i * n + i] = (1.0 + proximal) * diagonal[i];
+      hessian_[i * n + i] = curvature_[i] + proximal * diagonal[i];
       linear_[i] = 2.0 * slope_[i] + 1.0 + ridge_ + proximal * diagonal[i] * weights_[active_[i]];
       target_[i] = 1.0;  // guess: all are free
     }
@@ -144,14 +204,14 @@ bool SmoothRestrictedProblem::search_line() {
   }
   if (!(slope > 0.0) || !(target_sum > 0.0)) return false;
   double step = 1.0;
-  if (slope > kRoundingSlope) {
+  if (slope > (is_smoothed_ ? kSharpRoundingSlope : kRoundingSlope)) {
     sum_information(trial_weights_, target_matrix_);
     for (; step > 1e-8; step *= 0.4) {
       for (std::size_t k = 0; k < packed_size_; ++k) {
         trial_matrix_[k] = matrix_[k] + step * (target_matrix_[k] - matrix_[k]);
       }
       if (!trial_.factor(trial_matrix_)) continue;
-      const double trial = psi(frame_.value(trial_), trial_, 1.0 + step * (target_sum - 1.0));
+      const double trial = psi(trial_, 1.0 + step * (target_sum - 1.0), Frames::kStay);
       if (trial <= value_ - 0.1 * step * slope) break;
     }
     if (step <= 1e-8) return false;
@@ -168,7 +228,7 @@ bool SmoothRestrictedProblem::multiplicative_steps(int count) {
     if (!refresh()) return false;
     price_members();
     for (std::size_t i = 0; i < size(); ++i) {
-      weights_[i] *= std::sqrt(std::max(sensitivity_[i], 0.0));
+      weights_[i] *= std::pow(std::max(sensitivity_[i], 0.0), exponent_);
       if (!(weights_[i] > kSmallestWeight)) weights_[i] = 0.0;
     }
   }
@@ -195,15 +255,35 @@ bool SmoothRestrictedProblem::optimise(double tolerance, int step_limit) {
     choose_active();
     if (!newton_target() || !search_line()) {
       weights_ = regular_weights_;
-      if (!multiplicative_steps(10)) return false;
+      if (is_smoothed_ || !multiplicative_steps(10)) return false;
     }
   }
+}
+
+// Follows the optimum while the sharpness of G rises until smoothing takes less than a third of
+// `target`, and while p rises to its value.
+void SmoothRestrictedProblem::sharpen(double target) {
+  constexpr int kStepLimit = 25;
+  const double most = 2.0 * std::log(1.0 + static_cast<double>(parts_.front().frame.point_count()));
+  while (is_smoothed_) {
+    parts_.front().frame.set_sharpness(sharpness_);
+    if (!optimise(std::min(0.3 / sharpness_, target), kStepLimit)) break;
+    if (smoothing_ - 1.0 <= 0.3 * target || sharpness_ > most / target) break;
+    sharpness_ *= 8.0;
+  }
+  while (power_ < largest_power_) {
+    power_ = std::min(2.0 * power_, largest_power_);
+    for (Part& part : parts_) part.frame.set_power_at_most(power_);
+    if (!optimise(0.3 / power_, kStepLimit)) power_ = largest_power_;
+  }
+  for (Part& part : parts_) part.frame.set_power_at_most(power_);
 }
 
 bool SmoothRestrictedProblem::improve(double pool_gap, double tolerance) {
   constexpr int kStepLimit = 40;
   const double target = std::max(0.3 * tolerance, std::min(0.1 * pool_gap, pool_gap * pool_gap));
-  ridge_ = frame_.complete() ? 0.0 : 0.5 * target;
+  ridge_ = complete_ ? 0.0 : 0.5 * target;
+  sharpen(target);
   const bool progress = optimise(target, kStepLimit);
   const double threshold = 1.0 - std::sqrt(std::max(gap_, 0.0) + pool_gap);
   std::vector<bool> kept(size());

@@ -1,7 +1,8 @@
-// SmoothRestrictedProblem: A-, L- and Ds-optimal design on a few dozen candidates by Newton's
-// method.
+// SmoothRestrictedProblem: optimal design under a smooth criterion (A, L, I, c, Ds, phi_p,
+// compound, and G made smooth) on a few dozen candidates by Newton's method.
 //
-// Mathematics. With f of criterion_frame.hpp, minimise over lambda >= 0
+// Mathematics. With f of criterion_frame.hpp, for a compound criterion the mean sum_k a_k f_k of
+// several, minimise over lambda >= 0
 //
 //   psi(lambda) = f(M) + sum_i lambda_i.
 //
@@ -10,20 +11,15 @@
 // 1/g_k(M), g_k > 0 concave. Each is the exponential of the convex -log g_k, and log sum exp
 // preserves convexity.
 //
-// In the frame X^, D of criterion_frame.hpp and with B_i = X^ H_i X^^T, w_i = tr(G H_i) = sum_a D_a
-// (B_i)_aa and
+// The gradient of psi is 1 - w_i, its second derivative S that of criterion_frame.hpp. As f(t M) =
+// f(M) - log t, S lambda = w, so the model in the new weights mu is, as for D (working_set.hpp),
+// minimise mu^T S mu / 2 - (2 w - 1)^T mu,  mu >= 0: nonnegative_quadratic.hpp. S is one Gram
+// matrix of rows in symmetric packing for each f_k, and terms of rank one. A proximal term of 1e-7
+// S_ii keeps it regular under ties and does not move the fixed points.
 //
-//   gradient  1 - w_i,    Hessian  S_ij = sum_ab Omega_ab (B_i)_ab (B_j)_ab   [- w_i w_j for A, L],
-//
-//   A, L   Omega_ab = D_a + D_b: the second derivative of tr C is 2 tr(M^-1 K K^T M^-1 H_i M^-1
-//          H_j);
-//   Ds     Omega_ab = max(D_a, D_b): tr(B_i B_j)/s, less the same for the block of B beside the
-//          range of P, whose determinant is what log det M has more than log det C^-1.
-//
-// S lambda = w, since sum_i lambda_i B_i = I, so the model in the new weights mu is, as for D
-// (working_set.hpp),  minimise mu^T S mu / 2 - (2 w - 1)^T mu,  mu >= 0: nonnegative_quadratic.hpp.
-// S is one Gram matrix of rows in symmetric packing; a proximal term of 1e-7 S_ii keeps it regular
-// under ties and does not move the fixed points.
+// phi_p with p > 1: p doubles from 1, and Newton's method follows the optimum.
+// G. The sharpness of criterion_frame.hpp rises with the precision asked for, so that smoothing
+// takes half of it at most. The gap handed out is that of the largest variance, not of f.
 //
 // Singular optima. Where K has fewer columns than d (c-optimality, a singular W, Ds) the optimal M
 // may be singular, and then neither it nor its neighbours along an arbitrary path have a small gap.
@@ -38,8 +34,9 @@
 // condition of M grows only as 1/delta.
 //
 // The line is searched by Armijo's rule, down to changes at rounding level. Where Newton's step
-// finds no descent, multiplicative steps lambda_i <- lambda_i sqrt(w_i), which never increase f
-// (multiplicative.hpp). Cost of a step: n d^3 + n^2 p / 2 + pivots n^3 / 3.
+// finds no descent, multiplicative steps lambda_i <- lambda_i w_i^(1/(1 + r)) with r = 1 for traces
+// and Ds and r = p for phi_p, which never increase f (multiplicative.hpp; Yu, Annals of Statistics
+// 38, 2010). Cost of a step: n d^3 + n^2 p / 2 + pivots n^3 / 3.
 #pragma once
 
 #include <Eigen/Core>
@@ -62,21 +59,41 @@ class SmoothRestrictedProblem final : public RestrictedProblem {
 
   bool improve(double pool_gap, double tolerance) override;
   [[nodiscard]] bool refresh() override;
-  [[nodiscard]] std::span<const double> trace_dual() const override { return frame_.trace_dual(); }
+  [[nodiscard]] std::span<const double> trace_dual() const override { return dual_; }
+  [[nodiscard]] std::vector<double> dual_weights() const override;
 
  private:
+  // One f_k, its share a_k, and the w_i of all members under it alone.
+  struct Part {
+    double share;
+    CriterionFrame frame;
+    std::vector<double> sensitivity = {};
+  };
+
   bool optimise(double tolerance, int step_limit);
+  void sharpen(double target);
   void price_members();
   void choose_active();
   void form_hessian();
+  void add_second_derivative(const Part& part, double ridge);
+  void subtract_outer(double coefficient, std::span<const double> v);
   bool newton_target();
   bool search_line();
   bool multiplicative_steps(int count);
-  // psi, given f, for the M that `inverse` has factorised.
-  [[nodiscard]] double psi(double f, const InverseCholesky& inverse, double weight_sum) const;
+  // psi for the M that `inverse` has factorised; moves the frames there, or leaves them.
+  enum class Frames { kMove, kStay };
+  [[nodiscard]] double psi(const InverseCholesky& inverse, double weight_sum, Frames frames);
 
-  CriterionFrame frame_;
-  double ridge_ = 0.0;  // delta
+  std::vector<Part> parts_;
+  bool complete_ = false;     // every optimum is regular
+  bool is_smoothed_ = false;  // G
+  std::vector<double> dual_;  // G of all parts, for the gap of what was smoothed
+  double smoothing_ = 1.0;    // the factor between the two gaps
+  double sharpness_ = 1.0;    // of G's smoothing
+  double power_ = 1.0;        // p of phi_p is no larger so far
+  double largest_power_ = 1.0;
+  double exponent_ = 0.5;  // of multiplicative steps
+  double ridge_ = 0.0;     // delta
   InverseCholesky inverse_, trial_;
   std::vector<double> matrix_, target_matrix_, trial_matrix_;  // packed M
   Eigen::MatrixXd half_, rotated_information_, unpacked_;      // of one B_i
@@ -86,7 +103,8 @@ class SmoothRestrictedProblem final : public RestrictedProblem {
   std::vector<double> slope_;                            // minus the gradient of psi, active
   AlignedArray gram_rows_;
   std::vector<double> root_weight_;  // square roots of Omega in packed order
-  std::vector<double> hessian_, linear_, target_, trial_weights_, regular_weights_;
+  std::vector<double> hessian_, part_hessian_, outer_sensitivity_, gram_diagonal_, curvature_;
+  std::vector<double> linear_, target_, trial_weights_, regular_weights_;
   NonnegativeQuadratic quadratic_;
   double value_ = 0.0;  // psi
   double gap_ = 0.0;

@@ -37,6 +37,25 @@ class Solve(InFolder):
         self.assertAlmostEqual(design.log_det, np.linalg.slogdet(M)[1], 9)
         self.assertGreaterEqual(design.bound, design.log_det)
 
+    def test_further_criteria(self):
+        H = cubic(101)
+        points = np.vander(np.linspace(-1, 1, 101), 4, increasing=True)
+        for asked, value in (({"criterion": "c", "W": points[-1]}, 1.0),
+                             ({"criterion": "G"}, 4.0),
+                             ({"criterion": "G", "region": points}, 4.0),
+                             ({"criterion": "I", "region": points[-1:]}, 1.0)):
+            design = graybox.solve(H, gap=1e-5, **asked)
+            self.assertTrue(design.solved, asked)
+            self.assertAlmostEqual(design.certificate.criterion_value, value, 3)
+            self.assertTrue(design.certify(gap=1e-4).status == "certified")
+        variances = [4 * graybox.solve(H, "phi_p", p=1).certificate.criterion_value,
+                     graybox.solve(H, "A").certificate.criterion_value]
+        self.assertAlmostEqual(variances[0] / variances[1], 1.0, 5)
+        for wrong in ({"criterion": "phi_p"}, {"criterion": "c"}, {"criterion": "A", "p": 1},
+                      {"criterion": "D", "region": points}):
+            with self.assertRaises(graybox.InputError):
+                graybox.solve(H, **wrong)
+
     def test_certificate_is_that_of_the_command(self):
         H = random_set()
         file = self.saved(H)

@@ -40,14 +40,29 @@ TEST_F(CriterionCommand, SolveAndCheckEachCriterion) {
     double value;  // NaN: not known in closed form
   };
   const double unknown = std::nan("");
-  for (const Case& one : std::vector<Case>{{"--criterion D", "D", std::log(4.0 / 27.0)},
-                                           {"--criterion A", "A", 8.0},
-                                           {"--criterion E", "E", 0.2},
-                                           {"--criterion L --weights W.csv", "L", unknown},
-                                           {"--criterion L --weights c.csv", "L", 49.0},
-                                           {"--criterion L --weights 0=1,1=1,2=1", "L", 8.0},
-                                           {"--criterion Ds --interest 2", "Ds", std::log(0.25)},
-                                           {"--criterion Ds --interest 'x^1, 2'", "Ds", unknown}}) {
+  for (const Case& one :
+       std::vector<Case>{{"--criterion D", "D", std::log(4.0 / 27.0)},
+                         {"--criterion A", "A", 8.0},
+                         {"--criterion E", "E", 0.2},
+                         {"--criterion L --weights W.csv", "L", unknown},
+                         {"--criterion L --weights c.csv", "L", 49.0},
+                         {"--criterion L --weights 0=1,1=1,2=1", "L", 8.0},
+                         {"--criterion Ds --interest 2", "Ds", std::log(0.25)},
+                         {"--criterion c --combination 'x^2=1'", "c", 4.0},
+                         {"--criterion c --combination '0=1,1=2,2=4'", "c", 49.0},
+                         {"--criterion c --combination '0=1;1=1;2=1'", "c", 8.0},
+                         {"--criterion c --combination c.csv", "c", 49.0},
+                         {"--criterion I", "I", unknown},
+                         {"--criterion I --region c.csv", "I", 49.0},
+                         {"--criterion I --region set.h5", "I", unknown},
+                         {"--criterion G", "G", 3.0},
+                         {"--criterion phi_p --p 1", "phi_p", 8.0 / 3},
+                         {"--criterion phi_p --p 0", "D", std::log(4.0 / 27.0)},
+                         {"--criterion phi_p --p inf", "E", 0.2},
+                         {"--criterion phi_p --p 0.5", "phi_p", unknown},
+                         {"--criterion A=2", "compound", -std::log(8.0)},
+                         {"--criterion D=1,Ds=3 --interest 2", "compound", unknown},
+                         {"--criterion Ds --interest 'x^1, 2'", "Ds", unknown}}) {
     SCOPED_TRACE(one.options);
     const Outcome solved = graybox("solve set.h5 --gap 1e-8 --json -o design.json " + one.options);
     ASSERT_EQ(solved.exit_code, 0) << solved.err;
@@ -100,6 +115,82 @@ TEST_F(CriterionCommand, AForgedDesignIsFoundOut) {
   EXPECT_EQ(check(forged).exit_code, 1);
 }
 
+TEST_F(CriterionCommand, FloorsAreKeptAndChecked) {
+  make_set();
+  const Outcome solved = graybox("solve set.h5 --floor A=0.95 --json -o design.json");
+  ASSERT_EQ(solved.exit_code, 0) << solved.err << solved.out;
+  const Json report = Json::parse(solved.out);
+  EXPECT_EQ(report["criterion"], "D");
+  EXPECT_GE(report["floors"][0]["efficiency"].get<double>(), 0.95);
+  EXPECT_GT(report["floors"][0]["multiplier"].get<double>(), 0.0);
+  // D's own design is A-efficient to 8/9: the mean of 1/4, 1/2, 1/4 and thirds.
+  const double value = report["criterion_value"].get<double>();
+  EXPECT_LT(value, std::log(4.0 / 27.0) - 1e-4);
+  const Outcome checked = graybox("check set.h5 design.json --json");
+  EXPECT_EQ(checked.exit_code, 0) << checked.out;
+  EXPECT_NEAR(Json::parse(checked.out)["criterion_value"].get<double>(), value, 1e-12);
+  // A floor that D's own design keeps costs nothing.
+  const Json free = Json::parse(graybox("solve set.h5 --floor A=0.5,I=0.5 --json").out);
+  EXPECT_NEAR(free["criterion_value"].get<double>(), std::log(4.0 / 27.0), 1e-5);
+  // A file that claims a higher floor than it keeps, or another multiplier, is found out.
+  Json forged = Json::parse(read_text(folder_.file("design.json")));
+  forged["floors"][0]["share"] = 0.99;
+  write_text(folder_.file("forged.json"), forged.dump());
+  const Outcome found = graybox("check set.h5 forged.json --json");
+  EXPECT_EQ(found.exit_code, 1);
+  EXPECT_NE(Json::parse(found.out)["message"].get<std::string>().find("less than the floor"),
+            std::string::npos);
+  forged["floors"][0]["share"] = 0.95;
+  forged["floors"][0]["multiplier"] = 0.0;
+  write_text(folder_.file("forged.json"), forged.dump());
+  EXPECT_EQ(graybox("check set.h5 forged.json").exit_code, 1);
+  expect_refused("solve set.h5 --floor E=0.9", "criterion E can't be combined with floors");
+  expect_refused("solve set.h5 --floor A=1.5", "between 0 and 1");
+  expect_refused("solve set.h5 --floor A", "'A' is no criterion=share");
+  expect_refused("solve set.h5 --floor A=0.9 --stock 1 --experiments 3",
+                 "--floor can't be combined");
+  expect_refused("solve set.h5 --floor A=0.9 --solver multiplicative",
+                 "floors; use column_generation");
+  expect_refused("solve set.h5 --floor Ds=0.9", "needs --interest");
+}
+
+TEST_F(CriterionCommand, RivalModelsAreToldApart) {
+  std::string truth = "y\n", constant = "level\n", line = "level,slope\n",
+              shifted = "b,prediction\n";
+  for (int k = -20; k <= 20; ++k) {
+    const double x = k / 20.0;
+    truth += std::to_string(1.0 + x + x * x) + "\n";
+    constant += "1\n";
+    line += "1," + std::to_string(x) + "\n";
+    shifted += std::to_string(x) + ",1\n";
+  }
+  for (const auto& [name, text] : {std::pair{"truth.csv", truth},
+                                   {"constant.csv", constant},
+                                   {"line.csv", line},
+                                   {"shifted.csv", shifted}}) {
+    write_text(folder_.file(name), text);
+  }
+  const Outcome one = graybox("design discriminate truth.csv constant.csv --noise 0.1 --json");
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  EXPECT_NEAR(Json::parse(one.out)["rivals"][0]["misfit"].get<double>(), 126.5625, 1e-3);
+  const Outcome two = graybox(
+      "design discriminate truth.csv constant.csv line.csv --json --set both.h5 -o design.json");
+  ASSERT_EQ(two.exit_code, 0) << two.err << two.out;
+  EXPECT_NEAR(Json::parse(two.out)["rivals"][1]["misfit"].get<double>(), 0.25, 1e-5);
+  EXPECT_EQ(graybox("check both.h5 design.json").exit_code, 0);
+  const Outcome relative =
+      graybox("design discriminate truth.csv constant.csv shifted.csv --relative --json");
+  ASSERT_EQ(relative.exit_code, 0) << relative.err << relative.out;
+  for (const Json& rival : Json::parse(relative.out)["rivals"]) {
+    EXPECT_LE(rival["efficiency"].get<double>(), 1.0 + 1e-5);
+    EXPECT_GT(rival["efficiency"].get<double>(), 0.3);
+  }
+  expect_refused("design discriminate line.csv constant.csv", "line.csv: 2 columns");
+  expect_refused("design discriminate constant.csv line.csv", "no experiment tells them apart");
+  write_text(folder_.file("short.csv"), "a\n1\n1\n");
+  expect_refused("design discriminate truth.csv short.csv", "short.csv: 2 candidates");
+}
+
 TEST_F(CriterionCommand, WrongInputIsOneLine) {
   make_set();
   write_text(folder_.file("small.csv"), "1,0\n0,1\n");
@@ -107,7 +198,23 @@ TEST_F(CriterionCommand, WrongInputIsOneLine) {
   write_text(folder_.file("words.csv"), "1,0,0\n0,one,0\n0,0,1\n");
   write_text(folder_.file("skew.csv"), "1,0,0\n1,1,0\n0,0,1\n");
   write_text(folder_.file("indefinite.csv"), "1,2,0\n2,1,0\n0,0,1\n");
-  expect_refused("solve set.h5 --criterion Q", "unknown criterion 'Q'; choose D, A, E, L or Ds");
+  expect_refused("solve set.h5 --criterion Q", "unknown criterion 'Q'; choose D, A, E, L, Ds, c");
+  expect_refused("solve set.h5 --criterion c", "needs --combination");
+  expect_refused("solve set.h5 --criterion c --combination nobody=1", "unknown parameter 'nobody'");
+  expect_refused("solve set.h5 --criterion c --combination '0=1;'", "'' is no name=factor");
+  expect_refused("solve set.h5 --criterion c --combination small.csv", "line 1 has 2 numbers");
+  expect_refused("solve set.h5 --criterion phi_p", "needs --p");
+  expect_refused("solve set.h5 --criterion phi_p --p -1", "p is -1");
+  expect_refused("solve set.h5 --criterion phi_p --p x", "'x' is no number");
+  expect_refused("solve set.h5 --criterion I --region small.csv", "line 1 has 2 numbers");
+  expect_refused("solve set.h5 --criterion G --region missing.h5", "missing.h5");
+  expect_refused("solve set.h5 --region set.h5", "--region belongs to --criterion I or G");
+  expect_refused("solve set.h5 --criterion D=1,E=1", "E can't be part");
+  expect_refused("solve set.h5 --criterion D=1,A", "'A' is no criterion=share");
+  expect_refused("solve set.h5 --criterion D=1,A=-1", "must be positive");
+  expect_refused("solve set.h5 --criterion compound", "D=0.5,A=0.5");
+  expect_refused("exact set.h5 --experiments 6 --criterion G", "no exact method");
+  expect_refused("solve set.h5 --experiments 6 --stock 1 --criterion phi_p --p 2", "constraints");
   expect_refused("solve set.h5 --criterion L", "needs --weights");
   expect_refused("solve set.h5 --criterion Ds", "needs --interest");
   expect_refused("solve set.h5 --criterion A --weights 0=1", "--weights belongs to --criterion L");
@@ -160,7 +267,8 @@ TEST_F(CriterionCommand, UnsupportedSolversSaySo) {
   EXPECT_NE(report["message"].get<std::string>().find("criterion A"), std::string::npos);
   for (const Json& solver : Json::parse(graybox("solvers --json").out)) {
     if (solver["name"] == "column_generation") {
-      EXPECT_EQ(solver["criteria"], (Json{"D", "A", "E", "L", "Ds"}));
+      EXPECT_EQ(solver["criteria"],
+                (Json{"D", "A", "E", "L", "Ds", "c", "I", "phi_p", "G", "compound"}));
     } else if (solver["name"] == "fedorov_wynn") {
       EXPECT_EQ(solver["criteria"], Json::array({"D"}));
     }
