@@ -9,6 +9,7 @@ selenium (Debian: chromium, chromium-driver, python3-selenium).
 import json
 import math
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -315,8 +316,146 @@ class Fit(PageWithTraces):
             self.assertLess(squares[1], 0.5 * squares[0])
 
 
+class Study(Page):
+    """The page of the reference study, against its rows."""
+    command = ["study", "page", str(SOURCE / "results/reference"), "-o", "index.html"]
+    page = "index.html"
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        lines = (SOURCE / "results/reference/rows.jsonl").read_text(encoding="utf-8").splitlines()
+        cls.runs = [row for row in map(json.loads, lines) if row["kind"] == "run"]
+
+    def groups(self, *experiments):
+        found = {}
+        for row in self.runs:
+            if not experiments or row["experiment"] in experiments:
+                key = (row["experiment"], row["family"], row["candidates"], row["solver"], row["gap"])
+                found.setdefault(key, []).append(row)
+        return found
+
+    def plot(self, name):
+        return {series["name"]: dict(zip(series["x"], series["y"])) for plot in
+                json.loads(self.ask("document.getElementById('data').textContent"))["plots"] if plot["id"] == name
+                for series in plot["series"]}
+
+    def rows_shown(self, table="#points"):
+        return [row for row in self.browser.find_elements(By.CSS_SELECTOR, f"{table} tbody tr") if row.is_displayed()]
+
+    def test_figure_3_shows_the_medians_of_the_rows(self):
+        expected = {}
+        for (_, _, candidates, solver, _), rows in self.groups("scaling").items():
+            if all(row["status"] == "solved" for row in rows):
+                expected.setdefault(solver, {})[candidates] = statistics.median(row["seconds"] for row in rows)
+        shown = self.plot("figure-3")
+        self.assertEqual({name: set(points) for name, points in shown.items()},
+                         {name: set(points) for name, points in expected.items()})
+        for solver, points in expected.items():
+            for candidates, seconds in points.items():
+                self.assertAlmostEqual(shown[solver][candidates], seconds, delta=1e-5 * seconds)
+        marks = self.ask("document.querySelectorAll('svg[data-plot=figure-3] g[data-series] .mark').length")
+        self.assertEqual(marks, sum(len(points) for points in expected.values()))
+
+    def times_to_a_millionth(self):
+        times, instances = {}, set()
+        for (experiment, family, candidates, solver, gap), rows in self.groups("scaling", "families").items():
+            instances.add((family, candidates))
+            if all("1e-6" in row["reached"] for row in rows):
+                time = statistics.median(row["reached"]["1e-6"][0] for row in rows)
+            elif gap <= 1e-6 and (all(row["status"] == "solved" for row in rows)
+                                  or max(row["duality_gap"] or math.inf for row in rows) <= 1e-6):
+                time = statistics.median(row["seconds"] for row in rows)
+            else:
+                continue
+            of_solver = times.setdefault(solver, {})
+            of_solver[family, candidates] = min(time, of_solver.get((family, candidates), math.inf))
+        return times, instances
+
+    def test_profiles_are_those_of_the_rows(self):
+        times, instances = self.times_to_a_millionth()
+        best = {each: min(own[each] for own in times.values() if each in own) for each in instances}
+        for name, measure in (("data-profile", lambda own, each: own[each]),
+                              ("performance-profile", lambda own, each: own[each] / best[each])):
+            shown = self.plot(name)
+            self.assertEqual(set(shown), set(times))
+            for solver, own in times.items():
+                values = [measure(own, each) for each in own]
+                for x, share in shown[solver].items():
+                    solved = sum(value <= x * (1 + 2e-5) for value in values)
+                    self.assertAlmostEqual(share, solved / len(instances), delta=1e-5, msg=(name, solver, x))
+                self.assertAlmostEqual(max(shown[solver].values()), len(own) / len(instances), delta=1e-5)
+
+    def test_tables_sort(self):
+        heads = self.browser.find_elements(By.CSS_SELECTOR, "#points thead th")
+        column = [head.text.split(" ↕")[0] for head in heads].index("median time")
+        button = heads[column].find_element(By.TAG_NAME, "button")
+        read = """[...document.querySelectorAll('#points tbody tr')].map(row => Number(row.cells[arguments[0]].dataset.value))"""
+        before = self.ask(read, column)
+        for order, sign in (("ascending", 1), ("descending", -1)):
+            self.ask("arguments[0].click()", button)
+            after = self.ask(read, column)
+            self.assertEqual(heads[column].get_dom_attribute("aria-sort"), order)
+            self.assertEqual(after, sorted(before, key=lambda value: sign * value))
+        self.assertNotEqual(before, after)
+
+    def test_tables_filter_by_menu_and_words(self):
+        whole = self.groups()
+        self.assertEqual(len(self.rows_shown()), len(whole))
+        menu = Select(self.browser.find_element(By.CSS_SELECTOR, "#points .tools select"))
+        menu.select_by_visible_text("column_generation")
+        own = [key for key in whole if key[3] == "column_generation"]
+        self.assertEqual(len(self.rows_shown()), len(own))
+        field = self.browser.find_element(By.CSS_SELECTOR, "#points .tools input")
+        field.send_keys("families wis")
+        expected = [key for key in own if key[0] == "families" and "wis" in key[1]]
+        self.assertEqual(len(self.rows_shown()), len(expected))
+        self.assertIn(f"{len(expected)} of {len(whole)} rows",
+                      self.browser.find_element(By.CSS_SELECTOR, "#points .count").text)
+
+    def test_a_name_hides_its_curve_and_a_click_reads_values(self):
+        curve = self.browser.find_element(By.CSS_SELECTOR, "svg[data-plot=figure-3] [data-series=column_generation]")
+        chart = self.browser.find_element(By.CSS_SELECTOR, "svg[data-plot=figure-3]")
+        chart.send_keys(Keys.ARROW_LEFT)
+        readout = self.browser.find_element(By.CSS_SELECTOR, "#pictures .readout")
+        self.assertIn("7920", readout.text)
+        self.assertIn("column_generation", readout.text)
+        chart.send_keys(Keys.ARROW_LEFT)
+        self.assertIn("4000", readout.text)
+        button = self.browser.find_element(By.CSS_SELECTOR, "#pictures .key li[data-series=column_generation] button")
+        self.ask("arguments[0].click()", button)
+        self.assertFalse(curve.is_displayed())
+        self.assertEqual(button.get_dom_attribute("aria-pressed"), "false")
+        self.assertNotIn("column_generation", readout.text)
+        self.ask("arguments[0].click()", button)
+        self.assertTrue(curve.is_displayed())
+
+    def test_every_curve_of_a_chart_looks_different_without_colour(self):
+        looks = self.ask("""[...document.querySelectorAll('svg[data-plot=figure-3] g[data-series]')].map(curve =>
+            [curve.querySelector('.line').getAttribute('stroke-dasharray'),
+             curve.querySelector('.mark').getAttribute('d').replace(/^M[-0-9. ]*/, '')].join())""")
+        self.assertGreater(len(looks), 10)
+        self.assertEqual(len(looks), len(set(looks)))
+
+    def test_every_solver_has_a_section_with_statuses_and_worst_instance(self):
+        points = self.groups()
+        for solver in {key[3] for key in points}:
+            section = self.ask("""[...document.querySelectorAll('section[id^=solver-]')].filter(each =>
+                each.querySelector('h2').textContent === arguments[0]).map(each => each.textContent)""", solver)
+            self.assertEqual(len(section), 1, solver)
+            solved = sum(all(row["status"] == "solved" for row in rows) for key, rows in points.items() if key[3] == solver)
+            if solved:
+                self.assertIn(f"solved {solved}", section[0])
+            self.assertIn("Worst instance", section[0])
+        slowest = max((key for key in points if key[3] == "primal_interior_point"),
+                      key=lambda key: (any(row["status"] != "solved" for row in points[key]), key[2]))
+        text = self.ask("""[...document.querySelectorAll('section[id^=solver-]')].find(each =>
+            each.querySelector('h2').textContent === 'primal_interior_point').textContent""")
+        self.assertIn(f"Worst instance: {slowest[1]}, Q = {slowest[2]}", text)
+
+
 def load_tests(loader, _standard, _pattern):
-    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [Diagnosis, Prediction, Fit])
+    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [Diagnosis, Prediction, Fit, Study])
 
 
 if __name__ == "__main__":
